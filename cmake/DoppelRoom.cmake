@@ -1,0 +1,90 @@
+# doppel_room(NAME SOURCES ... [KERNELS ...] [TORCH] [DEPENDS ...])
+#   One room of the house: a static library doppel_<name> whose headers are included as "doppel/<name>/...".
+#   SOURCES  ordinary translation units
+#   KERNELS  translation units compiled once per instruction set and chosen at run time (core/cpu_dispatch.h)
+#   TORCH    the room works on tensors: it links LibTorch and shares the precompiled torch header
+#   DEPENDS  rooms below (doppel_core, ...) and outside libraries, all public
+#
+# doppel_test(ROOM SOURCES ... DEPENDS ...)
+#   The executable <room>_test and its ctest entries: <room> for everything but suites named Real*, and
+#   <room>_real (label `real`) for those; they look for DOPPEL_SHARED and skip without it.
+
+add_library(doppel_flags INTERFACE)
+add_library(Doppel::doppel_flags ALIAS doppel_flags)
+target_compile_options(doppel_flags INTERFACE
+  $<BUILD_INTERFACE:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wno-unknown-pragmas>)
+if(DOPPEL_SANITIZE)
+  target_compile_options(doppel_flags INTERFACE
+    $<BUILD_INTERFACE:-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer>)
+  target_link_options(doppel_flags INTERFACE $<BUILD_INTERFACE:-fsanitize=address,undefined>)
+endif()
+
+# LibTorch's headers as system headers, so that our warnings are ours alone.
+add_library(doppel_torch INTERFACE)
+target_include_directories(doppel_torch SYSTEM INTERFACE $<BUILD_INTERFACE:${TORCH_INCLUDE_DIRS}>)
+target_link_libraries(doppel_torch INTERFACE ${TORCH_LIBRARIES})
+separate_arguments(doppel_torch_flags UNIX_COMMAND "${TORCH_CXX_FLAGS}")
+target_compile_options(doppel_torch INTERFACE ${doppel_torch_flags})
+
+# The torch headers, compiled once for the whole project.
+file(WRITE ${CMAKE_BINARY_DIR}/pch/torch_pch.cpp "// Holds the precompiled torch header that every room reuses.\n")
+add_library(doppel_torch_pch OBJECT ${CMAKE_BINARY_DIR}/pch/torch_pch.cpp)
+target_link_libraries(doppel_torch_pch PRIVATE doppel_flags doppel_torch Threads::Threads)
+target_precompile_headers(doppel_torch_pch PRIVATE <torch/torch.h> <torch/script.h> <ATen/Parallel.h>)
+
+set(DOPPEL_ISA_FLAGS_avx2 -mavx2 -mfma -mf16c)
+set(DOPPEL_ISA_FLAGS_avx512 -mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx2 -mfma -mf16c -mprefer-vector-width=512)
+set(DOPPEL_ISAS baseline)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  list(APPEND DOPPEL_ISAS avx2 avx512)
+endif()
+
+# Kernels see no library's inline code but <cmath> and friends: a function the linker may share between
+# instruction sets would end up compiled for the widest.
+function(doppel_kernels target)
+  foreach(isa IN LISTS DOPPEL_ISAS)
+    set(object ${target}_kernels_${isa})
+    add_library(${object} OBJECT ${ARGN})
+    target_include_directories(${object} PRIVATE ${CMAKE_SOURCE_DIR}/src)
+    target_compile_definitions(${object} PRIVATE DOPPEL_ISA=${isa})
+    target_compile_options(${object} PRIVATE -O3 -fno-math-errno -fno-trapping-math ${DOPPEL_ISA_FLAGS_${isa}})
+    target_link_libraries(${object} PRIVATE doppel_flags)
+    target_sources(${target} PRIVATE $<TARGET_OBJECTS:${object}>)
+  endforeach()
+endfunction()
+
+function(doppel_room name)
+  cmake_parse_arguments(ARG "TORCH" "" "SOURCES;KERNELS;DEPENDS" ${ARGN})
+  set(target doppel_${name})
+  add_library(${target} STATIC ${ARG_SOURCES})
+  add_library(Doppel::${target} ALIAS ${target})
+  target_include_directories(${target} PUBLIC
+    $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}/src> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(${target} PUBLIC cxx_std_17)
+  target_link_libraries(${target} PUBLIC doppel_flags Threads::Threads ${ARG_DEPENDS})
+  if(ARG_TORCH)
+    target_link_libraries(${target} PUBLIC doppel_torch)
+    target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
+  endif()
+  if(ARG_KERNELS)
+    doppel_kernels(${target} ${ARG_KERNELS})
+  endif()
+  set_property(GLOBAL APPEND PROPERTY DOPPEL_ROOMS ${target})
+endfunction()
+
+function(doppel_test room)
+  cmake_parse_arguments(ARG "TORCH" "" "SOURCES;DEPENDS" ${ARGN})
+  set(target ${room}_test)
+  add_executable(${target} ${ARG_SOURCES})
+  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
+  target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
+  if(ARG_TORCH)
+    target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
+  endif()
+  add_test(NAME ${room} COMMAND ${target} --gtest_filter=-Real* --gtest_brief=1)
+  file(STRINGS ${CMAKE_CURRENT_SOURCE_DIR}/CMakeLists.txt has_real REGEX "HAS_REAL_TESTS")
+  if(has_real)
+    add_test(NAME ${room}_real COMMAND ${target} --gtest_filter=Real* --gtest_brief=1)
+    set_tests_properties(${room}_real PROPERTIES LABELS real)
+  endif()
+endfunction()

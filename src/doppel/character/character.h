@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "doppel/character/embedded_graph.h"
+#include "doppel/character/motion.h"
+#include "doppel/character/rigidity.h"
+#include "doppel/character/skeleton.h"
+#include "doppel/character/skinning_weights.h"
+#include "doppel/geometry/mesh.h"
+
+namespace doppel {
+
+struct CharacterOptions {
+  BoneRule bone_rule = BoneRule::exact;
+  GraphOptions graph;
+  int num_nodes = 500;  ///< of a graph built here, when no graph OBJ lies beside the character
+  RigidityPreset rigidity = RigidityPreset::graph;
+};
+
+/// What is known of the actor before any frame. Immutable once built; everything else takes it by const reference.
+struct Character {
+  std::string name;
+  TriangleMesh mesh;                       ///< the template in the rest pose, world metres
+  Skeleton skeleton;
+  SkinningWeights skin;
+  std::vector<int> bone_joint;             ///< [Bn] joint that carries each bone
+  std::vector<double> rest_dofs;           ///< [D] the pose the template was scanned in
+  EmbeddedGraph graph;
+  std::vector<int> labels;                 ///< [N] LIP labels, or empty
+  std::vector<double> rigidity;            ///< [N] s_i
+  CharacterOptions options;
+  std::filesystem::path graph_source;      ///< the graph OBJ, or empty when decimated here
+
+  int num_vertices() const { return mesh.num_vertices(); }
+  int num_nodes() const { return graph.num_nodes(); }
+  int num_dofs() const { return skeleton.num_dofs(); }
+  /// A digest of everything that shapes a model (topology, skin, graph, DoFs): 16 hex digits. Checkpoints carry it.
+  std::string fingerprint() const;
+};
+
+/// Reads "skeletool character file v1.0" and what it names; beside it, by convention, `segmentation.txt` and a graph OBJ
+/// (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`). Decides the marker reading by which one lies nearer
+/// the template in the rest pose, and checks that all counts agree.
+/// @throws FileError / Error naming the two files that disagree
+Character load_character(const std::filesystem::path& path, const CharacterOptions& options = {});
+
+/// Writes the character as a folder of Skeletool files: `<name>.{character,skeleton,skin,obj,mtl,png,motion}`,
+/// `<name>_graph.obj`, `segmentation.txt`. Reading it back gives the same character.
+/// @return the path of the `.character` file
+std::filesystem::path write_character(const std::filesystem::path& folder, const Character& character);
+
+}  // namespace doppel

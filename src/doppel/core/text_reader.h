@@ -1,0 +1,65 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+/// Reads the line-based text formats of the field (Skeletool files, OBJ, tables) with `file:line` in every error.
+///
+/// Lines may end in LF or CRLF; a UTF-8 byte order mark is skipped; tokens are separated by runs of blanks and
+/// tabs. A NUL byte anywhere is an error ("not a text file"), as is a file that is missing or empty.
+class TextReader {
+ public:
+  /// Reads `path` whole. `what` names the kind of file in messages ("a skeleton file").
+  TextReader(const std::filesystem::path& path, std::string what);
+
+  /// Moves to the next line that holds a token. False at the end of the file.
+  bool next_line();
+  /// As `next_line`, but the end of the file is an error: "ends where <expected> should stand".
+  void require_line(std::string_view expected);
+
+  /// The current line without its end-of-line characters and outer blanks, and its tokens.
+  std::string_view line() const { return line_; }
+  const std::vector<std::string_view>& tokens() const { return tokens_; }
+
+  /// A token of the current line as a number. `what` names it in messages.
+  /// @throws FileError when there is no such token, it is not a number as a whole, or not finite.
+  double number(std::size_t token, std::string_view what) const;
+  /// The same for integers that must lie in [minimum, maximum].
+  long integer(std::size_t token, std::string_view what, long minimum, long maximum) const;
+
+  /// Checks a count that a header promises against what the file can hold, before anything is allocated:
+  /// at least one byte per item must be left.
+  /// @throws FileError for a negative or impossible count.
+  std::size_t count(std::size_t token, std::string_view what) const;
+
+  const FileLocation& where() const { return where_; }
+  const std::filesystem::path& path() const { return path_; }
+  template <typename... Args>
+  [[noreturn]] void fail_here(fmt::format_string<Args...> format, Args&&... args) const {
+    fail_at(where_, format, std::forward<Args>(args)...);
+  }
+
+ private:
+  std::filesystem::path path_;
+  std::string what_;
+  std::string content_;
+  std::size_t position_ = 0;
+  FileLocation where_;
+  std::string_view line_;
+  std::vector<std::string_view> tokens_;
+};
+
+/// `text` as a number, if it is one as a whole (C locale; NaN and infinity count as numbers here).
+std::optional<double> parse_number(std::string_view text);
+
+/// A path as written in another file (with / or \, perhaps a leading ./), relative to that file's folder.
+std::filesystem::path resolve_path(const std::filesystem::path& referring_file, std::string_view written);
+
+}  // namespace doppel

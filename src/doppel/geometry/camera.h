@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+namespace doppel {
+
+/// A calibrated pinhole camera with OpenCV's lens distortion.
+///
+/// World and camera are in metres; the camera looks along +z with x to the right and y down. The image spans
+/// [0,width] x [0,height], so the centre of the first pixel is (0.5, 0.5).
+struct Camera {
+  std::string name;
+  int width = 0, height = 0;                                        ///< pixels
+  Eigen::Matrix3d K = Eigen::Matrix3d::Identity();                  ///< intrinsics, pixels (fx s cx; 0 fy cy; 0 0 1)
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();                  ///< rotation, camera from world
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();                      ///< translation, camera from world, metres
+  std::array<double, 8> distortion{};                               ///< k1 k2 p1 p2 k3 k4 k5 k6 as OpenCV orders them
+
+  /// Camera centre in the world, -R^T t.
+  Eigen::Vector3d centre() const { return -R.transpose() * t; }
+  bool has_distortion() const;
+  Eigen::Vector3d camera_from_world(const Eigen::Vector3d& x_in_world) const { return R * x_in_world + t; }
+  /// Pixel of a world point, distortion applied. Undefined for points with camera z <= 0.
+  Eigen::Vector2d project(const Eigen::Vector3d& x_in_world) const;
+  /// Projection matrix K [R|t], distortion ignored: (u z, v z, z) = P (x, 1).
+  Eigen::Matrix<double, 3, 4> projection() const;
+
+  /// The same camera for its image resized to another resolution.
+  /// @throws Error when the aspect ratio differs by more than 1 %.
+  Camera scaled_to(int new_width, int new_height) const;
+  /// The same camera for the part of its image that starts at pixel (u0, v0), resized by `scale` (output pixels per
+  /// input pixel): u' = (u - u0) * scale.
+  Camera cropped(double u0, double v0, double scale, int new_width, int new_height) const;
+
+  /// All faults of this camera in plain sentences (empty: none): sizes, focal lengths, R not a rotation, NaN.
+  std::vector<std::string> faults() const;
+};
+
+}  // namespace doppel

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/geometry/mesh.h"
+
+namespace doppel {
+
+/// Rows of integers, one behind the other: row i is items[offsets[i] .. offsets[i+1]).
+struct IndexRows {
+  std::vector<int> offsets{0};  ///< [rows + 1]
+  std::vector<int> items;
+
+  int num_rows() const { return static_cast<int>(offsets.size()) - 1; }
+  const int* begin(int row) const { return items.data() + offsets[row]; }
+  const int* end(int row) const { return items.data() + offsets[row + 1]; }
+  int size(int row) const { return offsets[row + 1] - offsets[row]; }
+};
+
+/// Who neighbours whom on a mesh (or any graph of `edges`).
+class MeshTopology {
+ public:
+  explicit MeshTopology(const TriangleMesh& mesh);
+  MeshTopology(int num_vertices, const std::vector<std::array<int, 2>>& edges);
+
+  int num_vertices() const { return one_ring_.num_rows(); }
+  /// [N] neighbours over one edge, ascending.
+  const IndexRows& one_ring() const { return one_ring_; }
+  /// Undirected edges {a,b}, a < b, sorted.
+  const std::vector<std::array<int, 2>>& edges() const { return edges_; }
+  /// Connected component of each vertex [N], numbered by its smallest vertex.
+  std::vector<int> components() const;
+
+  /// Hop distances from `source` up to `max_hops`; vertices farther than that are not listed. Ascending by
+  /// (hops, vertex). Cost: the size of the ball.
+  std::vector<std::pair<int, int>> ball(int source, int max_hops) const;  ///< (vertex, hops)
+  /// Shortest path lengths along edges (Dijkstra) up to `max_length`: (vertex, length), ascending by length.
+  std::vector<std::pair<int, double>> geodesic_ball(int source, double max_length,
+                                                    const std::vector<Eigen::Vector3d>& positions) const;
+
+ private:
+  void build_rows(int num_vertices);
+  IndexRows one_ring_;
+  std::vector<std::array<int, 2>> edges_;
+};
+
+/// What a mesh is made of, for `doppel info` and for checks.
+struct MeshReport {
+  int boundary_edges = 0, non_manifold_edges = 0, components = 0, degenerate_faces = 0, isolated_vertices = 0;
+  int euler_characteristic = 0;  ///< V - E + F
+  bool closed() const { return boundary_edges == 0 && non_manifold_edges == 0; }
+};
+MeshReport inspect_mesh(const TriangleMesh& mesh);
+
+/// Quadric edge collapse (OpenMesh) down to about `target_vertices`; keeps the vertices' positions on the surface.
+/// Vertex colours and UVs are dropped. @throws Error when the target cannot be reached within 5 %.
+TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices);
+
+}  // namespace doppel

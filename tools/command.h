@@ -1,0 +1,32 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+namespace doppel::tools {
+
+/// Options every subcommand takes.
+struct CommonOptions {
+  int threads = 0;  ///< 0: all cores
+  bool json = false;
+  std::string log_level = "info";
+};
+
+/// One subcommand: its options are bound to `app` when it is added; `run` does the work and returns the exit code.
+/// Errors are thrown: main prints UsageError and exits with 2, any other Error with 1.
+struct Command {
+  CLI::App* app;
+  std::function<int(const CommonOptions&)> run;
+};
+
+Command add_synth(CLI::App& program);
+Command add_character(CLI::App& program);
+Command add_prepare(CLI::App& program);
+Command add_train(CLI::App& program);
+Command add_evaluate(CLI::App& program);
+Command add_animate(CLI::App& program);
+Command add_export(CLI::App& program);
+Command add_info(CLI::App& program);
+
+}  // namespace doppel::tools

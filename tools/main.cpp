@@ -1,0 +1,85 @@
+#include <ATen/Parallel.h>
+
+#include <cstdio>
+#include <opencv2/core/utility.hpp>
+#include <vector>
+
+#include "command.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+
+namespace {
+
+using namespace doppel;
+using namespace doppel::tools;
+
+std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
+  std::vector<Command> commands;
+#ifdef DOPPEL_HAS_synth
+  commands.push_back(add_synth(program));
+#endif
+#ifdef DOPPEL_HAS_character
+  commands.push_back(add_character(program));
+#endif
+#ifdef DOPPEL_HAS_prepare
+  commands.push_back(add_prepare(program));
+#endif
+#ifdef DOPPEL_HAS_train
+  commands.push_back(add_train(program));
+#endif
+#ifdef DOPPEL_HAS_evaluate
+  commands.push_back(add_evaluate(program));
+#endif
+#ifdef DOPPEL_HAS_animate
+  commands.push_back(add_animate(program));
+#endif
+#ifdef DOPPEL_HAS_export
+  commands.push_back(add_export(program));
+#endif
+#ifdef DOPPEL_HAS_info
+  commands.push_back(add_info(program));
+#endif
+  for (Command& command : commands) {
+    command.app->add_option("--threads", common.threads, "Threads to use (0: all cores)")->capture_default_str();
+    command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
+    command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
+        ->capture_default_str();
+  }
+  return commands;
+}
+
+int run(const Command& command, const CommonOptions& common) {
+  setup_logging(common.log_level);
+  const int threads = resolve_threads(common.threads);
+  at::set_num_threads(threads);
+  cv::setNumThreads(threads);
+  return command.run(common);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  setup_process();
+  CLI::App program{"Doppel turns calibrated multi-view video of a person into a digital double.", "doppel"};
+  program.set_version_flag("--version", DOPPEL_VERSION);
+  program.require_subcommand(1);
+  CommonOptions common;
+  const std::vector<Command> commands = add_commands(program, common);
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return program.exit(e) == 0 ? 0 : 2;
+  }
+  try {
+    for (const Command& command : commands)
+      if (command.app->parsed()) return run(command, common);
+  } catch (const UsageError& e) {
+    std::fprintf(stderr, "doppel: %s\n", e.what());
+    return 2;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "doppel: %s\n", e.what());
+    return 1;
+  }
+  return 0;
+}
