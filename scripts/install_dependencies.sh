@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# Installs what Doppel needs from Debian's packages; says nothing and does nothing when all is there.
+#   scripts/install_dependencies.sh            what a build and the program need
+#   scripts/install_dependencies.sh tests      also what the tests need
+#   scripts/install_dependencies.sh benchmarks also the peers the benchmarks measure against
+set -euo pipefail
+
+packages=(
+  cmake g++ ninja-build ccache pkg-config
+  libtorch-dev libopenblas-dev libopencv-dev libeigen3-dev libopenmesh-dev
+  libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
+  liblmdb-dev libprotobuf-dev protobuf-compiler
+)
+for extra in "$@"; do
+  case "$extra" in
+    tests) packages+=(libgtest-dev libgmock-dev python3-torch python3-numpy) ;;
+    benchmarks) packages+=(libembree-dev libosmesa6-dev) ;;
+    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks)" >&2; exit 2 ;;
+  esac
+done
+
+missing=()
+for package in "${packages[@]}"; do
+  dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
+done
+if [ ${#missing[@]} -gt 0 ]; then
+  as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || { echo "These Debian packages are missing and need root to install: ${missing[*]}" >&2; exit 1; }
+    as_root=(sudo)
+  fi
+  echo "Installing ${#missing[@]} packages: ${missing[*]}"
+  "${as_root[@]}" apt-get update -qq
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+fi
+
+# The reference BLAS is many times slower than OpenBLAS; a fresh install of OpenBLAS is chosen by itself.
+library_folder="/usr/lib/$(uname -m)-linux-gnu"
+if ! readlink -f "$library_folder/libblas.so.3" | grep -q openblas; then
+  echo "Note: libblas.so.3 is not OpenBLAS on this machine; choose it with: update-alternatives --config libblas.so.3-$(uname -m)-linux-gnu" >&2
+fi
