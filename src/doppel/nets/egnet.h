@@ -1,0 +1,87 @@
+#pragma once
+
+/// EGNet (6.5.1): from a window of poses to the embedded deformation (A, T) of the last one.
+
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "doppel/character/character.h"
+#include "doppel/core/config.h"
+#include "doppel/layers/kinematics/kinematics.h"
+#include "doppel/layers/skinning/skinning.h"
+#include "doppel/nets/motion_window.h"
+#include "doppel/nets/sagcn.h"
+
+namespace doppel {
+
+/// What the network sees of a node's skinned transform M_k.
+/// `graph`: the translation a node at g_k really makes, M_k g_k - g_k. `transform`: the last column of M_k.
+enum class NodeFeatures { graph, transform };
+/// Euler angles (3 numbers, jump at 2 pi) or the first two columns of the matrix (6 numbers, smooth).
+enum class RotationFeatures { euler, rotation_6d };
+
+struct EgNetConfig {
+  SagcnConfig sagcn;
+  int window = 2;  ///< F: past frames beside the current one
+  NodeFeatures node_features = NodeFeatures::graph;
+  RotationFeatures rotation = RotationFeatures::euler;
+  /// Blend A_b(theta) A_b(rest)^-1 (identity in the rest pose), or A_b(theta) alone as one public checkpoint wants.
+  bool rest_inverse = true;
+
+  /// Keys: `preset: paper | public_checkpoint`, then anything to change in it.
+  /// @throws FileError at the key
+  static EgNetConfig read(const ConfigReader& reader);
+  static EgNetConfig preset(const std::string& name);
+  /// @throws UsageError listing every fault
+  void check() const;
+  /// Numbers per node and frame: 6 or 9.
+  int features_per_frame() const { return rotation == RotationFeatures::euler ? 6 : 9; }
+  int num_inputs() const { return features_per_frame() * (window + 1); }
+};
+
+class EgNetImpl : public torch::nn::Module {
+ public:
+  /// @param generator draws the initial kernels; by default a fresh one with a fixed seed
+  EgNetImpl(const Character& character, const EgNetConfig& config, std::optional<at::Generator> generator = std::nullopt);
+
+  /// @param dof_window [B,F+1,D], oldest first, world DoFs as in a motion file
+  /// @return A [B,K,3] Euler angles and T [B,K,3] metres, in canonical pose
+  std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& dof_window);
+
+  /// The network's input before standardisation: per node, frame after frame, [T, rotation].
+  /// @return [B,K,Hin]
+  torch::Tensor node_features(const torch::Tensor& dof_window);
+
+  /// Fixes the standardisation (x - mean) / std of the input; identity until called. Saved with the model.
+  /// @param mean, std [K,Hin] (or [Hin]); a std below `floor` is raised to it, so that a feature that does not move in
+  /// the training set cannot explode on an unseen pose
+  void set_input_statistics(const torch::Tensor& mean, const torch::Tensor& std, double floor = 1e-3);
+
+  /// Plain tensor operations only, for export and for checking. Input in double takes this path as well.
+  void set_reference(bool reference);
+  bool reference() const { return reference_; }
+
+  const EgNetConfig& config() const { return config_; }
+  int64_t num_nodes() const { return num_nodes_; }
+
+ private:
+  torch::Tensor bone_transforms(const torch::Tensor& dofs);
+
+  EgNetConfig config_;
+  MotionWindow window_;
+  int64_t num_nodes_;
+  bool reference_ = false;
+  Kinematics kinematics_{nullptr};
+  Skinning node_skinning_{nullptr};
+  Sagcn sagcn_{nullptr};
+  torch::Tensor input_mean_, input_std_;
+  torch::Tensor node_positions_, bone_joint_;
+};
+TORCH_MODULE(EgNet);
+
+}  // namespace doppel
