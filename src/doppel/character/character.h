@@ -23,16 +23,16 @@ struct CharacterOptions {
 /// What is known of the actor before any frame. Immutable once built; everything else takes it by const reference.
 struct Character {
   std::string name;
-  TriangleMesh mesh;                       ///< the template in the rest pose, world metres
+  TriangleMesh mesh;  ///< the template in the rest pose, world metres
   Skeleton skeleton;
   SkinningWeights skin;
-  std::vector<int> bone_joint;             ///< [Bn] joint that carries each bone
-  std::vector<double> rest_dofs;           ///< [D] the pose the template was scanned in
+  std::vector<int> bone_joint;    ///< [Bn] joint that carries each bone
+  std::vector<double> rest_dofs;  ///< [D] the pose the template was scanned in
   EmbeddedGraph graph;
-  std::vector<int> labels;                 ///< [N] LIP labels, or empty
-  std::vector<double> rigidity;            ///< [N] s_i
+  std::vector<int> labels;       ///< [N] LIP labels, or empty
+  std::vector<double> rigidity;  ///< [N] s_i
   CharacterOptions options;
-  std::filesystem::path graph_source;      ///< the graph OBJ, or empty when decimated here
+  std::filesystem::path graph_source;  ///< the graph OBJ, or empty when decimated here
 
   int num_vertices() const { return mesh.num_vertices(); }
   int num_nodes() const { return graph.num_nodes(); }
@@ -41,9 +41,24 @@ struct Character {
   std::string fingerprint() const;
 };
 
-/// Reads "skeletool character file v1.0" and what it names; beside it, by convention, `segmentation.txt` and a graph OBJ
-/// (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`). Decides the marker reading by which one lies nearer
-/// the template in the rest pose, and checks that all counts agree.
+/// Completes a character built in code from its name, mesh, skeleton, skin, rest pose, labels and options: finds the
+/// joint of each bone, the rigidity, and a zero rest pose where none is given. The graph is left alone.
+/// @throws Error when counts disagree or no joint carries a bone
+void complete_character(Character& character);
+
+/// How far, in metres, the markers lie from the template in the rest pose under either reading (median).
+struct MarkerDistances {
+  double joint_relative = 0.0, zero_pose_world = 0.0;
+};
+/// Chooses the reading of the marker coordinates under which they lie nearer the template. Without markers nothing
+/// changes.
+MarkerDistances decide_marker_reading(Skeleton& skeleton, const std::vector<double>& rest_dofs,
+                                      const TriangleMesh& mesh);
+
+/// Reads "skeletool character file v1.0" and what it names; beside it, by convention, `segmentation.txt` and a graph
+/// OBJ
+/// (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`). Decides the marker reading by which
+/// one lies nearer the template in the rest pose, and checks that all counts agree.
 /// @throws FileError / Error naming the two files that disagree
 Character load_character(const std::filesystem::path& path, const CharacterOptions& options = {});
 

@@ -5,8 +5,8 @@
 
 namespace doppel {
 
-/// DoF values over time: frame f holds the D numbers of a skeleton's DoFs, in the file's own units (the skeleton's weights
-/// turn them into metres and radians).
+/// DoF values over time: frame f holds the D numbers of a skeleton's DoFs, in the file's own units (the skeleton's
+/// weights turn them into metres and radians).
 struct Motion {
   std::vector<std::vector<double>> frames;  ///< [F][D]
   std::vector<long> ids;                    ///< [F] the frame ids of the file; 0,1,2,... normally

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -15,9 +16,9 @@ struct Joint {
   enum class Type { revolute, prismatic };
   std::string name;
   Type type = Type::revolute;
-  int parent = -1;          ///< index of another joint (always smaller than this one's), -1 for the root
-  Eigen::Vector3d offset;   ///< to the parent, metres (the file's scale is multiplied in)
-  Eigen::Vector3d axis;     ///< unit for revolute joints; metres per unit of q for prismatic ones
+  int parent = -1;         ///< index of another joint (always smaller than this one's), -1 for the root
+  Eigen::Vector3d offset;  ///< to the parent, metres (the file's scale is multiplied in)
+  Eigen::Vector3d axis;    ///< unit for revolute joints; metres per unit of q for prismatic ones
 };
 
 /// One number of a motion file. Drives `joints` (possibly none), each with a weight.
@@ -52,11 +53,15 @@ struct Skeleton {
   std::vector<Dof> dofs;
   std::vector<Marker> markers;
   MarkerReading marker_reading = MarkerReading::joint_relative;
+  /// [J] the joint at each place of the file, or empty when the file already lists parents first. Bones are looked up
+  /// in the file's order, so it must outlive the reordering.
+  std::vector<int> file_order;
 
   int num_joints() const { return static_cast<int>(joints.size()); }
   int num_dofs() const { return static_cast<int>(dofs.size()); }
   std::optional<int> find_joint(const std::string& name) const;
   std::optional<int> find_dof(const std::string& name) const;
+  /// The last joint, in the file's order, that carries the bone.
   /// @throws Error naming the bone when no joint carries it.
   int joint_of_bone(const std::string& bone, BoneRule rule) const;
 
@@ -74,6 +79,11 @@ struct Skeleton {
   };
   Root root() const;
 };
+
+/// A marker's position as a `.skeleton` states it under `reading`, and back. Both at the pose of all DoFs 0.
+Eigen::Vector3d marker_to_file(const Skeleton& skeleton, const Marker& marker, MarkerReading reading);
+/// Reinterprets the positions of all markers, which were read as `skeleton.marker_reading`, as `reading`.
+void reread_markers(Skeleton& skeleton, MarkerReading reading);
 
 /// Reads "Skeletool Skeleton Definition V1.0" (millimetres in the file). Joints are reordered if a parent comes later.
 /// Prismatic axes keep the file's scale: q moves the joint by axis * q millimetres, converted to metres.
