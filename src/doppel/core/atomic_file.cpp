@@ -1,0 +1,150 @@
+#include "doppel/core/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail_writing(const fs::path& path, const std::string& reason) {
+  fail("writing {}: {}", path.string(), reason);
+}
+
+std::string system_reason() { return std::strerror(errno); }
+
+class FileDescriptor {
+ public:
+  FileDescriptor(const fs::path& path, int flags) : value_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
+  ~FileDescriptor() {
+    if (value_ >= 0) ::close(value_);
+  }
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+
+  explicit operator bool() const { return value_ >= 0; }
+  int get() const { return value_; }
+  bool close() { return ::close(std::exchange(value_, -1)) == 0; }
+
+ private:
+  int value_;
+};
+
+/// Removes the temporary file unless it has been moved to its place.
+struct TemporaryFile {
+  explicit TemporaryFile(fs::path p) : path(std::move(p)) {}
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  ~TemporaryFile() {
+    std::error_code ignored;
+    if (!path.empty()) fs::remove(path, ignored);
+  }
+  fs::path path;
+};
+
+fs::path temporary_beside(const fs::path& path) {
+  static std::atomic<unsigned> counter{0};
+  const std::string name =
+      fmt::format(".{}.{}-{}{}", path.stem().string(), ::getpid(), counter.fetch_add(1), path.extension().string());
+  return path.parent_path() / name;
+}
+
+void flush_to_disk(const fs::path& temporary, const fs::path& path) {
+  FileDescriptor file(temporary, O_RDONLY);
+  if (!file) fail_writing(path, system_reason());
+  if (::fsync(file.get()) != 0) fail_writing(path, system_reason());
+}
+
+/// The rename itself must survive a power cut too. Some file systems cannot do this; the content is safe anyway.
+void flush_folder(const fs::path& folder) {
+  FileDescriptor descriptor(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY);
+  if (descriptor) (void)::fsync(descriptor.get());
+}
+
+/// A link stays a link: what it points to is replaced.
+fs::path target_of(const fs::path& path) {
+  std::error_code code;
+  if (!fs::is_symlink(path, code)) return path;
+  const fs::path target = fs::weakly_canonical(path, code);
+  return code ? path : target;
+}
+
+void write_whole(const fs::path& temporary, const std::string& content, const fs::path& path) {
+  FileDescriptor file(temporary, O_WRONLY | O_CREAT | O_TRUNC);
+  if (!file) fail_writing(path, system_reason());
+  std::size_t written = 0;
+  while (written < content.size()) {
+    const ssize_t n = ::write(file.get(), content.data() + written, content.size() - written);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail_writing(path, system_reason());
+    written += static_cast<std::size_t>(n);
+  }
+  if (!file.close()) fail_writing(path, system_reason());
+}
+
+}  // namespace
+
+void write_atomically(const fs::path& path, const std::function<void(const fs::path&)>& write) {
+  if (path.filename().empty()) fail_writing(path, "this names no file");
+  const fs::path target = target_of(path);
+  std::error_code code;
+  if (!target.parent_path().empty()) {
+    fs::create_directories(target.parent_path(), code);
+    if (code) fail_writing(path, fmt::format("cannot make its folder: {}", code.message()));
+  }
+  if (fs::is_directory(target, code)) fail_writing(path, "a folder of this name is in the way");
+
+  TemporaryFile temporary(temporary_beside(target));
+  write(temporary.path);
+  flush_to_disk(temporary.path, path);
+  fs::rename(temporary.path, target, code);
+  if (code) fail_writing(path, code.message());
+  temporary.path.clear();
+  flush_folder(target.parent_path());
+}
+
+void write_atomically(const fs::path& path, const std::string& content) {
+  write_atomically(path, [&](const fs::path& temporary) { write_whole(temporary, content, path); });
+}
+
+std::string read_file(const fs::path& path, std::uintmax_t max_bytes) {
+  const FileLocation where{path.string(), 0};
+  FileDescriptor file(path, O_RDONLY);
+  if (!file) fail_at(where, "cannot read this file: {}", system_reason());
+  struct stat status = {};
+  if (::fstat(file.get(), &status) != 0) fail_at(where, "cannot read this file: {}", system_reason());
+  if (S_ISDIR(status.st_mode)) fail_at(where, "this is a folder, not a file");
+
+  // Pipes and the like report no size, so the size is only where to begin.
+  std::string content;
+  const auto known_size = status.st_size > 0 ? static_cast<std::uintmax_t>(status.st_size) : 0;
+  std::size_t filled = 0;
+  if (known_size <= max_bytes) content.resize(static_cast<std::size_t>(known_size) + 1);
+  for (;;) {
+    if (known_size > max_bytes || filled > max_bytes) {
+      fail_at(where, "this file is too large: found {} bytes, allowed are {}",
+              std::max<std::uintmax_t>(known_size, filled), max_bytes);
+    }
+    if (filled == content.size()) content.resize(2 * content.size());
+    const ssize_t n = ::read(file.get(), content.data() + filled, content.size() - filled);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail_at(where, "cannot read this file: {}", system_reason());
+    if (n == 0) break;
+    filled += static_cast<std::size_t>(n);
+  }
+  content.resize(filled);
+  return content;
+}
+
+}  // namespace doppel

@@ -1,0 +1,51 @@
+#include "doppel/core/cpu_dispatch.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <initializer_list>
+
+namespace doppel {
+namespace {
+
+Isa widest_isa() {
+#if defined(__x86_64__) || defined(_M_X64)
+  // Kernel pointers are set while static objects are constructed, maybe before the compiler's own detection ran.
+  __builtin_cpu_init();
+  const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c");
+  if (!avx2) return Isa::baseline;
+  const bool avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+                      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  return avx512 ? Isa::avx512 : Isa::avx2;
+#else
+  return Isa::baseline;
+#endif
+}
+
+Isa chosen_isa() {
+  const Isa widest = widest_isa();
+  const char* wish = std::getenv("DOPPEL_ISA");
+  if (!wish) return widest;
+  for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512})
+    if (isa < widest && std::strcmp(wish, isa_name(isa)) == 0) return isa;
+  return widest;
+}
+
+}  // namespace
+
+Isa cpu_isa() {
+  static const Isa isa = chosen_isa();
+  return isa;
+}
+
+const char* isa_name(Isa isa) {
+  switch (isa) {
+    case Isa::avx512:
+      return "avx512";
+    case Isa::avx2:
+      return "avx2";
+    default:
+      return "baseline";
+  }
+}
+
+}  // namespace doppel

@@ -1,0 +1,27 @@
+#include "doppel/core/log.h"
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+
+#include <memory>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+void setup_logging(const std::string& level) {
+  static const char* const kLevels[] = {"trace", "debug", "info", "warn", "error", "off"};
+  bool known = false;
+  for (const char* name : kLevels) known = known || level == name;
+  if (!known) {
+    fail<UsageError>("setting the log level: found \"{}\"; allowed are trace, debug, info, warn, error, off", level);
+  }
+
+  // A logger of our own rather than the registered default: setting it up twice must not print lines twice.
+  auto logger = std::make_shared<spdlog::logger>("doppel", std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
+  logger->set_pattern("%H:%M:%S %^%l%$ %v");
+  logger->set_level(spdlog::level::from_str(level));
+  logger->flush_on(spdlog::level::warn);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+}  // namespace doppel

@@ -1,0 +1,189 @@
+#include "doppel/core/npy.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <regex>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+constexpr char kMagic[] = "\x93NUMPY";
+constexpr std::size_t kMagicSize = 6;
+// Room for twenty more digits of the first axis, so that a stream can complete its header in place.
+constexpr std::size_t kStreamHeaderSize = 256;
+
+std::int64_t item_size(const std::string& type) {
+  if (type == "<f4" || type == "<i4") return 4;
+  if (type == "<f8" || type == "<i8") return 8;
+  if (type == "|u1") return 1;
+  return 0;
+}
+
+std::string shape_text(const std::vector<std::int64_t>& shape) {
+  std::string text = "(";
+  for (std::size_t i = 0; i < shape.size(); ++i) text += (i ? ", " : "") + std::to_string(shape[i]);
+  return text + (shape.size() == 1 ? ",)" : ")");
+}
+
+/// The header padded so that the data begins at a multiple of 64 (or at `fixed_size`).
+std::string header(const std::string& type, const std::vector<std::int64_t>& shape, std::size_t fixed_size = 0) {
+  std::string dictionary = "{'descr': '" + type + "', 'fortran_order': False, 'shape': " + shape_text(shape) + ", }";
+  const std::size_t plain = kMagicSize + 4 + dictionary.size() + 1;
+  const std::size_t total = fixed_size ? fixed_size : (plain + 63) / 64 * 64;
+  dictionary.append(total - plain, ' ');
+  dictionary += '\n';
+  std::string bytes(kMagic, kMagicSize);
+  bytes += '\x01';
+  bytes += '\x00';
+  bytes += static_cast<char>(dictionary.size() & 0xff);
+  bytes += static_cast<char>(dictionary.size() >> 8);
+  return bytes + dictionary;
+}
+
+std::vector<std::int64_t> parse_shape(const std::string& text, const FileLocation& where) {
+  std::vector<std::int64_t> shape;
+  const std::regex number("[0-9]+");
+  for (std::sregex_iterator it(text.begin(), text.end(), number), end; it != end; ++it) {
+    const std::string digits = it->str();
+    if (digits.size() > 15) fail_at(where, "the .npy header promises an axis of {} items", digits);
+    shape.push_back(std::stoll(digits));
+  }
+  return shape;
+}
+
+template <typename Stored, typename T>
+std::vector<T> convert(const std::vector<std::uint8_t>& bytes) {
+  std::vector<T> values(bytes.size() / sizeof(Stored));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    Stored item;
+    std::memcpy(&item, bytes.data() + i * sizeof(Stored), sizeof(Stored));
+    values[i] = static_cast<T>(item);
+  }
+  return values;
+}
+
+void write(std::FILE* file, const void* data, std::size_t size, const std::filesystem::path& path) {
+  if (size && std::fwrite(data, 1, size, file) != size) fail("writing {}: {}", path.string(), std::strerror(errno));
+}
+
+}  // namespace
+
+std::int64_t NpyArray::size() const {
+  std::int64_t n = 1;
+  for (std::int64_t axis : shape) n *= axis;
+  return n;
+}
+
+template <typename T>
+std::vector<T> NpyArray::as() const {
+  const bool floating = type == "<f4" || type == "<f8";
+  if (floating && std::is_integral_v<T>) fail("a .npy array of type {} was asked for as integers", type);
+  if (type == "<f4") return convert<float, T>(bytes);
+  if (type == "<f8") return convert<double, T>(bytes);
+  if (type == "<i4") return convert<std::int32_t, T>(bytes);
+  if (type == "<i8") return convert<std::int64_t, T>(bytes);
+  return convert<std::uint8_t, T>(bytes);
+}
+template std::vector<float> NpyArray::as<float>() const;
+template std::vector<double> NpyArray::as<double>() const;
+template std::vector<int> NpyArray::as<int>() const;
+template std::vector<std::int64_t> NpyArray::as<std::int64_t>() const;
+
+NpyArray read_npy(const std::filesystem::path& path) {
+  const FileLocation where{path.string()};
+  const std::string content = read_file(path);
+  const auto byte = [&](std::size_t i) { return static_cast<std::size_t>(static_cast<unsigned char>(content[i])); };
+  if (content.size() < 12 || content.compare(0, kMagicSize, kMagic, kMagicSize) != 0)
+    fail_at(where, "is not a .npy file (it does not begin with \\x93NUMPY)");
+  const bool first = content[6] == 1;
+  if (!first && content[6] != 2) fail_at(where, "is a .npy file of version {}; 1 and 2 can be read", byte(6));
+  const std::size_t prefix = first ? 10 : 12;
+  const std::size_t length = first ? byte(8) | byte(9) << 8 : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
+  if (prefix + length > content.size()) fail_at(where, "ends inside its .npy header");
+
+  const std::string dictionary = content.substr(prefix, std::min<std::size_t>(length, 4096));
+  std::smatch descr, shape;
+  if (!std::regex_search(dictionary, descr, std::regex("'descr': *'([^']*)'")) ||
+      !std::regex_search(dictionary, shape, std::regex("'shape': *\\(([0-9, ]*)\\)")))
+    fail_at(where, "has a .npy header without 'descr' or 'shape'");
+  if (!std::regex_search(dictionary, std::regex("'fortran_order': *False")))
+    fail_at(where, "is stored in Fortran order; save it with numpy.ascontiguousarray");
+
+  NpyArray array;
+  array.type = descr[1];
+  const std::int64_t item = item_size(array.type);
+  if (item == 0) fail_at(where, "holds items of type '{}'; allowed are <f4 <f8 <i4 <i8 |u1", array.type);
+  array.shape = parse_shape(shape[1], where);
+  const std::int64_t available = static_cast<std::int64_t>(content.size() - prefix - length);
+  std::int64_t expected = item;
+  for (std::int64_t axis : array.shape) {
+    if (axis != 0 && expected > std::numeric_limits<std::int64_t>::max() / axis)
+      fail_at(where, "promises more data than any file can hold: shape {}", shape_text(array.shape));
+    expected *= axis;
+  }
+  if (expected != available)
+    fail_at(where, "promises {} bytes of data (shape {}) and holds {}", expected, shape_text(array.shape), available);
+  array.bytes.assign(content.begin() + static_cast<std::ptrdiff_t>(prefix + length), content.end());
+  return array;
+}
+
+std::string npy_bytes(const void* data, const std::string& type, const std::vector<std::int64_t>& shape) {
+  std::int64_t size = item_size(type);
+  if (size == 0) fail("npy_bytes: unknown item type '{}'", type);
+  for (std::int64_t axis : shape) size *= axis;
+  std::string bytes = header(type, shape);
+  if (size > 0) bytes.append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  return bytes;
+}
+
+void write_npy(const std::filesystem::path& path, const float* data, const std::vector<std::int64_t>& shape) {
+  write_atomically(path, npy_bytes(data, "<f4", shape));
+}
+
+void write_npy(const std::filesystem::path& path, const double* data, const std::vector<std::int64_t>& shape) {
+  write_atomically(path, npy_bytes(data, "<f8", shape));
+}
+
+NpyStream::NpyStream(const std::filesystem::path& path, std::vector<std::int64_t> item_shape)
+    : path_(path), temporary_(path.string() + ".part"), item_shape_(std::move(item_shape)) {
+  for (std::int64_t axis : item_shape_) item_size_ *= axis;
+  if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path());
+  file_ = std::fopen(temporary_.c_str(), "wb");
+  if (!file_) fail("opening {} for writing: {}", temporary_.string(), std::strerror(errno));
+  const std::string blank(kStreamHeaderSize, ' ');
+  write(file_, blank.data(), blank.size(), path_);
+}
+
+NpyStream::~NpyStream() {
+  if (!file_) return;
+  std::fclose(file_);
+  std::error_code ignored;
+  std::filesystem::remove(temporary_, ignored);
+}
+
+void NpyStream::append(const float* item) {
+  write(file_, item, static_cast<std::size_t>(item_size_) * sizeof(float), path_);
+  ++items_;
+}
+
+void NpyStream::close() {
+  std::vector<std::int64_t> shape{items_};
+  shape.insert(shape.end(), item_shape_.begin(), item_shape_.end());
+  const std::string head = header("<f4", shape, kStreamHeaderSize);
+  if (std::fseek(file_, 0, SEEK_SET) != 0) fail("writing {}: {}", path_.string(), std::strerror(errno));
+  write(file_, head.data(), head.size(), path_);
+  const bool flushed = std::fflush(file_) == 0 && fsync(fileno(file_)) == 0;
+  const bool closed = std::fclose(file_) == 0;
+  file_ = nullptr;
+  if (!flushed || !closed) fail("writing {}: {}", path_.string(), std::strerror(errno));
+  std::filesystem::rename(temporary_, path_);
+}
+
+}  // namespace doppel

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace doppel {
+
+/// An array of a `.npy` file: C order, little-endian, one of float32 (`<f4`), float64 (`<f8`), int32 (`<i4`), int64 (`<i8`),
+/// uint8 (`|u1`).
+struct NpyArray {
+  std::string type;                 ///< "<f4", "<f8", "<i4", "<i8" or "|u1"
+  std::vector<std::int64_t> shape;
+  std::vector<std::uint8_t> bytes;  ///< product(shape) * item size
+
+  std::int64_t size() const;
+  /// The elements converted to T. @throws Error when T is an integer type and the array holds floating-point numbers
+  template <typename T>
+  std::vector<T> as() const;
+};
+
+/// @throws FileError: not a .npy, Fortran order, another type, a shape the file is too short for, surplus bytes
+NpyArray read_npy(const std::filesystem::path& path);
+
+/// The bytes of a `.npy` file (format version 1.0) for an array in memory.
+std::string npy_bytes(const void* data, const std::string& type, const std::vector<std::int64_t>& shape);
+/// Writes it, atomically.
+void write_npy(const std::filesystem::path& path, const float* data, const std::vector<std::int64_t>& shape);
+void write_npy(const std::filesystem::path& path, const double* data, const std::vector<std::int64_t>& shape);
+
+/// Writes a float32 array whose first axis grows frame by frame, without holding it in memory.
+class NpyStream {
+ public:
+  /// @param item_shape the shape of one item; the file's shape is [items, item_shape...]
+  NpyStream(const std::filesystem::path& path, std::vector<std::int64_t> item_shape);
+  ~NpyStream();
+  NpyStream(const NpyStream&) = delete;
+  NpyStream& operator=(const NpyStream&) = delete;
+
+  void append(const float* item);
+  /// Completes the header and puts the file in its place; without it nothing is left behind.
+  void close();
+
+ private:
+  std::filesystem::path path_, temporary_;
+  std::vector<std::int64_t> item_shape_;
+  std::int64_t items_ = 0, item_size_ = 1;
+  std::FILE* file_ = nullptr;
+};
+
+}  // namespace doppel

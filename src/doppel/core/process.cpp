@@ -1,0 +1,72 @@
+#include "doppel/core/process.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <thread>
+
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+#if defined(__linux__)
+#include <sched.h>
+#endif
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+std::atomic<bool> stop{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
+
+constexpr int kMaxThreads = 1024;
+
+extern "C" void on_stop_signal(int signal) {
+  if (stop.exchange(true)) _exit(128 + signal);
+}
+
+void keep_freed_memory() {
+#if defined(__GLIBC__)
+  // glibc serves blocks above 32 MB by mmap however high M_MMAP_THRESHOLD is, and unmaps them when freed; without
+  // mmap they come from the heap, which keeps them.
+  mallopt(M_MMAP_MAX, 0);
+  mallopt(M_TRIM_THRESHOLD, -1);
+  mallopt(M_TOP_PAD, 16 << 20);
+#endif
+}
+
+int available_cores() {
+#if defined(__linux__)
+  // What taskset or a container leaves us, not what the machine has.
+  cpu_set_t set;
+  if (sched_getaffinity(0, sizeof(set), &set) == 0 && CPU_COUNT(&set) > 0) return CPU_COUNT(&set);
+#endif
+  const unsigned cores = std::thread::hardware_concurrency();
+  return cores ? static_cast<int>(cores) : 1;
+}
+
+}  // namespace
+
+void setup_process() {
+  keep_freed_memory();
+  struct sigaction action = {};
+  action.sa_handler = on_stop_signal;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+int resolve_threads(int requested) {
+  if (requested < 0 || requested > kMaxThreads) {
+    fail<UsageError>("setting the number of threads: found {}; allowed is 0 (all cores) to {}", requested, kMaxThreads);
+  }
+  return requested > 0 ? requested : available_cores();
+}
+
+bool stop_requested() { return stop.load(std::memory_order_relaxed); }
+void request_stop(bool value) { stop.store(value); }
+
+}  // namespace doppel
