@@ -1,0 +1,75 @@
+#pragma once
+
+/// Forward kinematics: from DoFs to the world transforms of joints, bones and markers (formats.md 1 and 4).
+///
+///   q_j = sum over DoFs d of weight_jd * dof_d
+///   A_j = A_parent(j) * Trans(offset_j) * X_j,  X_j = Rot(axis_j, q_j) or Trans(axis_j * q_j)
+///
+/// The chain is composed in double precision whatever the type of the DoFs, and rounded once at the output: a person several
+/// metres from the origin keeps micrometres. Letters: B batch, D DoFs, J joints, Bn bones, M markers.
+
+#include <torch/torch.h>
+
+#include <vector>
+
+#include "doppel/character/character.h"
+
+namespace doppel {
+
+/// A skeleton as tensors (on the CPU): what both the reference and the kernel read.
+struct KinematicChain {
+  explicit KinematicChain(const Skeleton& skeleton);
+
+  torch::Tensor parent;         ///< int32 [J], smaller than the joint's own index, -1 for a root
+  torch::Tensor prismatic;      ///< int32 [J], 1 for joints that translate
+  torch::Tensor geometry;       ///< float64 [J,6]: offset (metres), axis
+  torch::Tensor drive_offsets;  ///< int32 [J+1]: row j of the two below are the DoFs that drive joint j
+  torch::Tensor drive_dof;      ///< int32 [E]
+  torch::Tensor drive_weight;   ///< float64 [E]
+  /// int64 [J+1] each: round r maps a joint to its 2^r-th ancestor, or to J when there is none.
+  std::vector<torch::Tensor> ancestors;
+  torch::Tensor weights;        ///< float64 [D,J]: the drives as a matrix
+  int64_t num_joints = 0, num_dofs = 0;
+};
+
+/// M frames that ride on joints: frame m stands at A_joint(m) * local_m.
+struct RiddenFrames {
+  torch::Tensor joint;  ///< int32 [M]
+  torch::Tensor local;  ///< float64 [M,3,4]
+};
+
+/// World transforms of frames that ride on the joints.
+/// @param dofs [B,D] in the units of the skeleton's file (its weights turn them into radians and metres)
+/// @return [B,M,3,4] world-from-frame, metres, in the type of `dofs`
+/// Gradient: exact, to `dofs`; joints with several DoFs and DoFs with several joints add up.
+/// @throws Error for another shape or type
+torch::Tensor forward_kinematics(const torch::Tensor& dofs, const KinematicChain& chain, const RiddenFrames& frames);
+
+/// The same in plain tensor operations: any device and float type, differentiable any number of times, traceable.
+torch::Tensor forward_kinematics_reference(const torch::Tensor& dofs, const KinematicChain& chain,
+                                           const RiddenFrames& frames);
+
+/// Kinematics of a character.
+class KinematicsImpl : public torch::nn::Module {
+ public:
+  explicit KinematicsImpl(const Character& character);
+
+  /// @param dofs [B,D] @return [B,J,3,4] world-from-joint
+  torch::Tensor joints(const torch::Tensor& dofs) const;
+  /// @param dofs [B,D] @return [B,Bn,3,4] skinning transforms A_b(theta) A_b(rest)^-1, the identity in the rest pose
+  torch::Tensor bones(const torch::Tensor& dofs) const;
+  /// @param dofs [B,D] @return [B,M,3] world positions, metres
+  torch::Tensor markers(const torch::Tensor& dofs) const;
+
+  int64_t num_dofs() const { return chain_.num_dofs; }
+  int64_t num_joints() const { return chain_.num_joints; }
+  void pretty_print(std::ostream& stream) const override;
+
+ private:
+  // Not registered as buffers: they are the character's, must stay double, and have no place in a checkpoint.
+  KinematicChain chain_;
+  RiddenFrames joint_frames_, bone_frames_, marker_frames_;
+};
+TORCH_MODULE(Kinematics);
+
+}  // namespace doppel

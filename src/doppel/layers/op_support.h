@@ -1,0 +1,52 @@
+#pragma once
+
+/// Small helpers shared by the ops of this room: shape checks with a message, and the end of differentiation.
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <torch/torch.h>
+
+#include <initializer_list>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+/// A tensor as a message shows it: `float32 [4,70,3,4]`.
+inline std::string describe(const torch::Tensor& tensor) {
+  if (!tensor.defined()) return "an undefined tensor";
+  return fmt::format("{} [{}]", torch::toString(tensor.scalar_type()), fmt::join(tensor.sizes(), ","));
+}
+
+/// Fails unless `tensor` is a floating-point tensor of the shape; -1 allows any size.
+/// @param letters the shape as documented, e.g. "[B,K,3]"
+inline void check_shape(const char* op, const char* argument, const torch::Tensor& tensor,
+                        std::initializer_list<int64_t> shape, const char* letters) {
+  bool fits = tensor.defined() && tensor.is_floating_point() && tensor.dim() == static_cast<int64_t>(shape.size());
+  if (fits) {
+    int64_t axis = 0;
+    for (int64_t size : shape) {
+      fits = fits && (size < 0 || tensor.size(axis) == size);
+      ++axis;
+    }
+  }
+  if (!fits) {
+    fail<UsageError>("{}: {} must be a floating-point tensor {} = [{}] (-1: any), found {}", op, argument, letters,
+                     fmt::join(shape, ","), describe(tensor));
+  }
+}
+
+/// Fails unless `tensor` has the type and device of `like`.
+inline void check_same_kind(const char* op, const char* argument, const torch::Tensor& tensor,
+                            const torch::Tensor& like) {
+  if (tensor.scalar_type() != like.scalar_type() || tensor.device() != like.device()) {
+    fail<UsageError>("{}: {} is {} on {}, the other arguments are {} on {}; convert it with .to()", op, argument,
+                     torch::toString(tensor.scalar_type()), tensor.device().str(), torch::toString(like.scalar_type()),
+                     like.device().str());
+  }
+}
+
+/// Gradients that may be used but not differentiated again: doing so throws an error that names the op.
+torch::autograd::variable_list once_differentiable(torch::autograd::variable_list gradients, const char* op);
+
+}  // namespace doppel

@@ -1,0 +1,18 @@
+#include "doppel/layers/reference_scope.h"
+
+#include <torch/csrc/jit/frontend/tracer.h>
+
+namespace doppel {
+namespace {
+thread_local bool reference_only = false;
+}
+
+ReferenceScope::ReferenceScope() : before_(reference_only) { reference_only = true; }
+ReferenceScope::~ReferenceScope() { reference_only = before_; }
+
+bool takes_kernel(const torch::Tensor& input) {
+  return input.scalar_type() == torch::kFloat32 && input.device().is_cpu() && !reference_only &&
+         !torch::jit::tracer::isTracing();
+}
+
+}  // namespace doppel

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <torch/torch.h>
+
+namespace doppel {
+
+/// While one lives, the layers on this thread take their reference instead of their kernel.
+class ReferenceScope {
+ public:
+  ReferenceScope();
+  ~ReferenceScope();
+  ReferenceScope(const ReferenceScope&) = delete;
+  ReferenceScope& operator=(const ReferenceScope&) = delete;
+
+ private:
+  bool before_;
+};
+
+/// Whether a layer called with `input` runs its kernel: float32 on the CPU, no ReferenceScope, and not inside a
+/// torch::jit trace, which has to hold plain tensor operations only.
+bool takes_kernel(const torch::Tensor& input);
+
+}  // namespace doppel
