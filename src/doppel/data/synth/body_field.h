@@ -1,0 +1,73 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+namespace doppel::synth {
+
+/// What a point of the actor belongs to. The limbs of the right side follow those of the left in the same order.
+enum Part : int {
+  kTorso,
+  kSkirt,
+  kHead,
+  kHair,
+  kLeftArm,
+  kLeftForearm,
+  kLeftHand,
+  kLeftThigh,
+  kLeftShin,
+  kLeftFoot,
+  kRightArm,
+  kRightForearm,
+  kRightHand,
+  kRightThigh,
+  kRightShin,
+  kRightFoot,
+  kNumParts
+};
+constexpr int kLimbParts = kRightArm - kLeftArm;
+
+/// Where the actor's joints are in the rest pose (an A-pose, facing +z, feet on y = 0), metres. The left side has x > 0;
+/// the right one is its mirror image.
+struct BodyPlan {
+  static Eigen::Vector3d root() { return {0, 0.95, 0}; }
+  static Eigen::Vector3d neck() { return {0, 1.455, -0.012}; }
+  static Eigen::Vector3d head_top() { return {0, 1.75, 0.0}; }
+  static Eigen::Vector3d clavicle() { return {0.035, 1.405, -0.01}; }
+  static Eigen::Vector3d shoulder() { return {0.175, 1.395, -0.012}; }
+  static Eigen::Vector3d arm_direction() { return Eigen::Vector3d(0.72, -0.69, 0.04).normalized(); }
+  static Eigen::Vector3d elbow() { return shoulder() + 0.275 * arm_direction(); }
+  static Eigen::Vector3d wrist() { return elbow() + 0.245 * arm_direction(); }
+  static Eigen::Vector3d fingertip() { return wrist() + 0.175 * arm_direction(); }
+  static Eigen::Vector3d hip() { return {0.088, 0.91, 0}; }
+  static Eigen::Vector3d knee() { return {0.1, 0.495, 0.012}; }
+  static Eigen::Vector3d ankle() { return {0.107, 0.085, -0.025}; }
+  static Eigen::Vector3d toe() { return {0.125, 0.03, 0.165}; }
+  static constexpr double kWaist = 1.035, kHem = 0.50;  ///< height of the garment's ends
+};
+
+/// The point or vector on the other side of the body.
+inline Eigen::Vector3d mirrored(const Eigen::Vector3d& p) { return {-p.x(), p.y(), p.z()}; }
+
+/// The actor as a signed distance field: smooth unions of round cones, ellipsoids and a hollow, folded skirt. The values are
+/// true distances only near the surface, which is all that meshing and projecting need.
+class BodyField {
+ public:
+  /// Distances to the single parts, metres, negative inside.
+  std::array<double, kNumParts> part_distances(const Eigen::Vector3d& p) const;
+  /// Distance to the whole body.
+  double distance(const Eigen::Vector3d& p) const;
+  /// Gradient of `distance` by central differences.
+  Eigen::Vector3d gradient(const Eigen::Vector3d& p) const;
+  /// The part nearest to p.
+  Part part(const Eigen::Vector3d& p) const;
+  /// The point of the surface reached by a few Newton steps from a point near it.
+  Eigen::Vector3d project(const Eigen::Vector3d& p) const;
+  /// How much of the sky a surface point sees, 0..1, from the field along its normal.
+  double openness(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const;
+};
+
+/// 0 below `low`, 1 above `high`, smooth between.
+double smooth_step(double low, double high, double x);
+
+}  // namespace doppel::synth
