@@ -17,13 +17,12 @@
 #include <torch/types.h>
 
 #include <cstdint>
-#include <optional>
 #include <vector>
 
-#include "doppel/character/embedded_graph.h"
-#include "doppel/geometry/topology.h"
-
 namespace doppel {
+
+struct EmbeddedGraph;
+class MeshTopology;
 
 /// The matrix a_kl of 6.6, prepared once per graph. Nodes at `rings` hops have weight 0 and are left out, so "R = 3"
 /// reaches two hops. A value type: copies share the tensors, which nobody writes after construction.
