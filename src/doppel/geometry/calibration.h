@@ -17,8 +17,8 @@ namespace doppel {
 /// @throws FileError for an unknown, truncated or impossible file; every camera is checked with Camera::faults.
 std::vector<Camera> read_calibration(const std::filesystem::path& path);
 
-/// Writes by extension: `.calibration` (Skeletool, mm) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Round-trips at
-/// full double precision. @throws Error for another extension or for distortion that Skeletool files cannot hold.
+/// Writes by extension: `.calibration` (Skeletool, mm) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Round-trips
+/// at full double precision. @throws Error for another extension or for distortion that Skeletool files cannot hold.
 void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras);
 
 /// One file format. A new one is one file that implements this, and one line in calibration.cpp.

@@ -13,11 +13,11 @@ namespace doppel {
 /// [0,width] x [0,height], so the centre of the first pixel is (0.5, 0.5).
 struct Camera {
   std::string name;
-  int width = 0, height = 0;                                        ///< pixels
-  Eigen::Matrix3d K = Eigen::Matrix3d::Identity();                  ///< intrinsics, pixels (fx s cx; 0 fy cy; 0 0 1)
-  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();                  ///< rotation, camera from world
-  Eigen::Vector3d t = Eigen::Vector3d::Zero();                      ///< translation, camera from world, metres
-  std::array<double, 8> distortion{};                               ///< k1 k2 p1 p2 k3 k4 k5 k6 as OpenCV orders them
+  int width = 0, height = 0;                        ///< pixels
+  Eigen::Matrix3d K = Eigen::Matrix3d::Identity();  ///< intrinsics, pixels (fx s cx; 0 fy cy; 0 0 1)
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< rotation, camera from world
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();      ///< translation, camera from world, metres
+  std::array<double, 8> distortion{};               ///< k1 k2 p1 p2 k3 k4 k5 k6 as OpenCV orders them
 
   /// Camera centre in the world, -R^T t.
   Eigen::Vector3d centre() const { return -R.transpose() * t; }

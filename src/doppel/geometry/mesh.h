@@ -24,8 +24,8 @@ struct TriangleMesh {
   int num_faces() const { return static_cast<int>(faces.size()); }
 };
 
-/// Reads an OBJ file with its MTL and texture. Polygons are fanned; `v x y z r g b` colours are taken; `metres_per_unit`
-/// scales the positions (0.001 for Skeletool files).
+/// Reads an OBJ file with its MTL and texture. Polygons are fanned; `v x y z r g b` colours are taken;
+/// `metres_per_unit` scales the positions (0.001 for Skeletool files).
 /// @throws FileError with the line: bad index, NaN, no faces, missing texture named by the MTL, ...
 TriangleMesh read_obj(const std::filesystem::path& path, double metres_per_unit);
 /// Writes OBJ, and beside it MTL and PNG texture (`<stem>.mtl`, `<stem>.png`) when the mesh has a texture.

@@ -1,0 +1,111 @@
+#ifndef _USE_MATH_DEFINES
+#define _USE_MATH_DEFINES
+#endif
+#include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
+#include <OpenMesh/Tools/Decimater/DecimaterT.hh>
+#include <OpenMesh/Tools/Decimater/ModNormalFlippingT.hh>
+#include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
+
+#include "doppel/core/error.h"
+#include "doppel/geometry/topology.h"
+
+namespace doppel {
+namespace {
+
+constexpr double kShortfall = 1.05;      // how far above the target counts as reached
+constexpr float kMaxNormalTurn = 75.0f;  // degrees a face may turn in one collapse; more folds the surface
+
+struct DoubleTraits : OpenMesh::DefaultTraits {
+  using Point = OpenMesh::Vec3d;
+  using Normal = OpenMesh::Vec3d;
+};
+using OmMesh = OpenMesh::TriMesh_ArrayKernelT<DoubleTraits>;
+
+OmMesh to_openmesh(const TriangleMesh& mesh) {
+  OmMesh out;
+  // Vertices without a face are left out: no collapse would ever remove them.
+  std::vector<OmMesh::VertexHandle> handles(mesh.vertices.size());
+  for (const Triangle& face : mesh.faces) {
+    for (int v : face) {
+      if (handles[v].is_valid()) continue;
+      handles[v] = out.add_vertex(OpenMesh::Vec3d(mesh.vertices[v].x(), mesh.vertices[v].y(), mesh.vertices[v].z()));
+    }
+  }
+  for (const Triangle& face : mesh.faces) {
+    if (!out.add_face(handles[face[0]], handles[face[1]], handles[face[2]]).is_valid()) {
+      fail(
+          "decimating a mesh: the face {} {} {} meets its neighbours in only a vertex or runs against them; mend the "
+          "mesh first",
+          face[0], face[1], face[2]);
+    }
+  }
+  return out;
+}
+
+TriangleMesh from_openmesh(const OmMesh& mesh) {
+  TriangleMesh out;
+  for (const auto& v : mesh.vertices()) {
+    const OpenMesh::Vec3d& p = mesh.point(v);
+    out.vertices.emplace_back(p[0], p[1], p[2]);
+  }
+  for (const auto& f : mesh.faces()) {
+    Triangle face{};
+    int corner = 0;
+    for (auto v = mesh.cfv_ccwiter(f); v.is_valid(); ++v) face[corner++] = v->idx();
+    out.faces.push_back(face);
+  }
+  return out;
+}
+
+void check_input(const TriangleMesh& mesh, int target_vertices) {
+  if (target_vertices < 4)
+    fail("decimating a mesh: the target is {} vertices, a surface needs at least 4", target_vertices);
+  const MeshReport report = inspect_mesh(mesh);
+  if (report.non_manifold_edges > 0) {
+    fail(
+        "decimating a mesh: found {} edges that are not of exactly one or two faces of one orientation; mend the mesh "
+        "first",
+        report.non_manifold_edges);
+  }
+  for (const Triangle& face : mesh.faces) {
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) {
+      fail("decimating a mesh: the face {} {} {} names a vertex twice; mend the mesh first", face[0], face[1], face[2]);
+    }
+  }
+}
+
+}  // namespace
+
+TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices) {
+  check_input(mesh, target_vertices);
+  OmMesh surface = to_openmesh(mesh);
+  // The decimater reads these while it works.
+  surface.request_vertex_status();
+  surface.request_edge_status();
+  surface.request_halfedge_status();
+  surface.request_face_status();
+  surface.request_face_normals();
+  surface.update_face_normals();
+
+  OpenMesh::Decimater::DecimaterT<OmMesh> decimater(surface);
+  OpenMesh::Decimater::ModQuadricT<OmMesh>::Handle quadric;
+  OpenMesh::Decimater::ModNormalFlippingT<OmMesh>::Handle flipping;
+  decimater.add(quadric);
+  decimater.add(flipping);
+  decimater.module(quadric).unset_max_err();
+  decimater.module(flipping).set_max_normal_deviation(kMaxNormalTurn);
+  if (!decimater.initialize()) fail("decimating a mesh: OpenMesh refuses the modules");
+  if (target_vertices < static_cast<int>(surface.n_vertices())) {
+    decimater.decimate_to(static_cast<std::size_t>(target_vertices));
+    surface.garbage_collection();
+  }
+
+  TriangleMesh out = from_openmesh(surface);
+  if (out.num_vertices() > kShortfall * target_vertices && out.num_vertices() < mesh.num_vertices()) {
+    fail("decimating a mesh of {} vertices to {}: no collapse keeps the surface below {}; ask for more vertices",
+         mesh.num_vertices(), target_vertices, out.num_vertices());
+  }
+  return out;
+}
+
+}  // namespace doppel
