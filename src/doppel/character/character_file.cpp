@@ -2,7 +2,7 @@
 #include <map>
 
 #include "doppel/character/character.h"
-#include "doppel/character/number_text.h"
+#include "doppel/character/file_text.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
 
@@ -23,7 +23,8 @@ void read_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kHeader) return;
   if (reader.line().find("character file") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a character file; only '{}' is read", reader.line(), kHeader);
+    reader.fail_here("unsupported version '{}' of a character file; only '{}' is read", excerpt(reader.line()),
+                     kHeader);
   reader.fail_here("not a character file: the first line must be '{}'", kHeader);
 }
 
@@ -34,12 +35,14 @@ CharacterFiles read_file_names(const fs::path& path) {
   while (reader.next_line()) {
     const std::string keyword(reader.line());
     if (keyword != "skeleton" && keyword != "mesh" && keyword != "skin" && keyword != "pose")
-      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin and pose", keyword);
+      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin and pose", excerpt(keyword));
     if (named.count(keyword)) reader.fail_here("'{}' stands here a second time", keyword);
     reader.require_line(fmt::format("the path of the {}", keyword));
     const fs::path file = resolve_path(path, reader.line());
-    if (!fs::is_regular_file(file))
-      reader.fail_here("the {} '{}' does not exist (looked for {})", keyword, reader.line(), file.string());
+    std::error_code unreadable;  // a name no file can have is a missing file, too
+    if (!fs::is_regular_file(file, unreadable))
+      reader.fail_here("the {} '{}' does not exist (looked for {})", keyword, excerpt(reader.line()),
+                       excerpt(file.string(), 400));
     named[keyword] = file;
   }
   for (const char* needed : {"skeleton", "mesh", "skin"})

@@ -2,7 +2,7 @@
 
 #include <climits>
 
-#include "doppel/character/number_text.h"
+#include "doppel/character/file_text.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
@@ -20,7 +20,7 @@ bool read_header(TextReader& reader) {
   if (reader.line() == kHeader) return false;
   if (reader.line() == kOldHeader) return true;
   if (reader.line().substr(0, 21) == "Skeletool Motion File")
-    reader.fail_here("unsupported version '{}' of a motion file; V1.0 and V0.1 are read", reader.line());
+    reader.fail_here("unsupported version '{}' of a motion file; V1.0 and V0.1 are read", excerpt(reader.line()));
   reader.fail_here("not a motion file: the first line must be '{}'", kHeader);
 }
 

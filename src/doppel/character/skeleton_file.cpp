@@ -3,7 +3,7 @@
 #include <queue>
 #include <unordered_map>
 
-#include "doppel/character/number_text.h"
+#include "doppel/character/file_text.h"
 #include "doppel/character/skeleton.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
@@ -39,7 +39,7 @@ std::size_t read_section(TextReader& reader, std::string_view title) {
     found += " " + std::string(reader.tokens()[1]);
     count_token = 2;
   }
-  if (found != title) reader.fail_here("expected the section '{} <count>', found '{}'", title, reader.line());
+  if (found != title) reader.fail_here("expected the section '{} <count>', found '{}'", title, excerpt(reader.line()));
   expect_tokens(reader, count_token + 1, "the section's title and its count");
   return reader.count(count_token, "count");
 }
@@ -48,7 +48,7 @@ Joint::Type read_type(const TextReader& reader) {
   const std::string_view word = reader.tokens()[1];
   if (word == "revolute") return Joint::Type::revolute;
   if (word == "prismatic") return Joint::Type::prismatic;
-  reader.fail_here("joint type '{}' is not known; V1.0 files have revolute and prismatic", word);
+  reader.fail_here("joint type '{}' is not known; V1.0 files have revolute and prismatic", excerpt(word));
 }
 
 Eigen::Vector3d read_axis(const TextReader& reader, Joint::Type type) {
@@ -83,7 +83,7 @@ std::vector<FileJoint> read_joints(TextReader& reader) {
     reader.require_line(fmt::format("joint {} of {}", j + 1, count));
     entries.push_back(read_joint(reader));
     if (!seen.emplace(entries.back().joint.name, 0).second)
-      reader.fail_here("the joint '{}' is defined twice; names must be unique", entries.back().joint.name);
+      reader.fail_here("the joint '{}' is defined twice; names must be unique", excerpt(entries.back().joint.name));
   }
   return entries;
 }
@@ -99,14 +99,14 @@ std::vector<int> find_parents(const std::vector<FileJoint>& entries) {
     if (entry.parent == "none") {
       if (root >= 0)
         fail_at(entry.where, "'{}' is a second root beside '{}'; a skeleton has one joint whose parent is 'none'",
-                entry.joint.name, entries[root].joint.name);
+                excerpt(entry.joint.name), excerpt(entries[root].joint.name));
       root = static_cast<int>(j);
       continue;
     }
     const auto found = place.find(entry.parent);
     if (found == place.end())
       fail_at(entry.where, "the parent '{}' of joint '{}' is not a joint of this file; the root's parent is 'none'",
-              entry.parent, entry.joint.name);
+              excerpt(entry.parent), excerpt(entry.joint.name));
     parents[j] = found->second;
   }
   return parents;
@@ -133,7 +133,7 @@ std::vector<int> parents_first(const std::vector<FileJoint>& entries, const std:
   for (std::size_t j = 0; j < entries.size(); ++j)
     if (!placed[j])
       fail_at(entries[j].where, "the joint '{}' hangs in a circle of parents that never reaches the root",
-              entries[j].joint.name);
+              excerpt(entries[j].joint.name));
   return order;
 }
 
@@ -160,7 +160,7 @@ int find_joint_of(const TextReader& reader, const Skeleton& skeleton, std::strin
     const int joint = skeleton.file_order.empty() ? place : skeleton.file_order[place];
     if (skeleton.joints[joint].name.compare(0, name.size(), name) == 0) return joint;
   }
-  reader.fail_here("no joint is named '{}', and no joint's name begins so", name);
+  reader.fail_here("no joint is named '{}', and no joint's name begins so", excerpt(name));
 }
 
 Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
@@ -168,7 +168,7 @@ Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
   if (columns >= 3 && reader.tokens()[2] == "oriented")
     reader.fail_here("oriented markers cannot be read; no published file has them. Make it a 'point' marker");
   if (columns >= 3 && reader.tokens()[2] != "point")
-    reader.fail_here("marker type '{}' is not known, expected 'point'", reader.tokens()[2]);
+    reader.fail_here("marker type '{}' is not known, expected 'point'", excerpt(reader.tokens()[2]));
   if (columns != 6 && columns != 7 && columns != 10)
     reader.fail_here("a marker has 6, 7 or 10 columns (name, joint, point, x y z, size, r g b), this one has {}",
                      columns);
@@ -182,17 +182,19 @@ Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
 }
 
 std::optional<std::array<double, 2>> read_limits(TextReader& reader, const std::string& dof) {
-  reader.require_line(fmt::format("'nolimits' or 'limits <min> <max>' of the DoF '{}'", dof));
+  reader.require_line(fmt::format("'nolimits' or 'limits <min> <max>' of the DoF '{}'", excerpt(dof)));
   if (reader.tokens()[0] == "nolimits") {
     expect_tokens(reader, 1, "nolimits");
     return std::nullopt;
   }
   if (reader.tokens()[0] != "limits")
-    reader.fail_here("expected 'nolimits' or 'limits <min> <max>' of the DoF '{}', found '{}'", dof, reader.line());
+    reader.fail_here("expected 'nolimits' or 'limits <min> <max>' of the DoF '{}', found '{}'", excerpt(dof),
+                     excerpt(reader.line()));
   expect_tokens(reader, 3, "limits <min> <max>");
   const std::array<double, 2> limits{reader.number(1, "lower limit"), reader.number(2, "upper limit")};
   if (limits[0] > limits[1])
-    reader.fail_here("the lower limit {} of the DoF '{}' is above the upper one, {}", limits[0], dof, limits[1]);
+    reader.fail_here("the lower limit {} of the DoF '{}' is above the upper one, {}", limits[0], excerpt(dof),
+                     limits[1]);
   return limits;
 }
 
@@ -203,7 +205,7 @@ Dof read_dof(TextReader& reader, const Skeleton& skeleton) {
   const std::size_t count = reader.count(1, "number of joints");
   dof.limits = read_limits(reader, dof.name);
   for (std::size_t i = 0; i < count; ++i) {
-    reader.require_line(fmt::format("joint {} of {} that the DoF '{}' drives", i + 1, count, dof.name));
+    reader.require_line(fmt::format("joint {} of {} that the DoF '{}' drives", i + 1, count, excerpt(dof.name)));
     expect_tokens(reader, 2, "a joint and its weight");
     dof.joints.push_back({find_joint_of(reader, skeleton, reader.tokens()[0]), reader.number(1, "weight")});
   }
@@ -234,7 +236,8 @@ void read_dofs(TextReader& reader, Skeleton& skeleton) {
   for (std::size_t d = 0; d < count; ++d) {
     reader.require_line(fmt::format("DoF {} of {}", d + 1, count));
     Dof dof = read_dof(reader, skeleton);
-    if (skeleton.find_dof(dof.name)) reader.fail_here("the DoF '{}' is defined twice; names must be unique", dof.name);
+    if (skeleton.find_dof(dof.name))
+      reader.fail_here("the DoF '{}' is defined twice; names must be unique", excerpt(dof.name));
     skeleton.dofs.push_back(std::move(dof));
   }
 }
@@ -242,14 +245,14 @@ void read_dofs(TextReader& reader, Skeleton& skeleton) {
 void skip_texture_entries(TextReader& reader) {
   const std::size_t count = read_section(reader, "textureEntries:");
   for (std::size_t t = 0; t < count; ++t) reader.require_line(fmt::format("texture entry {} of {}", t + 1, count));
-  if (reader.next_line()) reader.fail_here("unexpected line behind the last section: '{}'", reader.line());
+  if (reader.next_line()) reader.fail_here("unexpected line behind the last section: '{}'", excerpt(reader.line()));
 }
 
 void read_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kHeader) return;
   if (reader.line().find("keleton") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skeleton file; only '{}' is read", reader.line(), kHeader);
+    reader.fail_here("unsupported version '{}' of a skeleton file; only '{}' is read", excerpt(reader.line()), kHeader);
   reader.fail_here("not a skeleton file: the first line must be '{}'", kHeader);
 }
 

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <set>
 
-#include "doppel/character/number_text.h"
+#include "doppel/character/file_text.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
 
@@ -35,16 +35,17 @@ std::optional<double> strip_index(std::string_view token, const std::string& ind
 
 std::vector<std::string> read_bones(TextReader& reader) {
   reader.require_line("the line 'bones:'");
-  if (reader.line() != "bones:") reader.fail_here("expected the line 'bones:', found '{}'", reader.line());
+  if (reader.line() != "bones:") reader.fail_here("expected the line 'bones:', found '{}'", excerpt(reader.line()));
   reader.require_line("the line of bone names");
   if (reader.line() == "vertex weights:") reader.fail_here("the list of bones is empty; at least one is needed");
   std::vector<std::string> bones(reader.tokens().begin(), reader.tokens().end());
   std::set<std::string> seen;
   for (const std::string& bone : bones)
-    if (!seen.insert(bone).second) reader.fail_here("the bone '{}' is listed twice; names must be unique", bone);
+    if (!seen.insert(bone).second)
+      reader.fail_here("the bone '{}' is listed twice; names must be unique", excerpt(bone));
   reader.require_line("the line 'vertex weights:'");
   if (reader.line() != "vertex weights:")
-    reader.fail_here("expected the line 'vertex weights:' behind the bone names, found '{}'", reader.line());
+    reader.fail_here("expected the line 'vertex weights:' behind the bone names, found '{}'", excerpt(reader.line()));
   return bones;
 }
 
@@ -137,7 +138,7 @@ void read_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kHeader) return;
   if (reader.line().find("skinning file") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skinning file; only '{}' is read", reader.line(), kHeader);
+    reader.fail_here("unsupported version '{}' of a skinning file; only '{}' is read", excerpt(reader.line()), kHeader);
   reader.fail_here("not a skinning file: the first line must be '{}'", kHeader);
 }
 

@@ -4,10 +4,12 @@
 
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "doppel/core/error.h"
 
-/// How this room's writers put numbers into text: the shortest digits that read back as the same double.
+/// Shared by this room's readers and writers. Numbers are written with the shortest digits that read back as the same
+/// double.
 namespace doppel {
 
 /// Skeletool files hold millimetres.
@@ -26,6 +28,13 @@ inline std::string millimetre_text(double metres) {
   for (const double candidate : {nearest, std::nextafter(nearest, -HUGE_VAL), std::nextafter(nearest, HUGE_VAL)})
     if (candidate * kMetresPerMillimetre == metres) return exact_text(candidate);
   return exact_text(nearest);
+}
+
+/// The beginning of a line that was not what it should be, printable, for a message.
+inline std::string excerpt(std::string_view line, std::size_t longest = 60) {
+  std::string text;
+  for (const char c : line.substr(0, longest)) text += static_cast<unsigned char>(c) < 0x20 ? '?' : c;
+  return line.size() > longest ? text + "..." : text;
 }
 
 }  // namespace doppel
