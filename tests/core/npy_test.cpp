@@ -70,8 +70,10 @@ TEST(NpyRejects, HeadersThatPromiseTheMoonOrSomethingElse) {
     write_atomically(folder / "h.npy", bytes + dictionary);
     return folder / "h.npy";
   };
-  EXPECT_THROW(read_npy(file("{'descr': '<f4', 'fortran_order': False, 'shape': (999999999999,9999999999999), }")), FileError);
-  EXPECT_THROW(read_npy(file("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999999,), }")), FileError);
+  EXPECT_THROW(read_npy(file("{'descr': '<f4', 'fortran_order': False, 'shape': (999999999999,9999999999999), }")),
+               FileError);
+  EXPECT_THROW(read_npy(file("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999999,), }")),
+               FileError);
   EXPECT_THROW(read_npy(file("{'descr': '<c8', 'fortran_order': False, 'shape': (0,), }")), FileError);
   EXPECT_THROW(read_npy(file("{'descr': '<f4', 'fortran_order': True, 'shape': (0,), }")), FileError);
   EXPECT_THROW(read_npy(file("{}")), FileError);

@@ -1,0 +1,196 @@
+#include "doppel/core/config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "support/hostile_files.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+
+constexpr const char* kText =
+    "# a comment\n"
+    "name: egnet\n"
+    "train:\n"
+    "  batch_size: 40\n"
+    "  learning_rate: 1e-4\n"
+    "  shuffle: true\n"
+    "  schedule: [100, 200, 300]\n"
+    "  milestone: 7\n"
+    "stages:\n"
+    "  - kind: warm\n"
+    "    steps: 10\n"
+    "  - kind: full\n"
+    "    steps: 20\n";
+
+ConfigDocument document(const std::vector<std::string>& overrides = {}) {
+  return ConfigDocument::parse(kText, "egnet.yaml", overrides);
+}
+
+std::string message_of(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "nothing was thrown";
+}
+
+TEST(ConfigReference, ReadsEveryType) {
+  const ConfigReader root = document().root();
+  EXPECT_EQ(root.get<std::string>("name"), "egnet");
+  const ConfigReader train = root.section("train");
+  EXPECT_EQ(train.get<int>("batch_size"), 40);
+  EXPECT_EQ(train.get<long>("batch_size"), 40);
+  EXPECT_EQ(train.get<double>("batch_size"), 40.0);
+  EXPECT_EQ(train.get<double>("learning_rate"), 1e-4);
+  EXPECT_TRUE(train.get<bool>("shuffle"));
+  EXPECT_THAT(train.list<int>("schedule"), ElementsAre(100, 200, 300));
+  EXPECT_THAT(train.list<int>("milestone"), ElementsAre(7));
+  EXPECT_THAT(train.list<double>("absent"), IsEmpty());
+  const std::vector<ConfigReader> stages = root.sections("stages");
+  ASSERT_EQ(stages.size(), 2u);
+  EXPECT_EQ(stages[1].choice("kind", {"warm", "full"}), "full");
+  EXPECT_THAT(root.keys(), ElementsAre("name", "train", "stages"));
+}
+
+TEST(ConfigReference, MissingKeysTakeTheirDefaults) {
+  const ConfigReader root = ConfigDocument::parse("", "empty.yaml").root();
+  EXPECT_EQ(root.section("train").get("batch_size", 12, at_least(1)), 12);
+  EXPECT_EQ(root.get("name", "none"), "none");
+  EXPECT_EQ(root.choice("kind", {"a", "b"}, "b"), "b");
+  EXPECT_THAT(root.sections("stages"), IsEmpty());
+  EXPECT_NO_THROW(root.finish());
+}
+
+TEST(ConfigReference, OverridesComeLastAndShowInTheResolvedText) {
+  const ConfigDocument changed =
+      document({"train.batch_size=4", "train.batch_size=8", "extra.deep.key=[1, 2]", "stages.1.steps=99", "name=a=b"});
+  const auto check = [](const ConfigReader& root) {
+    EXPECT_EQ(root.section("train").get<int>("batch_size"), 8);
+    EXPECT_THAT(root.section("extra").section("deep").list<int>("key"), ElementsAre(1, 2));
+    EXPECT_EQ(root.sections("stages")[1].get<int>("steps"), 99);
+    EXPECT_EQ(root.get<std::string>("name"), "a=b");
+  };
+  check(changed.root());
+  check(ConfigDocument::parse(changed.resolved(), "again.yaml").root());
+}
+
+TEST(ConfigReference, PathsStartWhereTheyWereWritten) {
+  const ConfigDocument changed =
+      ConfigDocument::parse("a: x/y.obj\nb: /abs/z\nc: old\n", "/home/of/config.yaml", {"c=typed"});
+  const ConfigReader root = changed.root();
+  EXPECT_EQ(root.path("a"), "/home/of/x/y.obj");
+  EXPECT_EQ(root.path("b"), "/abs/z");
+  EXPECT_EQ(root.path("c"), std::filesystem::current_path() / "typed");
+  EXPECT_EQ(root.path("d", "w"), "/home/of/w");
+  // The resolved text moves into a run folder, so its paths may not depend on where it lies.
+  EXPECT_EQ(ConfigDocument::parse(changed.resolved(), "/else/where.yaml").root().path("a"), "/home/of/x/y.obj");
+}
+
+TEST(ConfigRejects, WrongTypesAndRangesNameEverything) {
+  const ConfigReader train = document().root().section("train");
+  EXPECT_THAT(message_of([&] { train.get<int>("shuffle"); }),
+              AllOf(StartsWith("egnet.yaml:6: train.shuffle"), HasSubstr("\"true\""), HasSubstr("an integer")));
+  EXPECT_THAT(message_of([&] { train.get<int>("learning_rate"); }), HasSubstr("an integer"));
+  EXPECT_THAT(message_of([&] { train.get<double>("schedule"); }), HasSubstr("a list of 3"));
+  EXPECT_THAT(message_of([&] { train.get("batch_size", 1, between(1, 32)); }),
+              AllOf(StartsWith("egnet.yaml:4: train.batch_size"), HasSubstr("40"), HasSubstr("between 1 and 32")));
+  EXPECT_THAT(message_of([&] { train.get<double>("absent"); }), AllOf(HasSubstr("train.absent"), HasSubstr("missing")));
+  EXPECT_THAT(message_of([&] { document().root().section("name"); }), HasSubstr("a mapping"));
+  EXPECT_THAT(message_of([&] { document().root().sections("train"); }), HasSubstr("a list of mappings"));
+  EXPECT_THAT(message_of([&] {
+                document().root().sections("stages")[0].choice("kind", {"worm", "full"});
+              }),
+              AllOf(HasSubstr("stages[0].kind"), HasSubstr("did you mean worm?")));
+}
+
+TEST(ConfigRejects, NumbersThatAreNone) {
+  for (const char* value : {".nan", ".inf", "1.5x", "\"3\"", "", "~", "0x", "1e999"}) {
+    const ConfigDocument bad = ConfigDocument::parse(std::string("v: ") + value, "v.yaml");
+    EXPECT_THROW(bad.root().get<double>("v"), FileError) << value;
+    EXPECT_THROW(bad.root().get<int>("v"), FileError) << value;
+  }
+  EXPECT_THROW(ConfigDocument::parse("v: 3000000000", "v.yaml").root().get<int>("v"), FileError);
+  EXPECT_EQ(ConfigDocument::parse("v: 3000000000", "v.yaml").root().get<long>("v"), 3000000000L);
+}
+
+TEST(ConfigRejects, UnknownKeysNamingTheNearest) {
+  const ConfigDocument slip = ConfigDocument::parse("train:\n  bacth_size: 3\n", "slip.yaml");
+  const ConfigReader root = slip.root();
+  root.section("train").get("batch_size", 40);
+  EXPECT_THAT(message_of([&] { root.finish(); }),
+              AllOf(StartsWith("slip.yaml:2: train.bacth_size"), HasSubstr("did you mean batch_size?")));
+
+  const ConfigReader untouched = document().root();
+  untouched.get<std::string>("name");
+  EXPECT_THAT(message_of([&] { untouched.finish(); }), AllOf(StartsWith("egnet.yaml:"), HasSubstr("known are name")));
+}
+
+TEST(ConfigRejects, UnknownKeysInItemsOfAList) {
+  const ConfigReader root = document().root();
+  for (const ConfigReader& stage : root.sections("stages")) stage.get<int>("steps");
+  EXPECT_THAT(message_of([&] { root.sections("stages")[0].finish(); }), HasSubstr("stages[0].kind"));
+}
+
+TEST(ConfigRejects, TheSameKeyTwice) {
+  const ConfigReader root = ConfigDocument::parse("a: 1\nb: 2\na: 3\n", "twice.yaml").root();
+  root.get<int>("a");
+  root.get<int>("b");
+  EXPECT_THAT(message_of([&] { root.finish(); }), AllOf(StartsWith("twice.yaml:3"), HasSubstr("twice")));
+}
+
+TEST(ConfigRejects, BadOverrides) {
+  EXPECT_THROW(document({"train.batch_size"}), UsageError);
+  EXPECT_THROW(document({"=3"}), UsageError);
+  EXPECT_THROW(document({"train..batch_size=3"}), UsageError);
+  EXPECT_THROW(document({"name.inner=3"}), UsageError);
+  EXPECT_THROW(document({"stages.7.steps=3"}), UsageError);
+  EXPECT_THROW(document({"name=[1"}), UsageError);
+  const ConfigDocument changed = document({"train.batch_size=many"});
+  EXPECT_THAT(message_of([&] { changed.root().section("train").get<int>("batch_size"); }),
+              StartsWith("--set train.batch_size=many: train.batch_size"));
+}
+
+TEST(ConfigRejects, HostileFiles) {
+  const TemporaryFolder folder;
+  // An empty configuration means all defaults, so the reader under test asks for a key.
+  support::expect_survives_hostile_files(folder / "hostile.yaml", kText, [](const std::filesystem::path& path) {
+    const ConfigReader root = ConfigDocument::load(path).root();
+    root.get<std::string>("name");
+    const ConfigReader train = root.section("train");
+    train.get<int>("batch_size", at_least(1));
+    train.get<double>("learning_rate");
+    train.get<bool>("shuffle");
+    train.list<int>("schedule");
+    train.get<int>("milestone");
+    for (const ConfigReader& stage : root.sections("stages")) {
+      stage.choice("kind", {"warm", "full"});
+      stage.get<int>("steps", at_least(0));
+    }
+    root.finish();
+  });
+}
+
+TEST(ConfigRejects, DeepNesting) {
+  EXPECT_THROW(ConfigDocument::parse("a: " + std::string(100000, '['), "deep.yaml"), FileError);
+}
+
+TEST(NearestWord, FindsSlipsAndLeavesStrangersAlone) {
+  EXPECT_EQ(nearest_word("learning_rat", {"batch_size", "learning_rate"}), "learning_rate");
+  EXPECT_EQ(nearest_word("cmaera", {"camera", "capture"}), "camera");
+  EXPECT_EQ(nearest_word("zebra", {"camera", "capture"}), std::nullopt);
+  EXPECT_EQ(nearest_word("x", {"y"}), std::nullopt);
+  EXPECT_EQ(nearest_word("x", {}), std::nullopt);
+}
+
+}  // namespace
+}  // namespace doppel

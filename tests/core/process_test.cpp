@@ -1,0 +1,160 @@
+#include "doppel/core/process.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+
+#include "doppel/core/cpu_dispatch.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/progress.h"
+
+namespace doppel {
+namespace {
+
+using ::testing::ExitedWithCode;
+using ::testing::HasSubstr;
+using ::testing::internal::CaptureStderr;
+using ::testing::internal::GetCapturedStderr;
+
+TEST(ProcessReference, ThreadCounts) {
+  EXPECT_EQ(resolve_threads(3), 3);
+  EXPECT_GE(resolve_threads(0), 1);
+  EXPECT_THROW(resolve_threads(-1), UsageError);
+  EXPECT_THROW(resolve_threads(1025), UsageError);
+}
+
+TEST(ProcessReference, ASignalIsARequest) {
+  setup_process();
+  request_stop(false);
+  raise(SIGTERM);
+  EXPECT_TRUE(stop_requested());
+  request_stop(false);
+  EXPECT_FALSE(stop_requested());
+  request_stop();
+  EXPECT_TRUE(stop_requested());
+  request_stop(false);
+}
+
+TEST(ProcessDeathTest, ASecondSignalEndsIt) {
+  EXPECT_EXIT(
+      {
+        setup_process();
+        raise(SIGINT);
+        raise(SIGINT);
+      },
+      ExitedWithCode(128 + SIGINT), "");
+}
+
+long page_faults() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return usage.ru_minflt;
+}
+
+TEST(ProcessReference, LargeBlocksStayInTheProcess) {
+#if defined(__SANITIZE_ADDRESS__) || !defined(__GLIBC__)
+  GTEST_SKIP() << "another allocator is in charge";
+#endif
+  setup_process();
+  constexpr std::size_t kBytes = 64 << 20;
+  const auto touch = [] {
+    const std::unique_ptr<char[]> block(new char[kBytes]);
+    std::memset(block.get(), 1, kBytes);
+    volatile char* first = block.get();
+    return *first;
+  };
+  touch();
+  const long before = page_faults();
+  touch();
+  EXPECT_LT(page_faults() - before, 1000) << "a block of 16384 pages was fetched from the system again";
+}
+
+TEST(CpuDispatchReference, OneInstructionSetForTheWholeProcess) {
+  EXPECT_EQ(cpu_isa(), cpu_isa());
+  EXPECT_STREQ(isa_name(Isa::baseline), "baseline");
+  EXPECT_STREQ(isa_name(Isa::avx2), "avx2");
+  EXPECT_STREQ(isa_name(Isa::avx512), "avx512");
+}
+
+TEST(CpuDispatchReference, TheEnvironmentLowersIt) {
+  EXPECT_EXIT(
+      {
+        setenv("DOPPEL_ISA", "baseline", 1);
+        // cpu_isa() has been called in this process if a kernel pointer exists; a fresh one is needed.
+        execl("/proc/self/exe", "core_test", "--gtest_also_run_disabled_tests",
+              "--gtest_filter=CpuDispatchReference.DISABLED_IsBaseline", static_cast<char*>(nullptr));
+      },
+      ExitedWithCode(0), "");
+}
+TEST(CpuDispatchReference, DISABLED_IsBaseline) { EXPECT_EQ(cpu_isa(), Isa::baseline); }
+
+TEST(LogRejects, UnknownLevels) {
+  EXPECT_THROW(setup_logging("loud"), UsageError);
+  EXPECT_THROW(setup_logging(""), UsageError);
+}
+
+TEST(LogReference, LinesGoToStderr) {
+  CaptureStderr();
+  ::testing::internal::CaptureStdout();
+  setup_logging("info");
+  log::info("seen {}", 1);
+  log::debug("hidden");
+  spdlog::default_logger()->flush();
+  setup_logging("warn");
+  log::info("hidden too");
+  const std::string lines = GetCapturedStderr();
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(), "");
+  EXPECT_THAT(lines, ::testing::MatchesRegex("[0-9:]+ info seen 1\n"));
+  setup_logging("info");
+}
+
+TEST(ProgressReference, APlainLineWhereThereIsNoTerminal) {
+  CaptureStderr();
+  {
+    Progress progress("preparing", 100, 40);
+    for (int i = 0; i < 60; ++i) progress.advance(1, "loss 0.5");
+    progress.finish();
+    progress.finish();
+  }
+  const std::string shown = GetCapturedStderr();
+  EXPECT_EQ(shown.find('\r'), std::string::npos);
+  EXPECT_EQ(std::count(shown.begin(), shown.end(), '\n'), 1) << shown;
+  EXPECT_THAT(shown, HasSubstr("preparing 100/100 100%"));
+  EXPECT_THAT(shown, HasSubstr("loss 0.5"));
+}
+
+TEST(ProgressReference, NothingToDo) {
+  CaptureStderr();
+  { Progress progress("idle", 0); }
+  EXPECT_THAT(GetCapturedStderr(), HasSubstr("idle 0/0 100%"));
+}
+
+TEST(ProgressReference, Durations) {
+  EXPECT_EQ(format_duration(95), "1:35");
+  EXPECT_EQ(format_duration(4000), "1:06:40");
+  EXPECT_EQ(format_duration(0.4), "0:00");
+  EXPECT_EQ(format_duration(59.7), "1:00");
+  EXPECT_EQ(format_duration(-3), "0:00");
+}
+
+TEST(ErrorReference, PlacesComeFirst) {
+  try {
+    fail_at({"a.obj", 7}, "found {}", 3);
+  } catch (const FileError& e) {
+    EXPECT_STREQ(e.what(), "a.obj:7: found 3");
+    EXPECT_EQ(e.location.line, 7);
+  }
+  EXPECT_EQ((FileLocation{"a.obj", 0}).to_string(), "a.obj");
+  EXPECT_THROW(fail<UsageError>("x"), UsageError);
+}
+
+}  // namespace
+}  // namespace doppel
