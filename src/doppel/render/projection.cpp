@@ -1,0 +1,75 @@
+#include "doppel/render/projection.h"
+
+#include <torch/torch.h>
+
+#include <sstream>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+using torch::Tensor;
+using torch::indexing::Ellipsis;
+using torch::indexing::Slice;
+
+namespace {
+
+std::string shape_of(const Tensor& t) {
+  std::ostringstream text;
+  text << t.sizes();
+  return text.str();
+}
+
+}  // namespace
+
+Tensor project(const Tensor& points, const Tensor& projection) {
+  if (points.dim() != 3 || points.size(2) != 3) fail<UsageError>("project: points are {}; they must be [B,N,3]", shape_of(points));
+  if (projection.dim() != 4 || projection.size(2) != 3 || projection.size(3) != 4 ||
+      projection.size(0) != points.size(0)) {
+    fail<UsageError>("project: projection is {}; it must be [{},C,3,4]", shape_of(projection), points.size(0));
+  }
+  const Tensor linear = projection.index({Ellipsis, Slice(0, 3)}), offset = projection.index({Ellipsis, 3});
+  const Tensor h = torch::matmul(points.unsqueeze(1), linear.transpose(2, 3)) + offset.unsqueeze(2);  // [B,C,N,3]
+  return h.index({Ellipsis, Slice(0, 2)}) / h.index({Ellipsis, Slice(2, 3)});
+}
+
+Tensor projection_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype) {
+  Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 3, 4}, torch::kFloat64);
+  double* data = out.data_ptr<double>();
+  for (const Camera& camera : cameras) {
+    const Eigen::Matrix<double, 3, 4> p = camera.projection();
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 4; ++c) *data++ = p(r, c);
+    }
+  }
+  return out.to(dtype);
+}
+
+Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype) {
+  Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 4}, torch::kFloat64);
+  double* data = out.data_ptr<double>();
+  for (const Camera& camera : cameras) {
+    if (camera.K(0, 1) != 0) {
+      fail<UsageError>("camera '{}' has a skew of {} pixels; intrinsics as fx fy cx cy cannot hold it, use its projection matrix",
+           camera.name, camera.K(0, 1));
+    }
+    for (const double value : {camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2)}) *data++ = value;
+  }
+  return out.to(dtype);
+}
+
+Tensor camera_from_world(const Tensor& points, const std::vector<Camera>& cameras) {
+  if (points.dim() != 2 || points.size(1) != 3)
+    fail<UsageError>("camera_from_world: points are {}; they must be [N,3]", shape_of(points));
+  std::vector<Tensor> out;
+  for (const Camera& camera : cameras) {
+    const Eigen::Matrix3d columns = camera.R.transpose();  // row-major R
+    const Tensor r = torch::from_blob(const_cast<double*>(columns.data()), {3, 3}, torch::kFloat64).to(points.dtype());
+    const Tensor t = torch::from_blob(const_cast<double*>(camera.t.data()), {3}, torch::kFloat64).to(points.dtype());
+    out.push_back(torch::matmul(points, r.t()) + t);
+  }
+  if (out.empty()) return points.new_empty({0, points.size(0), 3});
+  return torch::stack(out);
+}
+
+}  // namespace doppel

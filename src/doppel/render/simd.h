@@ -1,0 +1,145 @@
+#pragma once
+
+// Vectors of the width of the instruction set a kernel file is compiled for. For kernel files only (DOPPEL_ISA).
+//
+// Everything lives in the namespace of the instruction set, so that the linker never mixes variants. Arithmetic uses
+// GCC's vector types; only what they lack (rounding, masks, transposed loads) has intrinsics, with plain loops
+// elsewhere.
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#if defined(__x86_64__) || defined(_M_X64)
+#include <immintrin.h>
+#endif
+
+namespace doppel::kernels::DOPPEL_ISA {
+
+#if defined(__AVX512F__)
+constexpr int kLanes = 16;
+#elif defined(__AVX2__)
+constexpr int kLanes = 8;
+#else
+constexpr int kLanes = 4;
+#endif
+
+typedef float Float4 __attribute__((vector_size(16)));
+typedef float Float __attribute__((vector_size(4 * kLanes)));
+typedef std::int32_t Int __attribute__((vector_size(4 * kLanes)));
+
+static inline Float splat(float x) { return x - Float{}; }
+static inline Int splat(std::int32_t x) { return x - Int{}; }
+
+static inline Int lane_numbers() {
+  Int v;
+  for (int i = 0; i < kLanes; ++i) v[i] = i;
+  return v;
+}
+
+template <typename V, typename T>
+static inline V load(const T* p) {
+  V v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
+template <typename V, typename T>
+static inline void store(T* p, const V& v) {
+  std::memcpy(p, &v, sizeof v);
+}
+
+static inline Int min(Int a, Int b) { return a < b ? a : b; }
+static inline Int max(Int a, Int b) { return a > b ? a : b; }
+// Of a NaN and a number these give b, the number: limits stand on the right.
+static inline Float min(Float a, Float b) { return a < b ? a : b; }
+static inline Float max(Float a, Float b) { return a > b ? a : b; }
+static inline Float to_float(Int v) { return __builtin_convertvector(v, Float); }
+
+/// To the nearest integer, halves to even, as std::lrintf does for the scalar paths.
+static inline Int round_to_int(Float v) {
+#if defined(__AVX512F__)
+  return (Int)_mm512_cvtps_epi32((__m512)v);
+#elif defined(__AVX2__)
+  return (Int)_mm256_cvtps_epi32((__m256)v);
+#elif defined(__SSE2__)
+  return (Int)_mm_cvtps_epi32((__m128)v);
+#else
+  Int r;
+  for (int i = 0; i < kLanes; ++i) r[i] = static_cast<std::int32_t>(std::lrintf(v[i]));
+  return r;
+#endif
+}
+
+// --- masks: one bit per lane in AVX-512, a lane of ones otherwise ----------------------------------------------------
+
+#if defined(__AVX512F__)
+typedef __mmask16 Mask;
+static inline Mask mask_of(Int condition) { return _mm512_movepi32_mask((__m512i)condition); }
+static inline Mask not_negative(Int v) { return static_cast<Mask>(~_mm512_movepi32_mask((__m512i)v)); }
+static inline Mask greater(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GT_OQ); }
+static inline unsigned bits_of(Mask m) { return m; }
+static inline Float choose(Mask m, Float a, Float b) { return (Float)_mm512_mask_blend_ps(m, (__m512)b, (__m512)a); }
+static inline Int choose(Mask m, Int a, Int b) { return (Int)_mm512_mask_blend_epi32(m, (__m512i)b, (__m512i)a); }
+#else
+typedef Int Mask;
+static inline Mask mask_of(Int condition) { return condition; }
+static inline Mask not_negative(Int v) { return v >= 0; }
+static inline Mask greater(Float a, Float b) { return a > b; }
+static inline unsigned bits_of(Mask m) {
+#if defined(__AVX2__)
+  return static_cast<unsigned>(_mm256_movemask_ps((__m256)m));
+#elif defined(__SSE2__)
+  return static_cast<unsigned>(_mm_movemask_ps((__m128)m));
+#else
+  unsigned bits = 0;
+  for (int i = 0; i < kLanes; ++i) bits |= (m[i] < 0 ? 1u : 0u) << i;
+  return bits;
+#endif
+}
+static inline Float choose(Mask m, Float a, Float b) { return m ? a : b; }
+static inline Int choose(Mask m, Int a, Int b) { return m ? a : b; }
+#endif
+
+// --- gathers of records of four floats -------------------------------------------------------------------------------
+
+/// Components 0..3 of the records `index[lane]`, one vector each.
+static inline void load_records(const float* records, const std::int32_t* index, Float& a, Float& b, Float& c,
+                                Float& d) {
+#if defined(__AVX512F__)
+  __m512 r[4];
+  for (int i = 0; i < 4; ++i) {
+    __m512 v = _mm512_castps128_ps512(_mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[i])));
+    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[4 + i])), 1);
+    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[8 + i])), 2);
+    r[i] = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[12 + i])), 3);
+  }
+  const __m512 ab01 = _mm512_unpacklo_ps(r[0], r[1]), cd01 = _mm512_unpackhi_ps(r[0], r[1]);
+  const __m512 ab23 = _mm512_unpacklo_ps(r[2], r[3]), cd23 = _mm512_unpackhi_ps(r[2], r[3]);
+  a = (Float)_mm512_shuffle_ps(ab01, ab23, 0x44);
+  b = (Float)_mm512_shuffle_ps(ab01, ab23, 0xEE);
+  c = (Float)_mm512_shuffle_ps(cd01, cd23, 0x44);
+  d = (Float)_mm512_shuffle_ps(cd01, cd23, 0xEE);
+#elif defined(__AVX2__)
+  __m256 r[4];
+  for (int i = 0; i < 4; ++i) {
+    const __m256 v = _mm256_castps128_ps256(_mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[i])));
+    r[i] = _mm256_insertf128_ps(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[4 + i])), 1);
+  }
+  const __m256 ab01 = _mm256_unpacklo_ps(r[0], r[1]), cd01 = _mm256_unpackhi_ps(r[0], r[1]);
+  const __m256 ab23 = _mm256_unpacklo_ps(r[2], r[3]), cd23 = _mm256_unpackhi_ps(r[2], r[3]);
+  a = (Float)_mm256_shuffle_ps(ab01, ab23, 0x44);
+  b = (Float)_mm256_shuffle_ps(ab01, ab23, 0xEE);
+  c = (Float)_mm256_shuffle_ps(cd01, cd23, 0x44);
+  d = (Float)_mm256_shuffle_ps(cd01, cd23, 0xEE);
+#else
+  for (int i = 0; i < kLanes; ++i) {
+    const float* r = records + 4 * static_cast<std::int64_t>(index[i]);
+    a[i] = r[0];
+    b[i] = r[1];
+    c[i] = r[2];
+    d[i] = r[3];
+  }
+#endif
+}
+
+}  // namespace doppel::kernels::DOPPEL_ISA
