@@ -86,6 +86,14 @@ function(doppel_room name)
   set_property(GLOBAL APPEND PROPERTY DOPPEL_ROOMS ${target})
 endfunction()
 
+# A program that reuses the torch header: GCC takes a precompiled header only where the code is position-independent in
+# the same way, so -fPIC here too, not an executable's own -fPIE.
+function(doppel_reuse_torch_header program)
+  set_target_properties(${program} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+  target_compile_options(${program} PRIVATE -fPIC)
+  target_precompile_headers(${program} REUSE_FROM doppel_torch_pch)
+endfunction()
+
 function(doppel_test room)
   cmake_parse_arguments(ARG "TORCH" "" "SOURCES;DEPENDS" ${ARGN})
   tolerate_missing_sources()
@@ -94,7 +102,7 @@ function(doppel_test room)
   target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
   if(ARG_TORCH)
-    target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
+    doppel_reuse_torch_header(${target})
   endif()
   add_test(NAME ${room} COMMAND ${target} --gtest_filter=-Real* --gtest_brief=1)
   file(STRINGS ${CMAKE_CURRENT_SOURCE_DIR}/CMakeLists.txt has_real REGEX "HAS_REAL_TESTS")
