@@ -21,8 +21,8 @@ struct SparseRows {
 
   int64_t num_rows = 0, num_columns = 0;
   // Compressed rows and their transpose, for kernels.
-  torch::Tensor offsets, items, weights;                                     ///< int32 [rows+1], int32 [E], float32 [E]
-  torch::Tensor transposed_offsets, transposed_items, transposed_weights;    ///< int32 [cols+1], int32 [E], float32 [E]
+  torch::Tensor offsets, items, weights;                                   ///< int32 [rows+1], int32 [E], float32 [E]
+  torch::Tensor transposed_offsets, transposed_items, transposed_weights;  ///< int32 [cols+1], int32 [E], float32 [E]
   // Every row filled up to the longest with weight 0 (on its first column), for references.
   torch::Tensor padded_items;    ///< int64 [rows,P]
   torch::Tensor padded_weights;  ///< float64 [rows,P]

@@ -33,7 +33,7 @@ class CharacterSurfaceImpl : public torch::nn::Module {
   Kinematics kinematics_;
   Skinning vertex_skinning_, node_skinning_;
   EmbeddedDeformation embedded_deformation_;
-  torch::Tensor rest_;  ///< float64 [N,3]
+  torch::Tensor rest_, rest_float_;  ///< float64 and float32 [N,3]
 };
 TORCH_MODULE(CharacterSurface);
 

@@ -22,12 +22,12 @@ struct DeformationGraph {
   DeformationGraph(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& nodes,
                    const IndexRows& vertex_nodes, const std::vector<double>& weights);
 
-  torch::Tensor rest;           ///< float64 [N,3]
-  torch::Tensor nodes;          ///< float64 [K,3]
-  torch::Tensor rest_float;     ///< float32 [N,3], from the centre of the template
-  torch::Tensor nodes_float;    ///< float32 [K,3], likewise
-  torch::Tensor centre;         ///< float32 [3]
-  SparseRows weights;           ///< vertices over nodes
+  torch::Tensor rest;         ///< float64 [N,3]
+  torch::Tensor nodes;        ///< float64 [K,3]
+  torch::Tensor rest_float;   ///< float32 [N,3], from the centre of the template
+  torch::Tensor nodes_float;  ///< float32 [K,3], likewise
+  torch::Tensor centre;       ///< float32 [3]
+  SparseRows weights;         ///< vertices over nodes
 };
 
 /// Deformed vertices: canonical (6.2) without node transforms, posed (6.3) with them.

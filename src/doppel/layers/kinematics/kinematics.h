@@ -5,8 +5,8 @@
 ///   q_j = sum over DoFs d of weight_jd * dof_d
 ///   A_j = A_parent(j) * Trans(offset_j) * X_j,  X_j = Rot(axis_j, q_j) or Trans(axis_j * q_j)
 ///
-/// The chain is composed in double precision whatever the type of the DoFs, and rounded once at the output: a person several
-/// metres from the origin keeps micrometres. Letters: B batch, D DoFs, J joints, Bn bones, M markers.
+/// The chain is composed in double precision whatever the type of the DoFs, and rounded once at the output: a person
+/// several metres from the origin keeps micrometres. Letters: B batch, D DoFs, J joints, Bn bones, M markers.
 
 #include <torch/torch.h>
 
@@ -26,10 +26,15 @@ struct KinematicChain {
   torch::Tensor drive_offsets;  ///< int32 [J+1]: row j of the two below are the DoFs that drive joint j
   torch::Tensor drive_dof;      ///< int32 [E]
   torch::Tensor drive_weight;   ///< float64 [E]
+  int64_t num_joints = 0, num_dofs = 0;
+
+  // The same for the reference, with a joint J added that never moves.
   /// int64 [J+1] each: round r maps a joint to its 2^r-th ancestor, or to J when there is none.
   std::vector<torch::Tensor> ancestors;
-  torch::Tensor weights;        ///< float64 [D,J]: the drives as a matrix
-  int64_t num_joints = 0, num_dofs = 0;
+  torch::Tensor weights;  ///< float64 [D,J+1]: the drives as a matrix
+  torch::Tensor skew,
+      skew_squared;             ///< float64 [J+1,3,3]: the cross product with the axis (revolute, else 0), its square
+  torch::Tensor offset, slide;  ///< float64 [J+1,3]; slide is the axis of a prismatic joint, else 0
 };
 
 /// M frames that ride on joints: frame m stands at A_joint(m) * local_m.

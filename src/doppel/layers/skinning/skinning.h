@@ -3,7 +3,8 @@
 /// Skinning: moves points with a weighted blend of bone transforms.
 ///
 ///   linear:          x_i' = sum_b w_ib (R_b x_i + t_b)
-///   dual_quaternion: x_i' = M_i x_i,  M_i = the rigid transform of  sum_b s_ib w_ib dq_b,  normalised by its real part;
+///   dual_quaternion: x_i' = M_i x_i,  M_i = the rigid transform of  sum_b s_ib w_ib dq_b,  normalised by its real
+///   part;
 ///                    s_ib = +-1 aligns the sign of bone b with that of the vertex's first (largest) bone.
 ///
 /// Letters: B batch, N points, Bn bones. Metres.
@@ -21,8 +22,9 @@ enum class SkinningMode { dual_quaternion = 0, linear = 1 };
 /// @param points  [N,3] shared by the batch, or [B,N,3]
 /// @param bones   [B,Bn,3,4] rigid transforms
 /// @return [B,N,3]
-/// Gradients: to points (summed over the batch if shared) and to bones. The sign s_ib is constant. The gradient to a rotation
-/// is the one of reading a quaternion from the matrix: right along rotations, arbitrary across them. No second derivative.
+/// Gradients: to points (summed over the batch if shared) and to bones. The sign s_ib is constant. The gradient to a
+/// rotation is the one of reading a quaternion from the matrix: right along rotations, arbitrary across them. No second
+/// derivative.
 /// @throws Error naming the argument, with the shape found
 torch::Tensor skinning(const torch::Tensor& points, const torch::Tensor& bones, const SparseRows& weights,
                        SkinningMode mode);

@@ -1,0 +1,69 @@
+#include "doppel/layers/embedded_deformation/embedded_deformation.h"
+#include "doppel/layers/embedded_deformation/embedded_deformation_checks.h"
+#include "doppel/layers/transform_math.h"
+
+namespace doppel {
+namespace {
+
+/// sum_k w_ik X_k of transforms [B,K,3,4] -> [B,N,3,4].
+torch::Tensor blend(const torch::Tensor& transforms, const SparseRows& weights) {
+  const torch::Tensor items = index_like(weights.padded_items, transforms);
+  const torch::Tensor weight = constant_like(weights.padded_weights, transforms).unsqueeze(-1).unsqueeze(-1);
+  torch::Tensor sum;
+  for (int64_t p = 0; p < items.size(1); ++p) {
+    const torch::Tensor term = weight.select(1, p) * transforms.index_select(1, items.select(1, p));
+    sum = p == 0 ? term : sum + term;
+  }
+  return sum;
+}
+
+}  // namespace
+
+torch::Tensor euler_to_matrix(const torch::Tensor& angles) {
+  if (!angles.defined() || !angles.is_floating_point() || angles.dim() < 1 || angles.size(-1) != 3) {
+    fail<UsageError>("euler_to_matrix: angles must be a floating-point tensor [...,3], found {}", describe(angles));
+  }
+  const torch::Tensor sine = angles.sin(), cosine = angles.cos();
+  const torch::Tensor sx = sine.select(-1, 0), sy = sine.select(-1, 1), sz = sine.select(-1, 2);
+  const torch::Tensor cx = cosine.select(-1, 0), cy = cosine.select(-1, 1), cz = cosine.select(-1, 2);
+  return torch::stack({torch::stack({cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx}, -1),
+                       torch::stack({sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx}, -1),
+                       torch::stack({-sy, cy * sx, cy * cx}, -1)},
+                      -2);
+}
+
+torch::Tensor matrix_to_euler(const torch::Tensor& rotation) {
+  if (!rotation.defined() || !rotation.is_floating_point() || rotation.dim() < 2 || rotation.size(-1) != 3 ||
+      rotation.size(-2) != 3) {
+    fail<UsageError>("matrix_to_euler: rotation must be a floating-point tensor [...,3,3], found {}",
+                     describe(rotation));
+  }
+  const auto m = [&](int row, int column) { return rotation.select(-2, row).select(-1, column); };
+  constexpr double kPole = 1e-6;
+  const torch::Tensor squared = m(0, 0) * m(0, 0) + m(1, 0) * m(1, 0);
+  const torch::Tensor singular = squared < kPole * kPole;
+  // Chosen before atan2, whose derivative at (0,0) is not finite; the clamp does the same for the root.
+  const auto choose = [&](const torch::Tensor& at_pole, const torch::Tensor& elsewhere) {
+    return torch::where(singular, at_pole, elsewhere);
+  };
+  const torch::Tensor x = torch::atan2(choose(-m(1, 2), m(2, 1)), choose(m(1, 1), m(2, 2)));
+  const torch::Tensor y = torch::atan2(-m(2, 0), squared.clamp_min(kPole * kPole).sqrt());
+  const torch::Tensor z =
+      torch::atan2(choose(torch::zeros_like(squared), m(1, 0)), choose(torch::ones_like(squared), m(0, 0)));
+  return torch::stack({x, y, z}, -1);
+}
+
+torch::Tensor embedded_deformation_reference(const torch::Tensor& A, const torch::Tensor& T, const torch::Tensor& D,
+                                             const torch::Tensor& node_transforms, const DeformationGraph& graph) {
+  check_deformation_arguments(A, T, D, node_transforms, graph);
+  const torch::Tensor nodes = constant_like(graph.nodes, A), rest = constant_like(graph.rest, A);
+  const torch::Tensor rotation = euler_to_matrix(A);
+  const torch::Tensor rotated_nodes = torch::matmul(rotation, nodes.unsqueeze(-1)).squeeze(-1);
+  torch::Tensor points =
+      transform_points(blend(make_transform(rotation, nodes + T - rotated_nodes), graph.weights), rest);
+  if (D.defined()) points = points + D;
+  if (node_transforms.defined()) points = transform_points(blend(node_transforms, graph.weights), points);
+  return points;
+}
+
+}  // namespace doppel

@@ -1,0 +1,39 @@
+#pragma once
+
+/// Rigid transforms as [...,3,4] tensors, in plain tensor operations that a torch::jit trace can hold.
+
+#include <torch/torch.h>
+
+namespace doppel {
+
+/// A constant on the device and in the type of `like`; untouched (and unrecorded by a trace) if it is there already.
+inline torch::Tensor constant_like(const torch::Tensor& constant, const torch::Tensor& like) {
+  if (constant.device() == like.device() && constant.scalar_type() == like.scalar_type()) return constant;
+  return constant.to(like.options());
+}
+/// An index on the device of `like`.
+inline torch::Tensor index_like(const torch::Tensor& index, const torch::Tensor& like) {
+  if (index.device() == like.device() && index.scalar_type() == torch::kInt64) return index;
+  return index.to(like.device(), torch::kInt64);
+}
+
+inline torch::Tensor rotation_of(const torch::Tensor& transform) { return transform.narrow(-1, 0, 3); }
+inline torch::Tensor translation_of(const torch::Tensor& transform) { return transform.select(-1, 3); }
+inline torch::Tensor make_transform(const torch::Tensor& rotation, const torch::Tensor& translation) {
+  return torch::cat({rotation, translation.unsqueeze(-1)}, -1);
+}
+
+/// a_from_b * b_from_c.
+inline torch::Tensor compose(const torch::Tensor& a_from_b, const torch::Tensor& b_from_c) {
+  const torch::Tensor rotation = rotation_of(a_from_b);
+  return make_transform(
+      torch::matmul(rotation, rotation_of(b_from_c)),
+      torch::matmul(rotation, translation_of(b_from_c).unsqueeze(-1)).squeeze(-1) + translation_of(a_from_b));
+}
+
+/// Transforms points [...,3].
+inline torch::Tensor transform_points(const torch::Tensor& transform, const torch::Tensor& points) {
+  return (rotation_of(transform) * points.unsqueeze(-2)).sum(-1) + translation_of(transform);
+}
+
+}  // namespace doppel
