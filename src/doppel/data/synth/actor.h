@@ -16,13 +16,13 @@ struct ActorOptions {
 /// The synthetic actor: an ordinary character, and what only its maker knows about it.
 struct Actor {
   Character character;
-  std::vector<double> openness;         ///< [N] share of the surroundings a vertex sees in the rest pose, for shading
-  std::vector<double> looseness;        ///< [N] 0 skin-tight .. 1 free hem
-  std::vector<Eigen::Vector3d> hang;    ///< [N] how the worn clothes differ from the template, rest-pose metres
+  std::vector<double> openness;       ///< [N] share of the surroundings a vertex sees in the rest pose, for shading
+  std::vector<double> looseness;      ///< [N] 0 skin-tight .. 1 free hem
+  std::vector<Eigen::Vector3d> hang;  ///< [N] how the worn clothes differ from the template, rest-pose metres
 };
 
-/// Builds the actor: a woman of 1.75 m in a pullover and a wide skirt, 33 DoFs (6 root, 27 joints, the trunk rigid), 21 landmarks.
-/// The same options give the same actor, bit for bit.
+/// Builds the actor: a woman of 1.75 m in a pullover and a wide skirt, 33 DoFs (6 root, 27 joints, the trunk rigid), 21
+/// landmarks. The same options give the same actor, bit for bit.
 /// @throws Error when the counts cannot be reached
 Actor make_actor(const ActorOptions& options);
 

@@ -27,14 +27,14 @@ enum Part : int {
 };
 constexpr int kLimbParts = kRightArm - kLeftArm;
 
-/// Where the actor's joints are in the rest pose (an A-pose, facing +z, feet on y = 0), metres. The left side has x > 0;
-/// the right one is its mirror image.
+/// Where the actor's joints are in the rest pose (an A-pose, facing +z, feet on y = 0), metres. The left side has x >
+/// 0; the right one is its mirror image.
 struct BodyPlan {
   static Eigen::Vector3d root() { return {0, 0.95, 0}; }
   static Eigen::Vector3d neck() { return {0, 1.455, -0.012}; }
   static Eigen::Vector3d head_top() { return {0, 1.75, 0.0}; }
   static Eigen::Vector3d clavicle() { return {0.035, 1.405, -0.01}; }
-  static Eigen::Vector3d shoulder() { return {0.175, 1.395, -0.012}; }
+  static Eigen::Vector3d shoulder() { return {0.166, 1.39, -0.012}; }
   static Eigen::Vector3d arm_direction() { return Eigen::Vector3d(0.72, -0.69, 0.04).normalized(); }
   static Eigen::Vector3d elbow() { return shoulder() + 0.275 * arm_direction(); }
   static Eigen::Vector3d wrist() { return elbow() + 0.245 * arm_direction(); }
@@ -49,8 +49,8 @@ struct BodyPlan {
 /// The point or vector on the other side of the body.
 inline Eigen::Vector3d mirrored(const Eigen::Vector3d& p) { return {-p.x(), p.y(), p.z()}; }
 
-/// The actor as a signed distance field: smooth unions of round cones, ellipsoids and a hollow, folded skirt. The values are
-/// true distances only near the surface, which is all that meshing and projecting need.
+/// The actor as a signed distance field: smooth unions of round cones, ellipsoids and a hollow, folded skirt. The
+/// values are true distances only near the surface, which is all that meshing and projecting need.
 class BodyField {
  public:
   /// Distances to the single parts, metres, negative inside.
