@@ -122,6 +122,13 @@ TEST_F(CharacterReads, MarkersWrittenInTheWorldOfTheZeroPoseAreRecognised) {
   EXPECT_LT((again.skeleton.markers[0].position - c.skeleton.markers[0].position).norm(), 1e-12);
 }
 
+TEST_F(CharacterReads, TheSkeletonLiesInTheTemplateUnlessThePoseIsWrong) {
+  Character c = load_character(path_);
+  EXPECT_LT(skeleton_distance(c), 0.1);
+  c.rest_dofs[0] += 2.0;  // two metres along x
+  EXPECT_GT(skeleton_distance(c), 1.5);
+}
+
 TEST_F(CharacterReads, TheBoneRuleIsAnOption) {
   Skeleton longer = character_.skeleton;
   longer.joints.push_back({"Seg2Tip", Joint::Type::revolute, longer.num_joints() - 1, Eigen::Vector3d(0, 0.1, 0),

@@ -128,6 +128,13 @@ TEST_F(RealOracle, MarkersAreWorldPositionsOfTheZeroPose) {
   EXPECT_NEAR(distance.zero_pose_world, 0.032, 0.005);
 }
 
+TEST_F(RealOracle, TheSkeletonLiesInTheTemplate) {
+  Character character = load();
+  EXPECT_LT(skeleton_distance(character), 0.05);
+  character.rest_dofs.assign(character.rest_dofs.size(), 0.0);  // as if the rest pose had been forgotten
+  EXPECT_GT(skeleton_distance(character), kSkeletonOffTemplate);
+}
+
 TEST_F(RealOracle, WrittenAndReadItIsTheSameCharacter) {
   const support::TemporaryFolder folder;
   const Character written = load();

@@ -10,8 +10,8 @@
 namespace doppel {
 namespace {
 
-using ::testing::HasSubstr;
 using support::replaced;
+using ::testing::HasSubstr;
 
 constexpr char kArm[] =
     "Skeletool Skeleton Definition V1.0\n"

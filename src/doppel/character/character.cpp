@@ -82,12 +82,11 @@ void complete_character(Character& character) {
 
 namespace {
 
-/// The median distance of the markers in the rest pose to the nearest vertex of the template.
-double marker_distance(const Skeleton& skeleton, const std::vector<double>& rest_dofs, const TriangleMesh& mesh) {
-  const auto world_from_joint = skeleton.pose(rest_dofs);
+/// The median distance of some points to the nearest vertex of the template; 0 without points.
+double median_distance(const std::vector<Eigen::Vector3d>& points, const TriangleMesh& mesh) {
+  if (points.empty()) return 0.0;
   std::vector<double> distances;
-  for (const Marker& marker : skeleton.markers) {
-    const Eigen::Vector3d position = world_from_joint[marker.joint] * marker.position;
+  for (const Eigen::Vector3d& position : points) {
     double smallest = std::numeric_limits<double>::infinity();
     for (const Eigen::Vector3d& vertex : mesh.vertices)
       smallest = std::min(smallest, (vertex - position).squaredNorm());
@@ -98,7 +97,21 @@ double marker_distance(const Skeleton& skeleton, const std::vector<double>& rest
   return *middle;
 }
 
+double marker_distance(const Skeleton& skeleton, const std::vector<double>& rest_dofs, const TriangleMesh& mesh) {
+  const auto world_from_joint = skeleton.pose(rest_dofs);
+  std::vector<Eigen::Vector3d> points;
+  for (const Marker& marker : skeleton.markers) points.push_back(world_from_joint[marker.joint] * marker.position);
+  return median_distance(points, mesh);
+}
+
 }  // namespace
+
+double skeleton_distance(const Character& character) {
+  const auto world_from_joint = character.skeleton.pose(character.rest_dofs);
+  std::vector<Eigen::Vector3d> points;
+  for (const int joint : character.bone_joint) points.push_back(world_from_joint[joint].translation());
+  return median_distance(points, character.mesh);
+}
 
 MarkerDistances decide_marker_reading(Skeleton& skeleton, const std::vector<double>& rest_dofs,
                                       const TriangleMesh& mesh) {

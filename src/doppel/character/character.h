@@ -55,10 +55,17 @@ struct MarkerDistances {
 MarkerDistances decide_marker_reading(Skeleton& skeleton, const std::vector<double>& rest_dofs,
                                       const TriangleMesh& mesh);
 
+/// How far, in metres, the joints that carry bones lie from the template's vertices in the rest pose (median): some
+/// centimetres, unless the rest pose or a unit is wrong.
+double skeleton_distance(const Character& character);
+/// Farther than this (skeleton_distance) and the skeleton is not in the body.
+constexpr double kSkeletonOffTemplate = 0.2;
+
 /// Reads "skeletool character file v1.0" and what it names; beside it, by convention, `segmentation.txt` and a graph
 /// OBJ
 /// (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`). Decides the marker reading by which
-/// one lies nearer the template in the rest pose, and checks that all counts agree.
+/// one lies nearer the template in the rest pose, checks that all counts agree, and warns when the skeleton does not
+/// lie in the template.
 /// @throws FileError / Error naming the two files that disagree
 Character load_character(const std::filesystem::path& path, const CharacterOptions& options = {});
 

@@ -4,6 +4,7 @@
 #include "doppel/character/character.h"
 #include "doppel/character/file_text.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -92,6 +93,16 @@ void find_bones(const CharacterFiles& files, Character& character) {
   }
 }
 
+/// A skeleton that does not lie in the body has the wrong pose or unit. Skinning would still run, far away.
+void check_place(const fs::path& path, const CharacterFiles& files, const Character& character) {
+  const double distance = skeleton_distance(character);
+  if (distance > kSkeletonOffTemplate)
+    log::warn("{}: in the rest pose the joints lie {:.3g} m from the template (median); {}", path.string(), distance,
+              files.pose.empty()
+                  ? "the file names no pose, so all DoFs are 0: does a 'pose' belong to it?"
+                  : "is the pose the one the template was scanned in, and are all files in millimetres?");
+}
+
 void read_graph(const fs::path& path, const CharacterFiles& files, Character& character) {
   character.graph_source = find_graph(path, files.mesh);
   if (character.graph_source.empty()) {
@@ -138,6 +149,7 @@ Character load_character(const fs::path& path, const CharacterOptions& options) 
   const fs::path segmentation = files.mesh.parent_path() / "segmentation.txt";
   if (fs::exists(segmentation)) character.labels = read_segmentation(segmentation, character.num_vertices());
   find_bones(files, character);
+  check_place(path, files, character);
   read_graph(path, files, character);
   return character;
 }
