@@ -1,0 +1,374 @@
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <set>
+
+#include "character_report.h"
+#include "command.h"
+#include "doppel/character/motion.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/text_reader.h"
+#include "doppel/data/capture.h"
+#include "doppel/data/capture_layouts.h"
+#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/topology.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+struct InfoOptions {
+  std::string path, bone_rule = "exact", metric = "hops";
+  double metres_per_unit = 0.001;
+  bool verbose = false;
+};
+
+const char* const kLabelNames[] = {"background", "hat",        "hair",       "glove",     "sunglasses", "upper clothes",
+                                   "dress",      "coat",       "socks",      "pants",     "jumpsuit",   "scarf",
+                                   "skirt",      "face",       "left arm",   "right arm", "left leg",   "right leg",
+                                   "left shoe",  "right shoe", "under dress"};
+
+Json vector_json(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
+
+Json describe_mesh(const TriangleMesh& mesh) {
+  const MeshReport report = inspect_mesh(mesh);
+  Eigen::Vector3d low = mesh.vertices[0], high = mesh.vertices[0];
+  for (const Eigen::Vector3d& v : mesh.vertices) {
+    low = low.cwiseMin(v);
+    high = high.cwiseMax(v);
+  }
+  Json json;
+  json["vertices"] = mesh.num_vertices();
+  json["faces"] = mesh.num_faces();
+  json["uvs"] = mesh.uvs.size();
+  json["texture"] = mesh.texture.empty() ? "none" : fmt::format("{}x{}", mesh.texture.cols, mesh.texture.rows);
+  json["lowest_m"] = vector_json(low);
+  json["highest_m"] = vector_json(high);
+  json["closed"] = report.closed();
+  json["components"] = report.components;
+  json["boundary_edges"] = report.boundary_edges;
+  json["non_manifold_edges"] = report.non_manifold_edges;
+  json["degenerate_faces"] = report.degenerate_faces;
+  json["isolated_vertices"] = report.isolated_vertices;
+  json["euler_characteristic"] = report.euler_characteristic;
+  return json;
+}
+
+/// The smallest, mean and largest number of items in a row: influences of a vertex.
+Json describe_rows(const IndexRows& rows) {
+  int smallest = rows.num_rows() > 0 ? rows.size(0) : 0, largest = smallest;
+  for (int r = 0; r < rows.num_rows(); ++r) {
+    smallest = std::min(smallest, rows.size(r));
+    largest = std::max(largest, rows.size(r));
+  }
+  Json json;
+  json["min"] = smallest;
+  json["mean"] = rows.num_rows() > 0 ? static_cast<double>(rows.items.size()) / rows.num_rows() : 0.0;
+  json["max"] = largest;
+  return json;
+}
+
+/// The root's axes in the order they act, with the DoF and weight behind each: "ry: rotate_y x 3".
+Json describe_root(const Skeleton& skeleton) {
+  Json json;
+  try {
+    const Skeleton::Root root = skeleton.root();
+    std::string order = "tx ty tz";
+    for (int i = 0; i < 3; ++i) order += std::string(" r") + "xyz"[root.axes[i]];
+    json["order"] = order;
+    for (int i = 0; i < 3; ++i)
+      json[std::string("t") + "xyz"[i]] =
+          fmt::format("{} ({} m per unit)", skeleton.dofs[root.translation[i]].name, root.translation_weight[i]);
+    for (int i = 0; i < 3; ++i)
+      json[std::string("r") + "xyz"[root.axes[i]]] =
+          fmt::format("{} ({} rad per unit)", skeleton.dofs[root.rotation[i]].name, root.rotation_weight[i]);
+  } catch (const Error& e) {
+    json["order"] = std::string("not readable: ") + e.what();
+  }
+  return json;
+}
+
+Json describe_dofs(const Skeleton& skeleton) {
+  Json json;
+  for (const Dof& dof : skeleton.dofs) {
+    std::string text = dof.limits ? fmt::format("limits {} {}", (*dof.limits)[0], (*dof.limits)[1]) : "no limits";
+    text += dof.joints.empty() ? "; drives nothing" : "; drives";
+    for (const Dof::Drive& drive : dof.joints)
+      text += fmt::format(" {} x {}", skeleton.joints[drive.joint].name, drive.weight);
+    json[dof.name] = text;
+  }
+  return json;
+}
+
+Json describe_skeleton(const Skeleton& skeleton, bool verbose) {
+  const auto count = [&](auto predicate) {
+    return std::count_if(skeleton.dofs.begin(), skeleton.dofs.end(), predicate);
+  };
+  Json json;
+  json["joints"] = skeleton.num_joints();
+  json["dofs"] = skeleton.num_dofs();
+  json["dofs_with_limits"] = count([](const Dof& dof) { return dof.limits.has_value(); });
+  json["dofs_without_joints"] = count([](const Dof& dof) { return dof.joints.empty(); });
+  json["markers"] = skeleton.markers.size();
+  json["joints_reordered"] = !skeleton.file_order.empty();
+  json["root"] = describe_root(skeleton);
+  if (verbose) json["dof_list"] = describe_dofs(skeleton);
+  return json;
+}
+
+Json describe_skin(const SkinningWeights& skin) {
+  Json json;
+  json["vertices"] = skin.num_vertices();
+  json["bones"] = skin.num_bones();
+  json["influences"] = describe_rows(skin.vertex_bones);
+  json["glued_weights_repaired"] = skin.repaired;
+  return json;
+}
+
+Json describe_graph(const Character& character) {
+  const EmbeddedGraph& graph = character.graph;
+  const bool hops = character.options.graph.metric == GraphMetric::hops;
+  const auto [low, high] = std::minmax_element(graph.radius.begin(), graph.radius.end());
+  Json json;
+  json["nodes"] = graph.num_nodes();
+  json["edges"] = graph.edges.size();
+  json["source"] = character.graph_source.empty() ? "decimated from the mesh" : character.graph_source.string();
+  json["metric"] = hops ? "hops" : "geodesic";
+  json["radius_unit"] = hops ? "hops" : "metres";
+  json["radius_min"] = *low;
+  json["radius_max"] = *high;
+  json["nodes_above_smallest_radius"] =
+      std::count_if(graph.radius.begin(), graph.radius.end(), [low = *low](double r) { return r > low; });
+  json["influences"] = describe_rows(graph.vertex_nodes);
+  return json;
+}
+
+Json describe_labels(const Character& character) {
+  Json json;
+  if (character.labels.empty()) return "none (no segmentation.txt): rigidity 1 everywhere";
+  std::map<int, int> count;
+  for (const int label : character.labels) ++count[label];
+  for (const auto& [label, n] : count) json[fmt::format("{} {}", label, kLabelNames[label])] = n;
+  return json;
+}
+
+Json describe_markers(const Character& character) {
+  Skeleton skeleton = character.skeleton;
+  const MarkerDistances distance = decide_marker_reading(skeleton, character.rest_dofs, character.mesh);
+  Json json;
+  json["reading"] = skeleton.marker_reading == MarkerReading::joint_relative
+                        ? "relative to the joint"
+                        : "world positions in the pose of all zeros";
+  json["median_distance_m_joint_relative"] = distance.joint_relative;
+  json["median_distance_m_zero_pose_world"] = distance.zero_pose_world;
+  return json;
+}
+
+Json describe_motion(const fs::path& path) {
+  // A motion does not say how many DoFs it has; its first row does.
+  int columns = 0;
+  {
+    TextReader reader(path, "a motion file");
+    if (reader.next_line() && reader.next_line()) columns = static_cast<int>(reader.tokens().size()) - 1;
+  }
+  const Motion motion = read_motion(path, std::max(1, columns));
+  Json json;
+  json["kind"] = "motion";
+  json["frames"] = motion.num_frames();
+  json["dofs"] = columns;
+  json["first_id"] = motion.ids.front();
+  json["last_id"] = motion.ids.back();
+  json["ids_without_gaps"] = std::adjacent_find(motion.ids.begin(), motion.ids.end(),
+                                                [](long a, long b) { return b != a + 1; }) == motion.ids.end();
+  return json;
+}
+
+Json describe_calibration(const fs::path& path, bool verbose) {
+  const std::vector<Camera> cameras = read_calibration(path);
+  Json json;
+  json["kind"] = "calibration";
+  json["cameras"] = cameras.size();
+  const std::size_t shown = verbose ? cameras.size() : std::min<std::size_t>(cameras.size(), 16);
+  for (std::size_t c = 0; c < shown; ++c) {
+    const Camera& camera = cameras[c];
+    const Eigen::Vector3d o = camera.centre();
+    json["camera_list"][camera.name] =
+        fmt::format("{}x{} px, f {:.2f} {:.2f}, c {:.2f} {:.2f}, centre ({:.3f}, {:.3f}, {:.3f}) m{}", camera.width,
+                    camera.height, camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2), o.x(), o.y(), o.z(),
+                    camera.has_distortion() ? ", lens distortion" : "");
+  }
+  if (shown < cameras.size()) json["not_shown"] = fmt::format("{} more; --verbose lists them", cameras.size() - shown);
+  return json;
+}
+
+Json with_kind(const char* kind, const Json& part) {
+  Json json;
+  json["kind"] = kind;
+  json.update(part);
+  return json;
+}
+
+CharacterOptions character_options(const InfoOptions& options) {
+  CharacterOptions result;
+  result.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
+  result.graph.metric = options.metric == "geodesic" ? GraphMetric::geodesic : GraphMetric::hops;
+  return result;
+}
+
+/// The one .character file of a folder; empty when there is none.
+fs::path character_of_folder(const fs::path& folder) {
+  std::vector<fs::path> characters;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ".character") characters.push_back(entry.path());
+  std::sort(characters.begin(), characters.end());
+  if (characters.size() > 1)
+    fail<UsageError>("{} is a folder with {} .character files; name one of them", folder.string(), characters.size());
+  return characters.empty() ? fs::path() : characters[0];
+}
+
+/// A capture.yaml says so in a line of its own; other YAML files are calibrations.
+bool is_capture_file(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension != ".yaml" && extension != ".yml") return false;
+  const std::string text = read_file(path);
+  return text.compare(0, 15, "doppel_capture:") == 0 || text.find("\ndoppel_capture:") != std::string::npos;
+}
+
+Json describe_sequence(const Capture& capture, const SequenceEntry& sequence) {
+  const long rows = describe_motion(capture.resolve(sequence.motion))["frames"];
+  const long last = std::min(sequence.last_frame.value_or(rows - 1), rows - 1);
+  Json json;
+  json["split"] = to_string(sequence.split);
+  json["motion_rows"] = rows;
+  json["used"] = fmt::format("{} to {}", sequence.first_frame, last);
+  json["segments"] = sequence.cuts.size() + 1;
+  json["masks"] = sequence.chroma_key ? "by chroma key" : sequence.masks;
+  json["videos"] = sequence.videos;
+  if (!sequence.keypoints.empty()) json["keypoints"] = sequence.keypoints;
+  return json;
+}
+
+Json describe_capture(const Capture& capture) {
+  Json json;
+  json["kind"] = "capture";
+  json["name"] = capture.name;
+  json["root"] = capture.root.string();
+  json["recognised"] = capture.file.empty() ? "by its folders" : "by " + capture.file.string();
+  json["prepared"] = !capture.file.empty() && fs::is_directory(capture.file.parent_path() / "store");
+  json["fps"] = capture.fps;
+  json["character"] = capture.character_path().string();
+  json["cameras_in_file"] = read_calibration(capture.calibration_path()).size();
+  if (!capture.cameras.empty()) json["cameras_used"] = capture.cameras;
+  for (const SequenceEntry& sequence : capture.sequences)
+    json["sequences"][sequence.name] = describe_sequence(capture, sequence);
+  return json;
+}
+
+Json describe_folder(const fs::path& folder, const InfoOptions& options) {
+  if (fs::exists(folder / "capture.yaml")) return describe_capture(read_capture(folder));
+  const fs::path character = character_of_folder(folder);
+  if (!character.empty())
+    return describe_character(load_character(character, character_options(options)), options.verbose);
+  if (const auto recognised = recognise_capture(folder)) return describe_capture(recognised->capture);
+  fail<UsageError>("{} holds neither a capture.yaml, nor a .character file, nor the folders of a dataset that is known",
+                   folder.string());
+}
+
+Json describe(const fs::path& path, const InfoOptions& options) {
+  if (!fs::exists(path)) fail("{} does not exist", path.string());
+  if (fs::is_directory(path)) return describe_folder(path, options);
+  if (is_capture_file(path)) return describe_capture(read_capture(path));
+  const std::string extension = path.extension().string();
+  if (extension == ".character")
+    return describe_character(load_character(path, character_options(options)), options.verbose);
+  if (extension == ".skeleton") return with_kind("skeleton", describe_skeleton(read_skeleton(path), options.verbose));
+  if (extension == ".skin") return with_kind("skin", describe_skin(read_skin(path)));
+  if (extension == ".obj") return with_kind("mesh", describe_mesh(read_obj(path, options.metres_per_unit)));
+  if (extension == ".motion") return describe_motion(path);
+  static const std::set<std::string> calibrations{".calibration", ".yml", ".yaml", ".xml", ".json"};
+  if (calibrations.count(extension)) return describe_calibration(path, options.verbose);
+  fail<UsageError>(
+      "cannot tell what {} is by its extension '{}'; known are .character, .skeleton, .motion, .skin, .obj, "
+      ".calibration, "
+      ".yml, .yaml, .xml, .json, and folders that hold a capture or a character",
+      path.string(), extension);
+}
+
+std::string value_text(const Json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number_float()) return fmt::format("{:.6g}", value.get<double>());
+  if (!value.is_array()) return value.dump();
+  std::string text;
+  for (const Json& item : value) text += (text.empty() ? "" : " ") + value_text(item);
+  return text;
+}
+
+void print_lines(const Json& report, int indent) {
+  for (const auto& [key, value] : report.items()) {
+    std::printf("%*s%s:", indent, "", key.c_str());
+    if (value.is_object()) {
+      std::printf("\n");
+      print_lines(value, indent + 2);
+    } else {
+      std::printf(" %s\n", value_text(value).c_str());
+    }
+  }
+}
+
+}  // namespace
+
+Json describe_character(const Character& character, bool verbose) {
+  Json json;
+  json["kind"] = "character";
+  json["name"] = character.name;
+  json["fingerprint"] = character.fingerprint();
+  json["units"] = "files in millimetres, everything below in metres";
+  json["mesh"] = describe_mesh(character.mesh);
+  json["skeleton"] = describe_skeleton(character.skeleton, verbose);
+  json["skin"] = describe_skin(character.skin);
+  json["skin"]["bone_rule"] = character.options.bone_rule == BoneRule::exact ? "exact" : "prefix";
+  if (verbose)
+    for (int b = 0; b < character.skin.num_bones(); ++b)
+      json["skin"]["bone_joints"][character.skin.bones[b]] = character.skeleton.joints[character.bone_joint[b]].name;
+  if (!character.skeleton.markers.empty()) json["markers"] = describe_markers(character);
+  json["graph"] = describe_graph(character);
+  json["labels"] = describe_labels(character);
+  json["rest_pose_joints_off_template_m"] = skeleton_distance(character);
+  return json;
+}
+
+void print_report(const Json& report, bool json) {
+  if (json)
+    std::printf("%s\n", report.dump(2).c_str());
+  else
+    print_lines(report, 0);
+}
+
+Command add_info(CLI::App& program) {
+  auto options = std::make_shared<InfoOptions>();
+  CLI::App* app = program.add_subcommand("info", "Say what a file is and how Doppel reads it");
+  app->add_option("path", options->path,
+                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder")
+      ->required();
+  app->add_option("--bone-rule", options->bone_rule, "Which joint carries a bone of the skin")
+      ->check(CLI::IsMember({"exact", "prefix"}))
+      ->capture_default_str();
+  app->add_option("--metric", options->metric, "Distance along the template that weighs graph nodes")
+      ->check(CLI::IsMember({"hops", "geodesic"}))
+      ->capture_default_str();
+  app->add_option("--metres-per-unit", options->metres_per_unit, "Unit of an OBJ that is read on its own")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
+  app->footer("Example: doppel info actor/actor.character --verbose");
+  return {app, [options](const CommonOptions& common) {
+            print_report(describe(options->path, *options), common.json);
+            return 0;
+          }};
+}
+
+}  // namespace doppel::tools
