@@ -114,6 +114,8 @@ inline std::vector<HostileFile> hostile_variants(const std::string& valid, std::
 }
 
 inline void write_bytes(const std::filesystem::path& path, const std::string& content) {
+  // Some file systems wait for the disk when a file is overwritten, but not when it is new.
+  std::filesystem::remove(path);
   std::ofstream file(path, std::ios::binary);
   file.write(content.data(), static_cast<std::streamsize>(content.size()));
   if (!file.flush()) throw std::runtime_error("cannot write " + path.string());

@@ -27,8 +27,13 @@ class OpenCvReader {
     try {
       const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
       return read_cameras(storage.root());
+    } catch (const Error&) {
+      throw;
     } catch (const cv::Exception& e) {
       fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.err);
+    } catch (const std::exception& e) {
+      // OpenCV's parser lets the standard library's exceptions out, for an empty key for instance.
+      fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.what());
     }
   }
 

@@ -12,6 +12,7 @@ namespace doppel {
 namespace {
 
 constexpr const char* kHeader = "Skeletool Camera Calibration File V1.0";
+constexpr std::string_view kFamily = "Skeletool Camera Calibration";
 constexpr const char* kKeys = "name, sensor, size, animated, frame, intrinsic, extrinsic, radial";
 constexpr long kMaxSide = 1 << 16;
 // Files are rounded to 6 digits or so, which leaves R orthonormal to 1e-5. Up to the second bound it was rounded
@@ -209,7 +210,7 @@ class SkeletoolCalibration : public CalibrationFormat {
     // By its first words only: another version of the format is told so by the reader.
     const std::size_t begin = head.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
     const std::size_t text = head.find_first_not_of(" \t\r\n", begin);
-    return text != std::string::npos && head.compare(text, 36, kHeader, 36) == 0;
+    return text != std::string::npos && head.compare(text, kFamily.size(), kFamily) == 0;
   }
   bool writes(const std::string& extension) const override { return extension == ".calibration"; }
   std::vector<Camera> read(const std::filesystem::path& path) const override { return SkeletoolReader(path).read(); }

@@ -3,6 +3,7 @@
 #endif
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
 #include <OpenMesh/Tools/Decimater/DecimaterT.hh>
+#include <OpenMesh/Tools/Decimater/ModBaseT.hh>
 #include <OpenMesh/Tools/Decimater/ModNormalFlippingT.hh>
 #include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
 
@@ -14,12 +15,59 @@ namespace {
 
 constexpr double kShortfall = 1.05;      // how far above the target counts as reached
 constexpr float kMaxNormalTurn = 75.0f;  // degrees a face may turn in one collapse; more folds the surface
+constexpr double kBorderTurn = 0.9;      // cosine of the largest corner of a border that a collapse may cut
 
 struct DoubleTraits : OpenMesh::DefaultTraits {
   using Point = OpenMesh::Vec3d;
   using Normal = OpenMesh::Vec3d;
 };
 using OmMesh = OpenMesh::TriMesh_ArrayKernelT<DoubleTraits>;
+
+/// Keeps the outline of an open mesh: the quadrics of a flat border would let it shrink for free. A border vertex may
+/// only slide along the border, where the border is straight enough to miss nothing.
+class KeepBorder : public OpenMesh::Decimater::ModBaseT<OmMesh> {
+ public:
+  using Base = OpenMesh::Decimater::ModBaseT<OmMesh>;
+  using Handle = OpenMesh::Decimater::ModHandleT<KeepBorder>;
+  DECIMATER_MODNAME(KeepBorder);
+
+  explicit KeepBorder(OmMesh& surface) : Base(surface, /*_is_binary=*/true) {}
+
+  float collapse_priority(const Base::CollapseInfo& collapse) override {
+    const OmMesh& mesh = Base::mesh();
+    if (!mesh.is_boundary(collapse.v0)) return Base::LEGAL_COLLAPSE;
+    if (!mesh.is_boundary(mesh.edge_handle(collapse.v0v1))) return Base::ILLEGAL_COLLAPSE;
+    // Removing v0 cuts the corner that the border makes there.
+    const OmMesh::HalfedgeHandle outer =
+        mesh.is_boundary(collapse.v0v1) ? collapse.v0v1 : mesh.opposite_halfedge_handle(collapse.v0v1);
+    const OmMesh::VertexHandle other = outer == collapse.v0v1
+                                           ? mesh.from_vertex_handle(mesh.prev_halfedge_handle(outer))
+                                           : mesh.to_vertex_handle(mesh.next_halfedge_handle(outer));
+    const OpenMesh::Vec3d towards = collapse.p0 - mesh.point(other), onwards = collapse.p1 - collapse.p0;
+    const double aligned = (towards | onwards) / (towards.norm() * onwards.norm());
+    return aligned > kBorderTurn ? Base::LEGAL_COLLAPSE : Base::ILLEGAL_COLLAPSE;
+  }
+};
+
+/// Keeps a closed piece from being folded flat: its last tetrahedron has no edge to lose.
+class KeepSolid : public OpenMesh::Decimater::ModBaseT<OmMesh> {
+ public:
+  using Base = OpenMesh::Decimater::ModBaseT<OmMesh>;
+  using Handle = OpenMesh::Decimater::ModHandleT<KeepSolid>;
+  DECIMATER_MODNAME(KeepSolid);
+
+  explicit KeepSolid(OmMesh& surface) : Base(surface, /*_is_binary=*/true) {}
+
+  float collapse_priority(const Base::CollapseInfo& collapse) override {
+    const OmMesh& mesh = Base::mesh();
+    // A vertex of valence 3 opposite the edge would be left with two faces that lie on each other.
+    for (const OmMesh::VertexHandle opposite : {collapse.vl, collapse.vr}) {
+      if (opposite.is_valid() && mesh.valence(opposite) <= 3 && !mesh.is_boundary(opposite))
+        return Base::ILLEGAL_COLLAPSE;
+    }
+    return Base::LEGAL_COLLAPSE;
+  }
+};
 
 OmMesh to_openmesh(const TriangleMesh& mesh) {
   OmMesh out;
@@ -92,16 +140,21 @@ TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices) {
   OpenMesh::Decimater::ModNormalFlippingT<OmMesh>::Handle flipping;
   decimater.add(quadric);
   decimater.add(flipping);
+  KeepBorder::Handle border;
+  KeepSolid::Handle solid;
+  decimater.add(border);
+  decimater.add(solid);
   decimater.module(quadric).unset_max_err();
   decimater.module(flipping).set_max_normal_deviation(kMaxNormalTurn);
   if (!decimater.initialize()) fail("decimating a mesh: OpenMesh refuses the modules");
-  if (target_vertices < static_cast<int>(surface.n_vertices())) {
+  const int in_use = static_cast<int>(surface.n_vertices());
+  if (target_vertices < in_use) {
     decimater.decimate_to(static_cast<std::size_t>(target_vertices));
     surface.garbage_collection();
   }
 
   TriangleMesh out = from_openmesh(surface);
-  if (out.num_vertices() > kShortfall * target_vertices && out.num_vertices() < mesh.num_vertices()) {
+  if (out.num_vertices() > kShortfall * target_vertices && target_vertices < in_use) {
     fail("decimating a mesh of {} vertices to {}: no collapse keeps the surface below {}; ask for more vertices",
          mesh.num_vertices(), target_vertices, out.num_vertices());
   }

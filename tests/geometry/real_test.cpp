@@ -1,0 +1,77 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+
+#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/topology.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RealGeometry : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const char* shared = std::getenv("DOPPEL_SHARED");
+    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: the example capture is looked for there";
+    capture_ = fs::path(shared) / "captures/s22";
+  }
+  fs::path capture_;
+};
+
+TEST_F(RealGeometry, BothCalibrationFilesAgree) {
+  const std::vector<Camera> a = read_calibration(capture_ / "calibration/cameras.calibration");
+  const std::vector<Camera> b = read_calibration(capture_ / "calibration/cameras.yml");
+  ASSERT_EQ(a.size(), 8u);
+  ASSERT_EQ(b.size(), 8u);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].name, std::to_string(i));
+    EXPECT_EQ(a[i].name, b[i].name);
+    EXPECT_EQ(a[i].width, b[i].width);
+    // The Skeletool file has 9 digits.
+    EXPECT_LT((a[i].K - b[i].K).norm(), 1e-5);
+    EXPECT_LT((a[i].R - b[i].R).norm(), 1e-7);
+    EXPECT_LT((a[i].t - b[i].t).norm(), 1e-6);
+    EXPECT_LT((a[i].project({0, 1, 0}) - b[i].project({0, 1, 0})).norm(), 1e-4);
+    EXPECT_GT(a[i].camera_from_world({0, 1, 0}).z(), 1) << "camera " << i << " looks away from the scene";
+  }
+}
+
+TEST_F(RealGeometry, TheTemplateIsOneClosedSurface) {
+  const auto start = std::chrono::steady_clock::now();
+  const TriangleMesh mesh = read_obj(capture_ / "character/ddc.obj", 0.001);
+  RecordProperty(
+      "milliseconds",
+      static_cast<int>(1000 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()));
+  EXPECT_EQ(mesh.num_vertices(), 5514);
+  EXPECT_EQ(mesh.num_faces(), 11024);
+  EXPECT_EQ(mesh.colours.size(), 5514u);
+  EXPECT_EQ(mesh.face_uvs.size(), 11024u);
+  EXPECT_FALSE(mesh.texture.empty());
+  const MeshReport report = inspect_mesh(mesh);
+  EXPECT_TRUE(report.closed());
+  EXPECT_EQ(report.components, 1);
+  EXPECT_EQ(report.euler_characteristic, 2);
+
+  Eigen::Vector3d lowest = mesh.vertices[0], highest = mesh.vertices[0];
+  for (const Eigen::Vector3d& v : mesh.vertices) {
+    lowest = lowest.cwiseMin(v);
+    highest = highest.cwiseMax(v);
+  }
+  EXPECT_GT((highest - lowest).maxCoeff(), 1.4) << "a person, in metres";
+  EXPECT_LT((highest - lowest).maxCoeff(), 2.2);
+}
+
+TEST_F(RealGeometry, TheTemplateDecimatesToAGraph) {
+  const TriangleMesh coarse = decimate(read_obj(capture_ / "character/ddc.obj", 0.001), 500);
+  EXPECT_EQ(coarse.num_vertices(), 500);
+  const MeshReport report = inspect_mesh(coarse);
+  EXPECT_TRUE(report.closed());
+  EXPECT_EQ(report.euler_characteristic, 2);
+}
+
+}  // namespace
+}  // namespace doppel
