@@ -1,0 +1,128 @@
+#include "doppel/data/batch_builder.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/data/loader.h"
+
+namespace doppel {
+
+namespace {
+
+using Crops = std::vector<std::shared_ptr<const SilhouetteCrop>>;  // [B*C]
+
+std::size_t bytes_of(const SilhouetteCrop& crop) {
+  return sizeof(crop) + crop.distance.size() * sizeof(crop.distance[0]) + crop.contour.size() * sizeof(ContourPixel);
+}
+
+torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
+  auto* offset = offsets.data_ptr<std::int64_t>();
+  offset[0] = 0;
+  for (std::size_t i = 0; i < crops.size(); ++i)
+    offset[i + 1] = offset[i] + static_cast<std::int64_t>(crops[i]->contour.size());
+  torch::Tensor points = torch::empty({offset[crops.size()], 2}, torch::kFloat32);
+  float* to = points.data_ptr<float>();
+  for (const auto& crop : crops)
+    for (const ContourPixel& pixel : crop->contour) {
+      *to++ = static_cast<float>(pixel.x) + 0.5f;
+      *to++ = static_cast<float>(pixel.y) + 0.5f;
+    }
+  return points;
+}
+
+/// Projection of the crop's camera; of the whole picture's where there is no crop, so that the numbers stay finite.
+void write_projection(const Camera& camera, const SilhouetteCrop& crop, float* to) {
+  const Camera seen = crop.valid ? crop_camera(camera, crop.box, crop.pixels) : camera;
+  const Eigen::Matrix<double, 3, 4> projection = seen.projection();
+  for (int i = 0; i < 12; ++i) to[i] = static_cast<float>(projection(i / 4, i % 4));
+}
+
+void write_distance(const SilhouetteCrop& crop, float* to, std::int64_t count) {
+  if (!crop.valid) {
+    std::fill(to, to + count, 0.0f);
+    return;
+  }
+  const float step = 1.0f / static_cast<float>(crop.steps_per_pixel);
+  for (std::int64_t i = 0; i < count; ++i) to[i] = step * static_cast<float>(crop.distance[i]);
+}
+
+void write_silhouettes(const Dataset& dataset, const std::vector<SamplePlan::Item>& items, const Crops& crops,
+                       Batch& batch) {
+  const std::int64_t pixels = std::int64_t{dataset.mask_size()} * dataset.mask_size();
+  const std::size_t num_cameras = items[0].cameras.size();
+  for (std::size_t i = 0; i < crops.size(); ++i) {
+    const SilhouetteCrop& crop = *crops[i];
+    const Camera& camera = dataset.camera(items[i / num_cameras].cameras[i % num_cameras]);
+    write_projection(camera, crop, batch.projection.data_ptr<float>() + 12 * i);
+    write_distance(crop, batch.distance.data_ptr<float>() + pixels * i, pixels);
+    batch.pixel_scale.data_ptr<float>()[i] =
+        crop.valid ? static_cast<float>(crop.box.image_pixels_per_pixel(crop.pixels)) : 1.0f;
+    batch.valid.data_ptr<bool>()[i] = crop.valid;
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const SilhouetteCrop> SilhouetteCache::get(const Dataset& dataset, const SampleId& sample, int camera) {
+  const auto key = static_cast<std::uint64_t>(sample.sequence) << 48 | static_cast<std::uint64_t>(camera) << 36 |
+                   static_cast<std::uint64_t>(sample.frame);
+  {
+    std::lock_guard lock(mutex_);
+    const auto found = items_.find(key);
+    if (found != items_.end()) return found->second;
+  }
+  auto crop = std::make_shared<const SilhouetteCrop>(dataset.silhouette(sample, camera));
+  std::lock_guard lock(mutex_);
+  const std::size_t bytes = bytes_of(*crop);
+  if (bytes_ + bytes <= max_bytes_ && items_.emplace(key, crop).second) bytes_ += bytes;
+  return crop;
+}
+
+Batch build_batch(const Dataset& dataset, SilhouetteCache& cache, const std::vector<SamplePlan::Item>& items,
+                  int window) {
+  const auto b = static_cast<std::int64_t>(items.size());
+  const auto c = static_cast<std::int64_t>(items.empty() ? 0 : items[0].cameras.size());
+  if (b == 0 || c == 0) fail<UsageError>("a batch needs at least one sample and one camera");
+  const std::int64_t s = dataset.mask_size();
+  Batch batch;
+  batch.frames = torch::empty({b}, torch::kInt64);
+  batch.sequence = torch::empty({b}, torch::kInt64);
+  batch.cameras = torch::empty({b, c}, torch::kInt64);
+  batch.projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
+  batch.distance = torch::empty({b, c, s, s}, torch::kFloat32);
+  batch.pixel_scale = torch::empty({b, c}, torch::kFloat32);
+  batch.valid = torch::empty({b, c}, torch::kBool);
+  batch.contour_offsets = torch::empty({b * c + 1}, torch::kInt64);
+
+  Crops crops;
+  std::vector<torch::Tensor> windows;
+  for (std::int64_t i = 0; i < b; ++i) {
+    const SamplePlan::Item& item = items[i];
+    if (static_cast<std::int64_t>(item.cameras.size()) != c)
+      fail<UsageError>("the samples of a batch must have the same number of cameras; found {} and {}", c,
+                       item.cameras.size());
+    batch.frames.data_ptr<std::int64_t>()[i] = item.sample.frame;
+    batch.sequence.data_ptr<std::int64_t>()[i] = item.sample.sequence;
+    windows.push_back(dataset.dof_window(item.sample, window));
+    for (std::int64_t j = 0; j < c; ++j) {
+      batch.cameras.data_ptr<std::int64_t>()[i * c + j] = item.cameras[j];
+      crops.push_back(cache.get(dataset, item.sample, item.cameras[j]));
+    }
+  }
+  batch.dofs = torch::stack(windows);
+  write_silhouettes(dataset, items, crops, batch);
+  batch.contour = contour_tensor(crops, batch.contour_offsets);
+  return batch;
+}
+
+Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
+                 const std::vector<std::vector<int>>& cameras, int window) {
+  if (samples.size() != cameras.size())
+    fail<UsageError>("a batch of {} samples was given cameras for {}", samples.size(), cameras.size());
+  std::vector<SamplePlan::Item> items;
+  for (std::size_t i = 0; i < samples.size(); ++i) items.push_back({samples[i], cameras[i]});
+  SilhouetteCache no_cache(0);
+  return build_batch(dataset, no_cache, items, window);
+}
+
+}  // namespace doppel

@@ -1,0 +1,284 @@
+#include "doppel/data/capture.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <set>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/text_reader.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSchemaVersion = 1;
+constexpr int kMaxDigits = 20;
+constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames a second: anything above is a slip
+
+/// Names become keys of the store and parts of file names.
+void check_name(const ConfigReader& reader, const std::string& key, const std::string& name) {
+  const auto bad = [](char c) { return !(std::isalnum(static_cast<unsigned char>(c)) || std::strchr("_-.@", c)); };
+  if (name.empty() || name.size() > 64 || std::any_of(name.begin(), name.end(), bad))
+    reader.fail_at_key(key, "'{}' is no usable name: 1 to 64 letters, digits, '_', '-', '.' or '@' are allowed", name);
+}
+
+/// Tries a pattern with some numbers, so that a slip in its braces is reported at its line.
+void check_pattern(const ConfigReader& reader, const std::string& key, const std::string& pattern) {
+  try {
+    expand_pattern(pattern, 0, "0", 0);
+  } catch (const Error& e) {
+    reader.fail_at_key(key, "{}", e.what());
+  }
+}
+
+std::string read_pattern(const ConfigReader& reader, const std::string& key) {
+  const std::string pattern = reader.get<std::string>(key);
+  if (pattern.empty()) reader.fail_at_key(key, "is empty; a path is needed");
+  check_pattern(reader, key, pattern);
+  return pattern;
+}
+
+ChromaKey read_chroma_key(const ConfigReader& reader, bool has_background) {
+  ChromaKey key;
+  key.space =
+      reader.choice("space", {"hsv", "ycrcb"}, "ycrcb") == "hsv" ? ChromaKey::Space::hsv : ChromaKey::Space::ycrcb;
+  key.against_background = reader.choice("against", {"colour", "background"}, "colour") == "background";
+  if (key.against_background && !has_background)
+    reader.fail_at_key("against", "compares with the empty studio, but the capture names no `background` pictures");
+  if (reader.has("colour")) key.colour = reader.list<int>("colour");
+  const auto no_byte = [](int value) { return value < 0 || value > 255; };
+  if (key.colour.size() != 3 || std::any_of(key.colour.begin(), key.colour.end(), no_byte))
+    reader.fail_at_key("colour", "must be three numbers R, G, B from 0 to 255, as in [0, 177, 64]");
+  key.tolerance = reader.get("tolerance", key.tolerance, between(0.0, 181.0));
+  key.min_saturation = reader.get("min_saturation", key.min_saturation, between(0.0, 1.0));
+  key.smooth = reader.get("smooth", key.smooth, between(1, 31));
+  if (key.smooth % 2 == 0)
+    reader.fail_at_key("smooth", "is {}; the diameter of the median filter must be odd", key.smooth);
+  return key;
+}
+
+void read_masks(const ConfigReader& reader, bool has_background, SequenceEntry& sequence) {
+  if (reader.has("masks") == reader.has("chroma_key"))
+    reader.fail_at_key("masks", "a sequence needs either `masks` or a `chroma_key`, {}",
+                       reader.has("masks") ? "not both" : "and has neither");
+  if (reader.has("masks")) sequence.masks = read_pattern(reader, "masks");
+  if (reader.has("chroma_key")) sequence.chroma_key = read_chroma_key(reader.section("chroma_key"), has_background);
+  sequence.mask_threshold = reader.get("mask_threshold", sequence.mask_threshold, between(1, 255));
+  sequence.largest_component = reader.get("largest_component", sequence.largest_component);
+}
+
+void read_range(const ConfigReader& reader, SequenceEntry& sequence) {
+  const ConfigReader offsets = reader.section("frame_offset");
+  for (const std::string& camera : offsets.keys())
+    sequence.frame_offset[camera] = offsets.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+  sequence.first_frame = reader.get("first_frame", 0L, between(0L, kMaxFrame));
+  if (reader.has("last_frame")) sequence.last_frame = reader.get<long>("last_frame", between(0L, kMaxFrame));
+  if (sequence.last_frame && *sequence.last_frame < sequence.first_frame)
+    reader.fail_at_key("last_frame", "is {}, before first_frame {}", *sequence.last_frame, sequence.first_frame);
+  sequence.cuts = reader.list<long>("cuts");
+  for (std::size_t i = 0; i < sequence.cuts.size(); ++i)
+    if (sequence.cuts[i] < 0 || (i > 0 && sequence.cuts[i] <= sequence.cuts[i - 1]))
+      reader.fail_at_key("cuts", "must be motion rows >= 0 in ascending order; {} stands at place {}", sequence.cuts[i],
+                         i + 1);
+}
+
+SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
+  SequenceEntry sequence;
+  sequence.name = reader.get<std::string>("name");
+  check_name(reader, "name", sequence.name);
+  sequence.split = parse_split(reader.choice("split", {"train", "test"}));
+  sequence.videos = read_pattern(reader, "videos");
+  read_masks(reader, has_background, sequence);
+  if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
+  sequence.motion = reader.get<std::string>("motion");
+  read_range(reader, sequence);
+  return sequence;
+}
+
+void read_sequences(const ConfigReader& reader, Capture& capture) {
+  std::set<std::string> names;
+  for (const ConfigReader& section : reader.sections("sequences")) {
+    capture.sequences.push_back(read_sequence(section, !capture.background.empty()));
+    if (!names.insert(capture.sequences.back().name).second)
+      section.fail_at_key("name", "two sequences are called '{}'", capture.sequences.back().name);
+  }
+  if (capture.sequences.empty()) reader.fail_at_key("sequences", "a capture needs at least one sequence");
+}
+
+fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
+  const fs::path root = fs::absolute(folder / reader.get("root", ".")).lexically_normal();
+  if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
+  return root;
+}
+
+YAML::Node chroma_key_node(const ChromaKey& key) {
+  YAML::Node node;
+  node["space"] = key.space == ChromaKey::Space::hsv ? "hsv" : "ycrcb";
+  node["against"] = key.against_background ? "background" : "colour";
+  node["colour"] = key.colour;
+  node["colour"].SetStyle(YAML::EmitterStyle::Flow);
+  node["tolerance"] = key.tolerance;
+  node["min_saturation"] = key.min_saturation;
+  node["smooth"] = key.smooth;
+  return node;
+}
+
+YAML::Node sequence_node(const SequenceEntry& sequence) {
+  YAML::Node node;
+  node["name"] = sequence.name;
+  node["split"] = to_string(sequence.split);
+  node["videos"] = sequence.videos;
+  if (sequence.chroma_key)
+    node["chroma_key"] = chroma_key_node(*sequence.chroma_key);
+  else
+    node["masks"] = sequence.masks;
+  node["mask_threshold"] = sequence.mask_threshold;
+  node["largest_component"] = sequence.largest_component;
+  if (!sequence.keypoints.empty()) node["keypoints"] = sequence.keypoints;
+  node["motion"] = sequence.motion;
+  for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
+  node["first_frame"] = sequence.first_frame;
+  if (sequence.last_frame) node["last_frame"] = *sequence.last_frame;
+  if (!sequence.cuts.empty()) {
+    node["cuts"] = sequence.cuts;
+    node["cuts"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  return node;
+}
+
+/// `root` as seen from `folder`, when a reader would still call it near.
+fs::path portable_root(const fs::path& root, const fs::path& folder) {
+  const fs::path relative = fs::weakly_canonical(root).lexically_relative(fs::weakly_canonical(folder));
+  const auto ups = std::count(relative.begin(), relative.end(), fs::path(".."));
+  return relative.empty() || ups > 1 ? fs::absolute(root).lexically_normal() : relative;
+}
+
+/// Replaces every {key} or {key:0n} by what `value_of` returns; `nullopt` leaves it as it stands.
+template <typename F>
+std::string replace_placeholders(const std::string& pattern, const F& value_of) {
+  std::string result;
+  std::size_t at = 0;
+  while (at < pattern.size()) {
+    const std::size_t open = pattern.find('{', at);
+    result += pattern.substr(at, open - at);
+    if (open == std::string::npos) break;
+    const std::size_t close = pattern.find('}', open);
+    if (close == std::string::npos) fail("the path '{}' has an opening brace without a closing one", pattern);
+    const std::string inside = pattern.substr(open + 1, close - open - 1);
+    const std::size_t colon = inside.find(':');
+    const std::optional<std::string> value =
+        value_of(inside.substr(0, colon), colon == std::string::npos ? "" : inside.substr(colon + 1));
+    result += value ? *value : pattern.substr(open, close - open + 1);
+    at = close + 1;
+  }
+  return result;
+}
+
+std::string padded(long number, const std::string& format, const std::string& pattern) {
+  int digits = 0;
+  if (!format.empty()) {
+    const std::optional<double> parsed = parse_number(format);
+    if (!parsed || *parsed < 0 || *parsed > kMaxDigits || format.find_first_not_of("0123456789") != std::string::npos)
+      fail("the path '{}' asks for ':{}'; what may stand there is a number of digits up to {}, as in {{camera:03}}",
+           pattern, format, kMaxDigits);
+    digits = static_cast<int>(*parsed);
+  }
+  return fmt::format("{:0{}}", number, digits);
+}
+
+}  // namespace
+
+Split parse_split(const std::string& word) {
+  if (word == "train") return Split::train;
+  if (word == "test") return Split::test;
+  fail<UsageError>("'{}' is no split; the splits are train and test", word);
+}
+
+std::string to_string(Split split) { return split == Split::train ? "train" : "test"; }
+
+long SequenceEntry::offset(const std::string& camera) const {
+  const auto found = frame_offset.find(camera);
+  return found == frame_offset.end() ? 0 : found->second;
+}
+
+fs::path Capture::resolve(const std::string& written) const {
+  const fs::path path(written);
+  return (path.is_absolute() ? path : root / path).lexically_normal();
+}
+
+Capture read_capture(const fs::path& file_or_folder) {
+  const fs::path file = fs::is_directory(file_or_folder) ? file_or_folder / "capture.yaml" : file_or_folder;
+  const ConfigDocument document = ConfigDocument::load(file);
+  const ConfigReader reader = document.root();
+  if (!reader.has("doppel_capture"))
+    reader.fail_at_key("", "is no capture description: the key `doppel_capture: {}` is missing", kSchemaVersion);
+  const long version = reader.get<long>("doppel_capture");
+  if (version != kSchemaVersion)
+    reader.fail_at_key("doppel_capture", "has version {}; this program reads version {}", version, kSchemaVersion);
+
+  Capture capture;
+  capture.file = fs::absolute(file).lexically_normal();
+  capture.root = read_root(reader, capture.file.parent_path());
+  capture.name = reader.get("name", capture.root.filename().string());
+  check_name(reader, "name", capture.name);
+  capture.character = reader.get<std::string>("character");
+  capture.calibration = reader.get<std::string>("calibration");
+  capture.fps = reader.get("fps", 25.0, between(1e-3, 1e5));
+  capture.cameras = reader.list<std::string>("cameras");
+  for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
+  if (std::set<std::string>(capture.cameras.begin(), capture.cameras.end()).size() != capture.cameras.size())
+    reader.fail_at_key("cameras", "names a camera twice");
+  if (reader.has("background")) capture.background = read_pattern(reader, "background");
+  read_sequences(reader, capture);
+  reader.finish();
+  return capture;
+}
+
+void write_capture(const fs::path& path, const Capture& capture) {
+  YAML::Node node;
+  node["doppel_capture"] = kSchemaVersion;
+  node["name"] = capture.name;
+  node["root"] = portable_root(capture.root, fs::absolute(path).parent_path()).string();
+  node["character"] = capture.character;
+  node["calibration"] = capture.calibration;
+  node["fps"] = capture.fps;
+  if (!capture.cameras.empty()) {
+    node["cameras"] = capture.cameras;
+    node["cameras"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  if (!capture.background.empty()) node["background"] = capture.background;
+  for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
+  YAML::Emitter emitter;
+  emitter << node;
+  write_atomically(path, std::string(emitter.c_str()) + "\n");
+}
+
+std::string expand_pattern(const std::string& pattern, int camera, const std::string& name, std::optional<long> frame) {
+  return replace_placeholders(pattern, [&](const std::string& key, const std::string& format) {
+    if (key == "camera") return std::optional(padded(camera, format, pattern));
+    if (key == "name" && format.empty()) return std::optional(name);
+    if (key == "frame" && frame) return std::optional(padded(*frame, format, pattern));
+    fail("the path '{}' has the placeholder '{{{}}}'; known are {{camera}}, {{name}} and {{frame}}", pattern,
+         format.empty() ? key : key + ":" + format);
+  });
+}
+
+std::string expand_camera(const std::string& pattern, int camera, const std::string& name) {
+  return replace_placeholders(pattern, [&](const std::string& key, const std::string& format) {
+    if (key == "camera") return std::optional(padded(camera, format, pattern));
+    if (key == "name" && format.empty()) return std::optional(name);
+    if (key == "frame") return std::optional<std::string>();
+    fail("the path '{}' has the placeholder '{{{}}}'; known are {{camera}}, {{name}} and {{frame}}", pattern, key);
+  });
+}
+
+bool has_frame_placeholder(const std::string& pattern) {
+  return pattern.find("{frame}") != std::string::npos || pattern.find("{frame:") != std::string::npos;
+}
+
+}  // namespace doppel

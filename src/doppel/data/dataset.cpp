@@ -1,0 +1,190 @@
+#include "doppel/data/dataset.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/error.h"
+#include "doppel/data/store_layout.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// The finest power-of-two step in which distances up to the window's diagonal fit 16 bits.
+int distance_steps(int pixels) {
+  const double longest = std::sqrt(2.0) * pixels;
+  int steps = 256;
+  while (steps > 1 && longest * steps > 32000.0) steps /= 2;
+  return steps;
+}
+
+std::vector<std::int16_t> quantise(const cv::Mat& distance, int steps) {
+  std::vector<std::int16_t> result(distance.total());
+  const float* from = distance.ptr<float>();
+  for (std::size_t i = 0; i < result.size(); ++i) result[i] = static_cast<std::int16_t>(std::lrintf(from[i] * steps));
+  return result;
+}
+
+/// The contour of a crop without what lies at or beyond the picture's edge: there the body is cut off, not at an end.
+std::vector<ContourPixel> contour_in_picture(const cv::Mat& mask, const CropBox& box, cv::Size picture) {
+  const double scale = box.image_pixels_per_pixel(mask.cols);
+  std::vector<ContourPixel> contour = contour_pixels(mask);
+  const auto beyond = [&](const ContourPixel& pixel) {
+    const double u = box.u0 + (pixel.x + 0.5) * scale, v = box.v0 + (pixel.y + 0.5) * scale;
+    return u < 1.0 || v < 1.0 || u > picture.width - 1.0 || v > picture.height - 1.0;
+  };
+  contour.erase(std::remove_if(contour.begin(), contour.end(), beyond), contour.end());
+  return contour;
+}
+
+DatasetSequence make_sequence(const SequenceEntry& entry, const Capture& capture, int num_dofs) {
+  DatasetSequence sequence;
+  sequence.name = entry.name;
+  sequence.split = entry.split;
+  sequence.motion = read_motion(capture.resolve(entry.motion), num_dofs);
+  sequence.first_frame = entry.first_frame;
+  sequence.last_frame = entry.last_frame.value_or(sequence.motion.num_frames() - 1);
+  sequence.cuts = entry.cuts;
+  if (sequence.last_frame >= sequence.motion.num_frames())
+    fail("{}: the motion {} has {} rows, but the capture was prepared up to row {}; prepare it again with --overwrite",
+         capture.file.string(), entry.motion, sequence.motion.num_frames(), sequence.last_frame);
+  return sequence;
+}
+
+}  // namespace
+
+long DatasetSequence::segment_start(long frame) const {
+  const auto after = std::upper_bound(cuts.begin(), cuts.end(), frame);
+  return after == cuts.begin() ? 0 : *(after - 1);
+}
+
+Dataset Dataset::open(const fs::path& folder) {
+  if (!fs::exists(folder / "capture.yaml") || !fs::is_directory(folder / kStoreFolder))
+    fail<UsageError>(
+        "{} is no prepared capture: it must hold capture.yaml and {}/; `doppel prepare CAPTURE --out {}` makes one",
+        folder.string(), kStoreFolder, folder.string());
+  Dataset dataset;
+  dataset.folder_ = folder;
+  dataset.store_ = std::make_shared<Store>(folder / kStoreFolder, Store::Mode::read);
+  const StoreLayout layout = read_store_layout(*dataset.store_);
+  if (!layout.complete)
+    fail("{}: the preparation has not finished; run `doppel prepare` again, it goes on where it stopped",
+         folder.string());
+  dataset.capture_ = read_capture(folder);
+  dataset.cameras_ = layout.cameras;
+  dataset.file_index_ = layout.file_index;
+  dataset.num_dofs_ = layout.num_dofs;
+  dataset.mask_size_ = layout.mask_size;
+  dataset.image_size_ = layout.image_size;
+  for (const SequenceEntry& entry : dataset.capture_.sequences)
+    dataset.sequences_.push_back(make_sequence(entry, dataset.capture_, layout.num_dofs));
+  return dataset;
+}
+
+int Dataset::camera_index(const std::string& name) const {
+  std::string names;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (cameras_[i].name == name) return static_cast<int>(i);
+    names += (i ? ", " : "") + cameras_[i].name;
+  }
+  fail<UsageError>("there is no camera '{}' in {}; there are {}", name, folder_.string(), names);
+}
+
+std::vector<int> Dataset::camera_indices(const std::vector<std::string>& names) const {
+  std::vector<int> indices;
+  for (const std::string& name : names) indices.push_back(camera_index(name));
+  if (names.empty())
+    for (std::size_t i = 0; i < cameras_.size(); ++i) indices.push_back(static_cast<int>(i));
+  return indices;
+}
+
+std::vector<SampleId> Dataset::samples(Split split, int every) const {
+  if (every < 1) fail<UsageError>("every {}th frame cannot be taken; the step must be at least 1", every);
+  std::vector<SampleId> result;
+  for (std::size_t i = 0; i < sequences_.size(); ++i)
+    if (sequences_[i].split == split)
+      for (long frame = sequences_[i].first_frame; frame <= sequences_[i].last_frame; frame += every)
+        result.push_back({static_cast<int>(i), frame});
+  return result;
+}
+
+torch::Tensor Dataset::dof_window(const SampleId& sample, int window) const {
+  const DatasetSequence& sequence = sequences_.at(sample.sequence);
+  const long start = sequence.segment_start(sample.frame);
+  torch::Tensor result = torch::empty({window + 1, num_dofs_}, torch::kFloat32);
+  float* to = result.data_ptr<float>();
+  for (int i = 0; i <= window; ++i) {
+    const std::vector<double>& row = sequence.motion.frames.at(std::max(sample.frame - window + i, start));
+    to = std::transform(row.begin(), row.end(), to, [](double value) { return static_cast<float>(value); });
+  }
+  return result;
+}
+
+std::string Dataset::key(const SampleId& sample, int camera) const {
+  return record_key(sequences_.at(sample.sequence).name, cameras_.at(camera).name, sample.frame);
+}
+
+FrameRecord Dataset::record(const SampleId& sample, int camera) const {
+  const std::string name = key(sample, camera);
+  const std::optional<std::string> bytes = store_->get(name);
+  if (!bytes) fail("{}: the store has no record {}; the frame was not prepared", folder_.string(), name);
+  return decode_record(*bytes, folder_.string() + ": " + name);
+}
+
+cv::Mat Dataset::mask(const SampleId& sample, int camera) const {
+  const FrameRecord found = record(sample, camera);
+  return decode_mask(found.full_mask, {found.width, found.height}, key(sample, camera));
+}
+
+CropBox Dataset::crop_box(const SampleId& sample, int camera) const {
+  const std::string name = key(sample, camera);
+  const std::optional<std::string> bytes = store_->get_head(name, kRecordHeadBytes);
+  if (!bytes) fail("{}: the store has no record {}; the frame was not prepared", folder_.string(), name);
+  return decode_record_head(*bytes, name).box;
+}
+
+cv::Mat Dataset::crop_mask(const SampleId& sample, int camera) const {
+  const FrameRecord found = record(sample, camera);
+  if (found.box.empty()) return {};
+  return decode_mask(found.crop_mask, {found.mask_size, found.mask_size}, key(sample, camera));
+}
+
+cv::Mat Dataset::crop_image(const SampleId& sample, int camera) const {
+  const FrameRecord found = record(sample, camera);
+  if (found.box.empty()) return {};
+  const cv::Mat bytes(1, static_cast<int>(found.crop_image.size()), CV_8U, const_cast<char*>(found.crop_image.data()));
+  const cv::Mat image = cv::imdecode(bytes, cv::IMREAD_COLOR);
+  if (image.size() != cv::Size(found.image_size, found.image_size))
+    fail("{}: the picture of {} cannot be decoded; the store is damaged", folder_.string(), key(sample, camera));
+  return image;
+}
+
+SilhouetteCrop Dataset::silhouette(const SampleId& sample, int camera) const {
+  const FrameRecord found = record(sample, camera);
+  SilhouetteCrop crop;
+  if (found.box.empty()) return crop;
+  const cv::Mat mask = decode_mask(found.crop_mask, {found.mask_size, found.mask_size}, key(sample, camera));
+  const int area = cv::countNonZero(mask);
+  if (area == 0 || area == static_cast<int>(mask.total())) return crop;
+  crop.valid = true;
+  crop.box = found.box;
+  crop.pixels = found.mask_size;
+  crop.steps_per_pixel = distance_steps(found.mask_size);
+  crop.distance = quantise(signed_distance(mask), crop.steps_per_pixel);
+  crop.contour = contour_in_picture(mask, found.box, {found.width, found.height});
+  return crop;
+}
+
+std::optional<fs::path> Dataset::keypoint_file(const SampleId& sample, int camera) const {
+  const SequenceEntry& entry = capture_.sequences.at(sample.sequence);
+  if (entry.keypoints.empty()) return std::nullopt;
+  const std::string& name = cameras_.at(camera).name;
+  const fs::path path = capture_.resolve(
+      expand_pattern(entry.keypoints, file_index_.at(camera), name, sample.frame + entry.offset(name)));
+  return fs::is_regular_file(path) ? std::optional(path) : std::nullopt;
+}
+
+}  // namespace doppel

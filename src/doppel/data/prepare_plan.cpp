@@ -1,0 +1,260 @@
+#include "doppel/data/prepare_plan.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/log.h"
+#include "doppel/data/mask.h"
+#include "doppel/data/template_check.h"
+#include "doppel/data/video.h"
+#include "doppel/geometry/calibration.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double kMinPersonHeight = 0.5, kMaxPersonHeight = 2.5;        // metres
+constexpr double kMinCameraDistance = 0.3, kMaxCameraDistance = 100.0;  // metres
+constexpr int kPosesLookedAt = 8;
+
+std::string joined_names(const std::vector<Camera>& cameras) {
+  std::string names;
+  for (const Camera& camera : cameras) names += (names.empty() ? "" : ", ") + camera.name;
+  return names;
+}
+
+void choose_cameras(PreparePlan& plan) {
+  const std::vector<Camera> all = read_calibration(plan.capture.calibration_path());
+  std::vector<std::string> wanted = plan.capture.cameras;
+  if (wanted.empty())
+    for (const Camera& camera : all) wanted.push_back(camera.name);
+  for (const std::string& name : wanted) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const Camera& c) { return c.name == name; });
+    if (found == all.end())
+      fail("{} asks for camera '{}', but {} has {}", plan.capture.name, name, plan.capture.calibration,
+           joined_names(all));
+    plan.cameras.push_back(*found);
+    plan.file_index.push_back(static_cast<int>(found - all.begin()));
+  }
+}
+
+void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
+  for (const SequenceEntry& entry : plan.capture.sequences) {
+    PlannedSequence sequence;
+    sequence.entry = entry;
+    sequence.motion = read_motion(plan.capture.resolve(entry.motion), plan.character.num_dofs());
+    const long rows = sequence.motion.num_frames();
+    sequence.first_frame = entry.first_frame;
+    sequence.last_frame = entry.last_frame.value_or(rows - 1);
+    if (sequence.first_frame > sequence.last_frame || sequence.last_frame >= rows)
+      fail("sequence {}: rows {} to {} are asked for, but the motion {} has rows 0 to {}", entry.name,
+           sequence.first_frame, sequence.last_frame, entry.motion, rows - 1);
+    for (const long cut : entry.cuts)
+      if (cut >= rows)
+        fail("sequence {}: a cut stands at row {}, but the motion {} has rows 0 to {}", entry.name, cut, entry.motion,
+             rows - 1);
+    if (options.limit_frames > 0)
+      sequence.last_frame = std::min(sequence.last_frame, sequence.first_frame + options.limit_frames - 1);
+    plan.sequences.push_back(std::move(sequence));
+  }
+}
+
+/// One side of the comparison of frame counts. @param expected what the header must say to be believed
+void check_count(const PlannedSequence& sequence, const std::string& camera, const char* what, FrameReader& reader) {
+  const long rows = sequence.motion.num_frames(), offset = sequence.entry.offset(camera);
+  const long frames = reader.num_frames(rows);
+  const long first = sequence.first_frame + offset, last = sequence.last_frame + offset;
+  const std::string shift = offset == 0 ? "" : fmt::format(" (frame_offset {})", offset);
+  if (first < 0)
+    fail("sequence {}, camera {}: motion row {} would be frame {} of the {}{}; set first_frame to {} or more",
+         sequence.entry.name, camera, sequence.first_frame, first, what, shift, -offset);
+  if (last >= frames)
+    fail(
+        "sequence {}, camera {}: the {} {} has {} frames, but motion rows {} to {} need frames up to {}{}; if only a "
+        "part "
+        "belongs together, say so with first_frame and last_frame",
+        sequence.entry.name, camera, what, reader.source(), frames, sequence.first_frame, sequence.last_frame, last,
+        shift);
+  if (!sequence.entry.last_frame && frames != rows && frames - offset != rows)
+    fail(
+        "sequence {}, camera {}: the {} {} has {} frames, the motion {} rows{}; they must agree. If the surplus does "
+        "not "
+        "belong to it, set last_frame: {}",
+        sequence.entry.name, camera, what, reader.source(), frames, rows, shift, std::min(rows, frames - offset) - 1);
+}
+
+/// The camera at the resolution of its pictures.
+Camera fit_to_pictures(const Camera& camera, cv::Size pictures, const std::string& source) {
+  if (camera.width == pictures.width && camera.height == pictures.height) return camera;
+  const double calibrated = static_cast<double>(camera.width) / camera.height;
+  const double seen = static_cast<double>(pictures.width) / pictures.height;
+  if (std::abs(seen / calibrated - 1.0) > 0.01)
+    fail(
+        "camera {}: {} shows {}x{} pixels, but the calibration is for {}x{}, another aspect ratio; the pictures were "
+        "cropped or turned, or this is the calibration of other cameras",
+        camera.name, source, pictures.width, pictures.height, camera.width, camera.height);
+  log::info("camera {}: calibration for {}x{} scaled to the video's {}x{}", camera.name, camera.width, camera.height,
+            pictures.width, pictures.height);
+  return camera.scaled_to(pictures.width, pictures.height);
+}
+
+void check_mask_size(const PlannedSequence& sequence, const Camera& camera, FrameReader& masks) {
+  const cv::Size size = masks.size();
+  const double ratio = (static_cast<double>(size.width) / size.height) * camera.height / camera.width;
+  if (std::abs(ratio - 1.0) > 0.01)
+    fail("sequence {}, camera {}: the masks {} are {}x{} pixels, the video {}x{}; their aspect ratios must agree",
+         sequence.entry.name, camera.name, masks.source(), size.width, size.height, camera.width, camera.height);
+}
+
+/// Opens every source once: sizes, counts, and a line of settings for each.
+void inspect_sources(PreparePlan& plan) {
+  std::vector<bool> sized(plan.cameras.size(), false);
+  for (const PlannedSequence& sequence : plan.sequences)
+    for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
+      const int index = static_cast<int>(c);
+      Camera& camera = plan.cameras[c];
+      const auto videos = open_frames(plan.source(sequence.entry.videos, index), PixelFormat::colour);
+      check_count(sequence, camera.name, "video", *videos);
+      const Camera fitted = fit_to_pictures(camera, videos->size(), videos->source());
+      if (sized[c] && (fitted.width != camera.width || fitted.height != camera.height))
+        fail("camera {}: the video {} has another resolution than the sequences before; use one resolution",
+             camera.name, videos->source());
+      camera = fitted;
+      sized[c] = true;
+      if (sequence.entry.chroma_key) continue;
+      const auto masks = open_frames(plan.source(sequence.entry.masks, index), PixelFormat::grey);
+      check_count(sequence, camera.name, "mask video", *masks);
+      check_mask_size(sequence, camera, *masks);
+    }
+}
+
+void check_character(const PreparePlan& plan, const PrepareOptions& options) {
+  Eigen::Vector3d low = plan.character.mesh.vertices.at(0), high = low;
+  for (const Eigen::Vector3d& vertex : plan.character.mesh.vertices) {
+    low = low.cwiseMin(vertex);
+    high = high.cwiseMax(vertex);
+  }
+  const double size = (high - low).maxCoeff();
+  if (size >= kMinPersonHeight && size <= kMaxPersonHeight) return;
+  stop_or_warn(
+      options,
+      fmt::format("the character {} measures {:.4g} m, which no person does (allowed: {} to {} m); Skeletool's "
+                  "files count in millimetres: check the units of the mesh",
+                  plan.capture.character, size, kMinPersonHeight, kMaxPersonHeight));
+}
+
+/// A few poses spread over all sequences.
+std::vector<torch::Tensor> some_poses(const PreparePlan& plan, TemplateChecker& checker) {
+  std::vector<torch::Tensor> poses;
+  for (const PlannedSequence& sequence : plan.sequences)
+    for (int i = 0; i < kPosesLookedAt; ++i)
+      poses.push_back(checker.skin(
+          sequence.motion.frames.at(sequence.first_frame + i * (sequence.num_frames() - 1) / kPosesLookedAt)));
+  return poses;
+}
+
+void check_camera(const Camera& camera, const std::vector<torch::Tensor>& poses, const PrepareOptions& options) {
+  CameraView best;
+  for (const torch::Tensor& pose : poses) {
+    const CameraView view = look_at(pose, camera);
+    best.distance = view.distance;
+    best.share_in_front = std::max(best.share_in_front, view.share_in_front);
+    best.share_in_image = std::max(best.share_in_image, view.share_in_image);
+  }
+  if (best.distance < kMinCameraDistance || best.distance > kMaxCameraDistance)
+    stop_or_warn(
+        options,
+        fmt::format("camera {} stands {:.4g} m from the person (allowed: {} to {} m); the calibration is probably "
+                    "in other units than its format says (Skeletool files: millimetres; OpenCV files: metres, or "
+                    "`units: millimetres`)",
+                    camera.name, best.distance, kMinCameraDistance, kMaxCameraDistance));
+  if (best.share_in_front == 0.0)
+    stop_or_warn(options,
+                 fmt::format("camera {} looks away from the person: the posed template is behind it at all times; "
+                             "the extrinsics must map world to camera, with z forward (OpenCV)",
+                             camera.name));
+  else if (best.share_in_image == 0.0)
+    stop_or_warn(options,
+                 fmt::format("camera {} never sees the person: the posed template lies outside of its pictures at all "
+                             "times; check its extrinsics and the motion's units",
+                             camera.name));
+}
+
+std::string describe_sequence(const PlannedSequence& sequence) {
+  const SequenceEntry& entry = sequence.entry;
+  std::string key = "none";
+  if (const auto& chroma = entry.chroma_key)
+    key = fmt::format("{} {} {},{},{} {} {} {}", chroma->space == ChromaKey::Space::hsv ? "hsv" : "ycrcb",
+                      chroma->against_background ? "background" : "colour", chroma->colour[0], chroma->colour[1],
+                      chroma->colour[2], chroma->tolerance, chroma->min_saturation, chroma->smooth);
+  return fmt::format("sequence {}: rows {} to {}, mask threshold {}, largest component {}, chroma key {}\n", entry.name,
+                     sequence.first_frame, sequence.last_frame, entry.mask_threshold, entry.largest_component, key);
+}
+
+/// Name and size of a source; enough to notice that it was exchanged.
+std::string describe_source(const std::string& source) {
+  return has_frame_placeholder(source) ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
+}
+
+std::string describe_settings(const PreparePlan& plan, const PrepareOptions& options) {
+  std::string text = fmt::format("mask size {}\nimage size {}\nmargin {}\njpeg quality {}\n", options.mask_size,
+                                 options.image_size, options.margin, options.jpeg_quality);
+  for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
+    const Camera& camera = plan.cameras[c];
+    text += fmt::format("camera {}: {}x{}, distortion {}\n", camera.name, camera.width, camera.height,
+                        fmt::join(camera.distortion, " "));
+  }
+  for (const PlannedSequence& sequence : plan.sequences) {
+    text += describe_sequence(sequence);
+    for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
+      const int index = static_cast<int>(c);
+      text += fmt::format("sequence {}, camera {}: offset {}, video {}", sequence.entry.name, plan.cameras[c].name,
+                          sequence.entry.offset(plan.cameras[c].name),
+                          describe_source(plan.source(sequence.entry.videos, index)));
+      if (!sequence.entry.chroma_key) text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
+      text += "\n";
+    }
+  }
+  return text;
+}
+
+StoreLayout make_layout(const PreparePlan& plan, const PrepareOptions& options) {
+  StoreLayout layout;
+  layout.settings = describe_settings(plan, options);
+  layout.num_dofs = plan.character.num_dofs();
+  layout.mask_size = options.mask_size;
+  layout.image_size = options.image_size;
+  layout.file_index = plan.file_index;
+  for (const Camera& camera : plan.cameras) layout.cameras.push_back(Undistorter(camera).pinhole());
+  return layout;
+}
+
+}  // namespace
+
+std::string PreparePlan::source(const std::string& pattern, int camera) const {
+  return capture.resolve(expand_camera(pattern, file_index.at(camera), cameras.at(camera).name)).string();
+}
+
+void stop_or_warn(const PrepareOptions& options, const std::string& sentence) {
+  if (!options.force) fail("{} (--force goes on in spite of it)", sentence);
+  log::warn("{}", sentence);
+}
+
+PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& options) {
+  PreparePlan plan;
+  plan.capture = capture;
+  plan.character = load_character(capture.character_path());
+  check_character(plan, options);
+  choose_cameras(plan);
+  plan_sequences(plan, options);
+  inspect_sources(plan);
+  TemplateChecker checker(plan.character);
+  const std::vector<torch::Tensor> poses = some_poses(plan, checker);
+  for (const Camera& camera : plan.cameras) check_camera(camera, poses, options);
+  plan.layout = make_layout(plan, options);
+  return plan;
+}
+
+}  // namespace doppel

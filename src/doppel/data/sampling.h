@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "doppel/data/dataset.h"
+
+namespace doppel {
+
+/// Which samples and cameras come when: a pure function of a seed and a position, so that a checkpoint need hold no
+/// more than the position.
+class SamplePlan {
+ public:
+  /// @param draw cameras per sample, at most cameras.size()
+  SamplePlan(std::vector<SampleId> samples, std::vector<int> cameras, int draw, std::uint64_t seed);
+
+  struct Item {
+    SampleId sample;
+    std::vector<int> cameras;
+  };
+  /// The items at positions start .. start+count-1 of the endless stream.
+  std::vector<Item> items(std::int64_t start, int count) const;
+
+  std::int64_t num_samples() const { return static_cast<std::int64_t>(samples_.size()); }
+  std::uint64_t seed() const { return seed_; }
+  void set_seed(std::uint64_t seed) { seed_ = seed; }
+  /// A digest of samples, cameras and draw: 16 hex digits.
+  std::string fingerprint() const;
+
+ private:
+  std::vector<SampleId> samples_;
+  std::vector<int> cameras_;
+  int draw_;
+  std::uint64_t seed_;
+};
+
+}  // namespace doppel
