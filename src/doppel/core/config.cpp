@@ -128,7 +128,7 @@ YAML::Node child_for_override(YAML::Node parent, const std::string& part, const 
 }
 
 /// Applies `a.b=c`; returns the dotted key.
-std::string apply_override(YAML::Node root, const std::string& text) {
+std::string apply_override(const YAML::Node& root, const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0) {
     fail<UsageError>("--set {}: found no \"key=value\"; write it as section.key=value", text);

@@ -33,7 +33,8 @@ class ConfigDocument {
                               const std::vector<std::string>& overrides = {});
 
   ConfigReader root() const;
-  /// The document with the overrides in place, as YAML text.
+  /// The document with the overrides in place, as YAML text. Paths that were read through `ConfigReader::path` are
+  /// absolute in it, so that it means the same wherever it is kept.
   std::string resolved() const;
   const std::filesystem::path& path() const { return path_; }
 
@@ -73,7 +74,9 @@ class ConfigReader {
     note(key);
     return has(key) ? get<T>(key, range) : fallback;
   }
-  std::string get(const std::string& key, const char* fallback) const { return get<std::string>(key, std::string(fallback)); }
+  std::string get(const std::string& key, const char* fallback) const {
+    return get<std::string>(key, std::string(fallback));
+  }
 
   /// One of a set of words. @throws FileError listing the words (and the nearest one).
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
@@ -81,7 +84,8 @@ class ConfigReader {
   /// A list of values; a single value counts as a list of one. Empty when the key is missing.
   template <typename T>
   std::vector<T> list(const std::string& key) const;
-  /// A path, taken relative to the folder of the configuration file.
+  /// An absolute path; a relative one starts at the folder of the configuration file, or, if it came from an
+  /// override, at the working folder.
   std::filesystem::path path(const std::string& key, const std::optional<std::string>& fallback = std::nullopt) const;
 
   /// A nested mapping; a missing one reads as empty, so all its keys take their defaults.
@@ -104,8 +108,8 @@ class ConfigReader {
  private:
   friend class ConfigDocument;
   struct Shared;
-  ConfigReader(std::shared_ptr<Shared> shared, YAML::Node node, std::string prefix)
-      : shared_(std::move(shared)), node_(std::move(node)), prefix_(std::move(prefix)) {}
+  ConfigReader(std::shared_ptr<Shared> shared, const YAML::Node& node, std::string prefix)
+      : shared_(std::move(shared)), node_(node), prefix_(std::move(prefix)) {}
   void note(const std::string& key) const;
   [[noreturn]] void fail_formatted(const std::string& key, const std::string& message) const;
 

@@ -7,10 +7,10 @@
 
 namespace doppel {
 
-/// An array of a `.npy` file: C order, little-endian, one of float32 (`<f4`), float64 (`<f8`), int32 (`<i4`), int64 (`<i8`),
-/// uint8 (`|u1`).
+/// An array of a `.npy` file: C order, little-endian, one of float32 (`<f4`), float64 (`<f8`), int32 (`<i4`), int64
+/// (`<i8`), uint8 (`|u1`).
 struct NpyArray {
-  std::string type;                 ///< "<f4", "<f8", "<i4", "<i8" or "|u1"
+  std::string type;  ///< "<f4", "<f8", "<i4", "<i8" or "|u1"
   std::vector<std::int64_t> shape;
   std::vector<std::uint8_t> bytes;  ///< product(shape) * item size
 

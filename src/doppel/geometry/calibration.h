@@ -12,7 +12,8 @@ namespace doppel {
 /// content, not by name:
 /// - Skeletool `.calibration` V1.0 (millimetres in the file)   -> calibration_skeletool.cpp
 /// - OpenCV FileStorage (.yml/.yaml/.xml/.json; metres unless a node `units` says `millimetres`): one mapping per
-///   camera with `width height K dist R t`                       -> calibration_opencv.cpp
+///   camera with `width height K dist R t`, and perhaps `name`   -> calibration_opencv.cpp
+///   Without `name`, node `cam7` is camera "7". `pixel_centre: 0` says that the first pixel's centre is at 0, not 0.5.
 /// A moving Skeletool camera (`animated 1`) yields one Camera per frame, named `<name>@<frame>`.
 /// @throws FileError for an unknown, truncated or impossible file; every camera is checked with Camera::faults.
 std::vector<Camera> read_calibration(const std::filesystem::path& path);
