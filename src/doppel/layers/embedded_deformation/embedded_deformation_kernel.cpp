@@ -1,5 +1,6 @@
 #include "doppel/layers/embedded_deformation/embedded_deformation_kernel.h"
 
+#include "doppel/layers/embedded_deformation/euler_lanes.h"
 #include "doppel/layers/lanes.h"
 
 // With v and g counted from the centre c of the template:
@@ -30,26 +31,6 @@ inline void store_rows(const DeformationParams& p, const float* lanes, int64_t r
   from_lanes<L>(lanes, width * n, tensor + p.first * stride + start * width, stride, p.count);
 }
 
-/// Rz Ry Rx, row-major, and the axis about which A_2 turns the result (A_1 turns about column 0, A_3 about z).
-template <int L>
-inline void rotation_of(const float* angles, Vector<L>* R, Vector<L>* axis_y) {
-  Vector<L> sx, cx, sy, cy, sz, cz;
-  sine_cosine<L>(load<L>(angles), &sx, &cx);
-  sine_cosine<L>(load<L>(angles + L), &sy, &cy);
-  sine_cosine<L>(load<L>(angles + 2 * L), &sz, &cz);
-  R[0] = cz * cy;
-  R[1] = cz * sy * sx - sz * cx;
-  R[2] = cz * sy * cx + sz * sx;
-  R[3] = sz * cy;
-  R[4] = sz * sy * sx + cz * cx;
-  R[5] = sz * sy * cx - cz * sx;
-  R[6] = -sy;
-  R[7] = cy * sx;
-  R[8] = cy * cx;
-  axis_y[0] = -sz;
-  axis_y[1] = cz;
-}
-
 template <int L>
 void prepare(const DeformationParams& p, int64_t begin, int64_t end) {
   alignas(64) float angles[kBlock * 3 * L], translations[kBlock * 3 * L];
@@ -59,7 +40,7 @@ void prepare(const DeformationParams& p, int64_t begin, int64_t end) {
     load_rows<L>(p, p.translations, p.num_nodes, 3, start, n, translations);
     for (int i = 0; i < n; ++i) {
       Vector<L> R[9], axis_y[2];
-      rotation_of<L>(angles + 3 * i * L, R, axis_y);
+      euler_rotation<L>(angles + 3 * i * L, R, axis_y);
       const float* g = p.nodes + 3 * (start + i);
       float* entry = p.table + (start + i) * 12 * L;
       for (int r = 0; r < 3; ++r) {
@@ -188,18 +169,7 @@ inline void node_adjoint(const DeformationParams& p, int64_t node, const float* 
     }
   }
   for (int r = 0; r < 3; ++r) store<L>(grad_translation + r * L, T[r]);
-  // Turning R by an angle about a (world) axis a changes it by [a]x R, and <G, [a]x R> = a . sum over columns of R_k x
-  // G_k.
-  Vector<L> R[9], axis_y[2], torque[3];
-  rotation_of<L>(angles, R, axis_y);
-  for (int r = 0; r < 3; ++r) {
-    const int i = 3 * ((r + 1) % 3), j = 3 * ((r + 2) % 3);
-    torque[r] = R[i] * G[j] - R[j] * G[i] + R[i + 1] * G[j + 1] - R[j + 1] * G[i + 1] + R[i + 2] * G[j + 2] -
-                R[j + 2] * G[i + 2];
-  }
-  store<L>(grad_angles, R[0] * torque[0] + R[3] * torque[1] + R[6] * torque[2]);
-  store<L>(grad_angles + L, axis_y[0] * torque[0] + axis_y[1] * torque[1]);
-  store<L>(grad_angles + 2 * L, torque[2]);
+  euler_adjoint<L>(angles, G, grad_angles);
 }
 
 /// Gradient to one node transform, [12,L].
