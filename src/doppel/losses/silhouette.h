@@ -25,7 +25,6 @@ struct SilhouetteOptions {
   /// Unit of the distance images; the published 8-bit images leave it open. image_pixels multiplies the distance by
   /// pixel_scale.
   SilhouetteUnit unit = SilhouetteUnit::crop_pixels;
-  bool use_reference = false;  ///< plain tensor operations even where the fused kernel could run
 };
 
 /// Both sums, each with its weight, scalars. Both are >= 0.
@@ -42,6 +41,8 @@ struct SilhouetteLoss {
 /// normal looks away from the nearest outline) the sign of the *gradient* is turned, the value is not.
 /// @param vertices float32 or float64 [B,N,3], world, metres
 /// @param faces int32 or int64 [F,3]
+/// float32 on the CPU takes the fused kernel (value and gradient in one pass), everything else, and a ReferenceScope,
+/// the reference.
 /// @throws Error for wrong shapes or types
 /// Equation: 6.8
 SilhouetteLoss silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces,
@@ -51,7 +52,8 @@ SilhouetteLoss silhouette_loss(const torch::Tensor& vertices, const torch::Tenso
 SilhouetteLoss silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces, const torch::Tensor& boundary,
                                const SilhouetteTarget& target, const SilhouetteOptions& options = {});
 
-/// Area-weighted vertex normals of unit length [B,N,3]; zero for a vertex without area. No gradient.
+/// Area-weighted vertex normals of unit length [B,N,3]; zero for a vertex without area. No gradient. float32 or
+/// float64.
 torch::Tensor silhouette_normals(const torch::Tensor& vertices, const torch::Tensor& faces);
 
 }  // namespace doppel
