@@ -18,13 +18,13 @@ struct NamedTensor {
 };
 
 struct GradientOptions {
-  double step = 1e-6;        ///< of the central difference
+  double step = 1e-6;  ///< of the central difference
   double absolute = 1e-7, relative = 1e-6;
-  int elements = 60;         ///< of each input, picked by a fixed seed; all if it has fewer
+  int elements = 60;  ///< of each input, picked by a fixed seed; all if it has fewer
 };
 
-/// Whether the gradient of sum(r * f(inputs)), r fixed random numbers, agrees with central differences for every input. The
-/// failure names the input, the element and both values of the worst one.
+/// Whether the gradient of sum(r * f(inputs)), r fixed random numbers, agrees with central differences for every input.
+/// The failure names the input, the element and both values of the worst one.
 inline ::testing::AssertionResult gradients_match(
     const std::function<torch::Tensor(const std::vector<torch::Tensor>&)>& f, const std::vector<NamedTensor>& inputs,
     const GradientOptions& options = {}) {
@@ -39,7 +39,8 @@ inline ::testing::AssertionResult gradients_match(
   double worst = 0.0;
   std::ostringstream message;
   for (size_t i = 0; i < leaves.size(); ++i) {
-    const torch::Tensor gradient = leaves[i].grad().defined() ? leaves[i].grad().contiguous() : torch::zeros_like(leaves[i]);
+    const torch::Tensor gradient =
+        leaves[i].grad().defined() ? leaves[i].grad().contiguous() : torch::zeros_like(leaves[i]);
     const int64_t count = leaves[i].numel();
     const torch::Tensor order = torch::randperm(count, generator);
     for (int64_t e = 0; e < std::min<int64_t>(count, options.elements); ++e) {
@@ -66,14 +67,16 @@ inline ::testing::AssertionResult gradients_match(
   return ::testing::AssertionSuccess();
 }
 
-/// Whether two tensors agree within absolute + relative * |expected|; the failure shows the largest excess and its place.
+/// Whether two tensors agree within absolute + relative * |expected|; the failure shows the largest excess and its
+/// place.
 inline ::testing::AssertionResult is_near(const torch::Tensor& found, const torch::Tensor& expected, double absolute,
                                           double relative = 0.0) {
   if (found.sizes() != expected.sizes()) {
     return ::testing::AssertionFailure() << "shape " << found.sizes() << ", expected " << expected.sizes();
   }
   if (found.numel() == 0) return ::testing::AssertionSuccess();
-  const torch::Tensor a = found.detach().to(torch::kFloat64).flatten(), b = expected.detach().to(torch::kFloat64).flatten();
+  const torch::Tensor a = found.detach().to(torch::kFloat64).flatten(),
+                      b = expected.detach().to(torch::kFloat64).flatten();
   const torch::Tensor excess = (a - b).abs() / (absolute + relative * b.abs());
   if ((excess <= 1.0).all().item<bool>()) return ::testing::AssertionSuccess();
   const int64_t index = torch::nan_to_num(excess, 1e300).argmax().item<int64_t>();

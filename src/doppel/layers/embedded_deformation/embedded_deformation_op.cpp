@@ -194,8 +194,9 @@ Tensor call_forward(const Tensor& A, const Tensor& T, const Tensor& D, const Ten
 
 class DeformationFunction : public torch::autograd::Function<DeformationFunction> {
  public:
-  static Tensor forward(AutogradContext* ctx, const Tensor& A, const Tensor& T, const Tensor& D, const Tensor& M,
-                        const std::vector<Tensor>& graph) {
+  static Tensor forward(AutogradContext* ctx, const Tensor& A, const Tensor& T, const OptionalTensor& optional_D,
+                        const OptionalTensor& optional_M, const std::vector<Tensor>& graph) {
+    const Tensor D = optional_D.value_or(Tensor()), M = optional_M.value_or(Tensor());
     at::AutoDispatchBelowADInplaceOrView below_autograd;
     ctx->save_for_backward({A, T, D, M});
     ctx->saved_data["graph"] = graph;
@@ -225,7 +226,7 @@ class DeformationFunction : public torch::autograd::Function<DeformationFunction
 
 Tensor forward_autograd(const Tensor& A, const Tensor& T, const OptionalTensor& D, const OptionalTensor& M,
                         at::TensorList graph) {
-  return DeformationFunction::apply(A, T, D.value_or(Tensor()), M.value_or(Tensor()), graph.vec());
+  return DeformationFunction::apply(A, T, D, M, graph.vec());
 }
 
 TORCH_LIBRARY_FRAGMENT(doppel, m) {

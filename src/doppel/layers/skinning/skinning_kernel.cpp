@@ -68,11 +68,45 @@ const float* bone_of(const SkinningParams& p, int64_t bone, int lane) {
   return p.bones + (item * p.num_bones + bone) * 12;
 }
 
+/// Linear: R c + t - o.
 void local_translation(const SkinningParams& p, const double* m, int lane, double* t) {
   for (int r = 0; r < 3; ++r) {
     t[r] = m[4 * r + 3] - static_cast<double>(p.frame[(3 + r) * p.lanes + lane]);
     for (int k = 0; k < 3; ++k) t[r] += m[4 * r + k] * static_cast<double>(p.frame[k * p.lanes + lane]);
   }
+}
+
+void cross(const double* a, const double* b, double* c) {
+  for (int r = 0; r < 3; ++r) c[r] = a[(r + 1) % 3] * b[(r + 2) % 3] - a[(r + 2) % 3] * b[(r + 1) % 3];
+}
+
+/// Dual quaternion: R(q) c + t - o. The change of frame is exact only for a rotation, so it takes that of the
+/// quaternion, which is one even where the matrix is not quite.
+void local_translation(const SkinningParams& p, const double* m, int lane, const double* q, double* t) {
+  const double c[3] = {p.frame[lane], p.frame[p.lanes + lane], p.frame[2 * p.lanes + lane]};
+  double once[3], twice[3];
+  cross(q + 1, c, once);
+  cross(q + 1, once, twice);
+  for (int r = 0; r < 3; ++r) {
+    t[r] = c[r] + 2.0 * (q[0] * once[r] + twice[r]) + m[4 * r + 3] -
+           static_cast<double>(p.frame[(3 + r) * p.lanes + lane]);
+  }
+}
+
+/// Adjoint of R(q) c = c + 2 (w v x c + v x (v x c)) with respect to q: gq += ...
+void add_turned_adjoint(const SkinningParams& p, int lane, const double* q, const double* g, double* gq) {
+  const double c[3] = {p.frame[lane], p.frame[p.lanes + lane], p.frame[2 * p.lanes + lane]};
+  const double* v = q + 1;
+  double once[3], c_cross_g[3], vc = 0.0, vg = 0.0, cg = 0.0;
+  cross(v, c, once);
+  cross(c, g, c_cross_g);
+  for (int r = 0; r < 3; ++r) {
+    vc += v[r] * c[r];
+    vg += v[r] * g[r];
+    cg += c[r] * g[r];
+    gq[0] += 2.0 * g[r] * once[r];
+  }
+  for (int r = 0; r < 3; ++r) gq[1 + r] += 2.0 * (q[0] * c_cross_g[r] + g[r] * vc + c[r] * vg - 2.0 * v[r] * cg);
 }
 
 BoneQuaternion quaternion_of_bone(const SkinningParams& p, const double* m, int lane) {
@@ -81,7 +115,7 @@ BoneQuaternion quaternion_of_bone(const SkinningParams& p, const double* m, int 
   bone.length =
       std::sqrt(bone.q[0] * bone.q[0] + bone.q[1] * bone.q[1] + bone.q[2] * bone.q[2] + bone.q[3] * bone.q[3]);
   for (double& value : bone.q) value /= bone.length;
-  local_translation(p, m, lane, bone.t);
+  local_translation(p, m, lane, bone.q, bone.t);
   return bone;
 }
 
@@ -108,15 +142,13 @@ void dual_quaternion_adjoint(const SkinningParams& p, const double* m, int lane,
   const double gt[3] = {0.5 * (-ge[0] * q[1] + ge[1] * q[0] - ge[2] * q[3] + ge[3] * q[2]),
                         0.5 * (-ge[0] * q[2] + ge[1] * q[3] + ge[2] * q[0] - ge[3] * q[1]),
                         0.5 * (-ge[0] * q[3] - ge[1] * q[2] + ge[2] * q[1] + ge[3] * q[0])};
+  add_turned_adjoint(p, lane, q, gt, gq);
   // q = v / |v|: dv = (dq - q <q,dq>) / |v|.
   const double along = gq[0] * q[0] + gq[1] * q[1] + gq[2] * q[2] + gq[3] * q[3];
   for (int i = 0; i < 4; ++i) gq[i] = (gq[i] - along * q[i]) / bone.length;
   for (int i = 0; i < 12; ++i) grad_m[i] = 0.0;
   add_quaternion_row_adjoint(bone.row, gq, grad_m);
-  for (int r = 0; r < 3; ++r) {
-    grad_m[4 * r + 3] = gt[r];
-    for (int k = 0; k < 3; ++k) grad_m[4 * r + k] += gt[r] * static_cast<double>(p.frame[k * p.lanes + lane]);
-  }
+  for (int r = 0; r < 3; ++r) grad_m[4 * r + 3] = gt[r];
 }
 
 // ------------------------------------------------------------------------------------------- vertices, L lanes each

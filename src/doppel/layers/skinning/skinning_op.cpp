@@ -158,8 +158,9 @@ std::tuple<Tensor, Tensor> call_backward(const Tensor& grad, const Tensor& point
 
 class SkinningFunction : public torch::autograd::Function<SkinningFunction> {
  public:
-  static Tensor forward(AutogradContext* ctx, const Tensor& points, const Tensor& bones,
+  static Tensor forward(AutogradContext* ctx, const OptionalTensor& optional_points, const Tensor& bones,
                         const std::vector<Tensor>& rows, int64_t mode) {
+    const Tensor points = optional_points.value_or(Tensor());
     at::AutoDispatchBelowADInplaceOrView below_autograd;
     ctx->save_for_backward({points, bones});
     ctx->saved_data["rows"] = rows;
@@ -184,7 +185,7 @@ class SkinningFunction : public torch::autograd::Function<SkinningFunction> {
 };
 
 Tensor forward_autograd(const OptionalTensor& points, const Tensor& bones, at::TensorList rows, int64_t mode) {
-  return SkinningFunction::apply(points.value_or(Tensor()), bones, rows.vec(), mode);
+  return SkinningFunction::apply(points, bones, rows.vec(), mode);
 }
 
 // Without points the op gives the blended transforms.
