@@ -1,0 +1,209 @@
+#include "doppel/eval/silhouette_overlap.h"
+
+#include <ATen/Parallel.h>
+
+#include <algorithm>
+#include <map>
+
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/core/progress.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/rasterizer.h"
+
+namespace doppel {
+
+namespace {
+
+/// Frames drawn at once; bounds the memory for coverage images.
+constexpr std::size_t kFramesAtOnce = 8;
+
+/// True vertices of the sequences that have them, read once.
+class GroundTruth {
+ public:
+  explicit GroundTruth(const Dataset& dataset) {
+    for (const DatasetSequence& sequence : dataset.sequences()) {
+      const auto path = dataset.capture().resolve("ground_truth/" + sequence.name + "/vertices.npy");
+      paths_.push_back(std::filesystem::exists(path) ? path : std::filesystem::path());
+    }
+    vertices_.resize(paths_.size());
+  }
+
+  /// [N,3], or undefined. @throws Error when the file's shape does not fit
+  torch::Tensor at(const SampleId& sample, std::int64_t num_vertices) {
+    const auto index = static_cast<std::size_t>(sample.sequence);
+    if (paths_[index].empty()) return {};
+    torch::Tensor& all = vertices_[index];
+    if (!all.defined()) all = load(paths_[index], num_vertices);
+    if (sample.frame >= all.size(0))
+      fail("{} holds {} frames; frame {} is missing", paths_[index].string(), all.size(0), sample.frame);
+    return all[sample.frame];
+  }
+
+ private:
+  static torch::Tensor load(const std::filesystem::path& path, std::int64_t num_vertices) {
+    const NpyArray array = read_npy(path);
+    if (array.shape.size() != 3 || array.shape[1] != num_vertices || array.shape[2] != 3)
+      fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices, fmt::join(array.shape, ","));
+    const std::vector<float> values = array.as<float>();
+    return torch::tensor(values).view({array.shape[0], num_vertices, 3});
+  }
+  std::vector<std::filesystem::path> paths_;
+  std::vector<torch::Tensor> vertices_;
+};
+
+/// Cameras with images of one size, which are drawn together.
+struct CameraGroup {
+  int width, height;
+  std::vector<int> cameras;
+  torch::Tensor projection;  ///< [C,3,4]
+};
+
+std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector<int>& indices) {
+  std::map<std::pair<int, int>, CameraGroup> groups;
+  for (int index : indices) {
+    const Camera& camera = dataset.camera(index);
+    CameraGroup& group = groups.try_emplace({camera.width, camera.height}, CameraGroup{camera.width, camera.height, {}, {}})
+                             .first->second;
+    group.cameras.push_back(index);
+  }
+  std::vector<CameraGroup> out;
+  for (auto& [size, group] : groups) {
+    std::vector<Camera> cameras;
+    for (int index : group.cameras) cameras.push_back(dataset.camera(index));
+    group.projection = projection_tensor(cameras);
+    out.push_back(std::move(group));
+  }
+  return out;
+}
+
+/// Overlaps of B frames with the cameras of a group, [B][C].
+std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraGroup& group, Rasterizer& rasterizer,
+                                           const std::vector<SampleId>& samples, const torch::Tensor& vertices) {
+  const auto num_frames = static_cast<std::int64_t>(samples.size()), num_cameras = static_cast<std::int64_t>(group.cameras.size());
+  const torch::Tensor covered =
+      rasterizer
+          .coverage_projected(vertices, group.projection.expand({num_frames, num_cameras, 3, 4}).contiguous(), group.height,
+                              group.width)
+          .contiguous();
+  const std::uint8_t* pixels = covered.data_ptr<std::uint8_t>();
+  const std::int64_t image = std::int64_t{group.width} * group.height;
+  std::vector<std::vector<Overlap>> result(samples.size(), std::vector<Overlap>(group.cameras.size()));
+  at::parallel_for(0, num_frames * num_cameras, 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      const std::int64_t b = i / num_cameras, c = i % num_cameras;
+      const cv::Mat mask = dataset.mask(samples[b], group.cameras[c]);
+      if (mask.cols != group.width || mask.rows != group.height)
+        fail("camera {}: the mask of frame {} is {}x{}, the camera {}x{}", dataset.camera(group.cameras[c]).name,
+             samples[b].frame, mask.cols, mask.rows, group.width, group.height);
+      const cv::Mat whole = mask.isContinuous() ? mask : mask.clone();
+      result[b][c] = overlap(whole.data, pixels + i * image, image);
+    }
+  });
+  return result;
+}
+
+/// Sum and count of a mean.
+struct Mean {
+  double sum = 0.0;
+  std::int64_t count = 0;
+  void add(double value) {
+    sum += value;
+    ++count;
+  }
+  double value() const { return sum / static_cast<double>(count); }
+};
+
+}  // namespace
+
+Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count) {
+  Overlap result;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const bool in_a = a[i] != 0, in_b = b[i] != 0;
+    result.intersection += in_a && in_b;
+    result.united += in_a || in_b;
+  }
+  return result;
+}
+
+nlohmann::ordered_json SurfaceResult::to_json() const {
+  nlohmann::ordered_json json;
+  json["AMVIoU"] = AMVIoU;
+  if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
+  for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
+  return json;
+}
+
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces, const SurfaceFunction& surface,
+                               const EvaluationOptions& options, const std::string& title) {
+  torch::NoGradGuard no_grad;
+  const std::vector<int> cameras = dataset.camera_indices(options.cameras);
+  const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
+  const std::vector<SampleId> samples = dataset.samples(split, options.every);
+  Rasterizer rasterizer(faces);
+  GroundTruth truth(dataset);
+  std::map<int, Mean> per_camera;
+  Mean error;
+  Progress progress(title, static_cast<std::int64_t>(samples.size()));
+  for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
+    const std::size_t last = std::min(first + kFramesAtOnce, samples.size());
+    const std::vector<SampleId> part(samples.begin() + static_cast<std::ptrdiff_t>(first),
+                                     samples.begin() + static_cast<std::ptrdiff_t>(last));
+    const torch::Tensor vertices = surface(part).to(torch::kFloat32).contiguous();
+    for (const CameraGroup& group : groups) {
+      const auto result = overlaps(dataset, group, rasterizer, part, vertices);
+      for (const auto& frame : result)
+        for (std::size_t c = 0; c < group.cameras.size(); ++c)
+          if (const auto iou = frame[c].iou()) per_camera[group.cameras[c]].add(*iou);
+    }
+    for (std::size_t b = 0; b < part.size(); ++b) {
+      const torch::Tensor expected = truth.at(part[b], vertices.size(1));
+      if (expected.defined())
+        error.add((vertices[static_cast<std::int64_t>(b)] - expected).norm(2, 1).mean().item<double>());
+    }
+    progress.advance(static_cast<std::int64_t>(part.size()));
+  }
+  SurfaceResult result;
+  for (int camera : cameras)
+    if (per_camera.count(camera)) result.cameras.emplace_back(dataset.camera(camera).name, per_camera[camera].value());
+  if (result.cameras.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
+  for (const auto& [name, iou] : result.cameras) result.AMVIoU += iou / static_cast<double>(result.cameras.size());
+  if (error.count > 0) result.vertex_error_mm = 1000.0 * error.value();
+  return result;
+}
+
+nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
+                                           const EvaluationOptions& options) {
+  nlohmann::ordered_json json;
+  json["metric"] = "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
+  json["capture"] = dataset.capture().name;
+  json["every"] = options.every;
+  for (Split split : splits) json["frames"][to_string(split)] = dataset.samples(split, options.every).size();
+  for (int index : dataset.camera_indices(options.cameras)) {
+    const Camera& camera = dataset.camera(index);
+    json["cameras"].push_back(camera.name);
+    json["resolution"][camera.name] = {camera.width, camera.height};
+  }
+  for (const SequenceEntry& entry : dataset.capture().sequences)
+    json["mask_threshold"][entry.name] = entry.chroma_key ? nlohmann::ordered_json("chroma key") : nlohmann::ordered_json(entry.mask_threshold);
+  return json;
+}
+
+std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
+  std::string out;
+  const auto& protocol = evaluation.at("protocol");
+  for (const auto& [split, methods] : evaluation.at("splits").items()) {
+    out += fmt::format("{} split, {} frames, {} cameras\n", split, protocol.at("frames").at(split).get<long>(),
+                       protocol.at("cameras").size());
+    for (const auto& [method, result] : methods.items()) {
+      out += fmt::format("  {:<10} AMVIoU {:.4f}", method, result.at("AMVIoU").get<double>());
+      if (result.contains("vertex_error_mm")) out += fmt::format("  vertex error {:.2f} mm", result.at("vertex_error_mm").get<double>());
+      out += "  |";
+      for (const auto& [camera, iou] : result.at("cameras").items()) out += fmt::format("  {}: {:.4f}", camera, iou.get<double>());
+      out += "\n";
+    }
+  }
+  return out;
+}
+
+}  // namespace doppel

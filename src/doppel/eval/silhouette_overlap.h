@@ -1,0 +1,59 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/data/dataset.h"
+
+namespace doppel {
+
+/// Pixels of two masks (non-zero = inside).
+struct Overlap {
+  std::int64_t intersection = 0, united = 0;
+  /// Intersection over union; nothing when both masks are empty.
+  std::optional<double> iou() const {
+    if (united == 0) return std::nullopt;
+    return static_cast<double>(intersection) / static_cast<double>(united);
+  }
+};
+Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count);
+
+/// What is compared with what.
+struct EvaluationOptions {
+  std::vector<std::string> cameras;  ///< names; empty: all of the capture
+  int every = 1;                     ///< each n-th frame of a sequence
+};
+
+/// A surface as a function of the frame: vertices [B,N,3] float32, world metres, for B samples.
+using SurfaceFunction = std::function<torch::Tensor(const std::vector<SampleId>&)>;
+
+/// How well a surface fills the masks of a split.
+struct SurfaceResult {
+  std::vector<std::pair<std::string, double>> cameras;  ///< IoU per camera, mean over its frames
+  double AMVIoU = 0.0;                                  ///< mean over cameras
+  std::optional<double> vertex_error_mm;                ///< mean distance to the true vertices, where they are known
+
+  nlohmann::ordered_json to_json() const;
+};
+
+/// AMVIoU (5.8): the surface is drawn with the camera at the full resolution of its image, without distortion, and compared with the
+/// full mask; IoU is averaged over the frames of a camera, then over cameras. A frame where both are empty does not count. Where the
+/// capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3] (metres), the mean vertex error comes along.
+/// @param faces int32 [F,3]
+/// @throws UsageError for an unknown camera; Error when no camera sees anything, or a truth has another shape
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces, const SurfaceFunction& surface,
+                               const EvaluationOptions& options, const std::string& title);
+
+/// The conditions of an evaluation, to be printed with its figures: frames per split, cameras, resolution, mask threshold.
+nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
+                                           const EvaluationOptions& options);
+
+/// The document that `doppel evaluate --json` prints, as aligned text.
+std::string evaluation_table(const nlohmann::ordered_json& evaluation);
+
+}  // namespace doppel

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <torch/script.h>
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "doppel/character/character.h"
+
+namespace doppel {
+
+/// What an exported actor says of itself, beside its tensors.
+struct ActorDescription {
+  std::string name;
+  int window = 3;                        ///< frames of motion it takes, F + 1, oldest first
+  std::vector<std::string> dof_names;    ///< [D] the columns of its input
+  std::vector<std::string> joint_names;  ///< [J]
+  int num_vertices = 0;
+  double frames_per_second = 25.0;  ///< of the motion it was trained on: the window carries velocities
+  std::string fingerprint;          ///< of the character (Character::fingerprint)
+};
+
+/// The function an actor file holds: DoF window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
+using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
+
+/// Writes one TorchScript file that needs nothing of Doppel to run: plain aten operations, parameters kept as
+/// parameters. `torch::jit::load` and Python's `torch.jit.load` take it.
+///
+/// Extra files inside: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint), `faces.npy`
+/// [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
+///
+/// @param forward     the actor in its reference form (tensor operations only); it is traced on a random window of one
+/// batch size
+///                    and then held against itself on another, so a size that the trace has baked in is found here
+/// @param modules     what `forward` computes with; their parameters and buffers become the file's, under their names
+/// @throws Error when the traced function differs from `forward` by more than 1e-5 m on a window it has not seen, or
+/// holds an
+///         operation that is not aten's
+void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
+                 const ActorFunction& forward, const std::vector<std::pair<std::string, torch::nn::Module*>>& modules);
+
+/// An actor file, read back.
+class ActorFile {
+ public:
+  /// @throws FileError when it is not an actor file (with what is missing)
+  static ActorFile load(const std::filesystem::path& path);
+
+  const ActorDescription& description() const { return description_; }
+  /// [B,F+1,D] -> [B,N,3] @throws Error for another shape
+  torch::Tensor forward(const torch::Tensor& window) const;
+
+ private:
+  mutable torch::jit::script::Module module_;
+  ActorDescription description_;
+};
+
+}  // namespace doppel

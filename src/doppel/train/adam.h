@@ -1,0 +1,82 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/core/config.h"
+
+namespace doppel {
+
+class Checkpoint;
+
+/// Options of the optimiser, with the thesis's values as defaults (method-notes 14.1: no decay, no clipping).
+struct AdamOptions {
+  double beta1 = 0.9, beta2 = 0.999;
+  double epsilon = 1e-8;
+  double weight_decay = 0.0;  ///< per step and unit of learning rate
+  bool decoupled = true;      ///< decay the weights themselves (AdamW); false: add the decay to the gradient
+  double clip_norm = 0.0;     ///< largest norm of the whole gradient; 0 = no clipping
+  double mean_decay = 0.0;    ///< running mean of the weights, mean = decay * mean + (1 - decay) * weights; 0 = none
+
+  static AdamOptions read(const ConfigReader& reader);
+};
+
+/// Adam in one pass over memory: all parameters are updated in place by one parallel region of flat loops (the eager
+/// optimiser launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; one without a gradient
+/// is left alone. Same numbers as torch::optim::Adam / AdamW to rounding, and the same bits for any number of threads.
+class Adam {
+ public:
+  /// Parameters that share settings. `learning_rate_scale` multiplies the rate given to `step`.
+  struct Group {
+    std::vector<std::pair<std::string, torch::Tensor>> parameters;
+    double learning_rate_scale = 1.0;
+    double weight_decay_scale = 1.0;
+  };
+
+  /// @throws Error naming the parameter that is not a contiguous float32 CPU tensor
+  Adam(std::vector<Group> groups, const AdamOptions& options);
+  /// One group with all parameters of a module.
+  Adam(const torch::nn::Module& module, const AdamOptions& options);
+
+  /// Norm of all gradients together (not finite if any of them is not).
+  double gradient_norm() const;
+  /// The first parameter whose gradient holds a NaN or an infinity.
+  std::optional<std::string> non_finite_gradient() const;
+  /// Updates the parameters. `norm` is what `gradient_norm` returned (used for clipping only).
+  void step(double learning_rate, double norm);
+  /// Drops the gradients, so that the next backward pass stores its own instead of adding to zeros.
+  void zero_grad();
+
+  std::int64_t steps() const { return steps_; }
+  /// Running mean of the weights by name; empty without `mean_decay`.
+  std::vector<std::pair<std::string, torch::Tensor>> mean_weights() const;
+
+  /// Moments, means and step count under `optimizer.*`.
+  void save(Checkpoint& checkpoint) const;
+  /// @throws Error when a tensor is missing or has another shape
+  void load(const Checkpoint& checkpoint);
+
+ private:
+  struct Slot {
+    std::string name;
+    torch::Tensor parameter, first, second, mean;
+    double learning_rate_scale, weight_decay_scale;
+  };
+  /// A piece of one parameter; the unit of parallel work.
+  struct Chunk {
+    std::size_t slot;
+    std::int64_t begin, end;
+  };
+  void add(const Group& group);
+
+  AdamOptions options_;
+  std::vector<Slot> slots_;
+  std::vector<Chunk> chunks_;
+  std::int64_t steps_ = 0;
+};
+
+}  // namespace doppel

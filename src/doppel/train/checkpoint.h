@@ -1,0 +1,77 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace doppel {
+
+/// Everything a run needs to go on, as named tensors and texts in one file.
+///
+/// The file is a pickled dictionary in a zip archive (Python: `torch.load(path)`); the archive's comment holds a CRC-32C of all bytes
+/// before it, which is checked before anything is parsed.
+class Checkpoint {
+ public:
+  static constexpr const char* kFormat = "doppel checkpoint 1";
+
+  void set_tensor(const std::string& name, const torch::Tensor& tensor) { tensors_[name] = tensor.detach(); }
+  void set_text(const std::string& name, const std::string& text) { texts_[name] = text; }
+
+  bool has_tensor(const std::string& name) const { return tensors_.count(name) > 0; }
+  bool has_text(const std::string& name) const { return texts_.count(name) > 0; }
+  /// @throws Error when there is none of that name
+  const torch::Tensor& tensor(const std::string& name) const;
+  const std::string& text(const std::string& name) const;
+  std::int64_t integer(const std::string& name) const;
+  double number(const std::string& name) const;
+  const std::map<std::string, torch::Tensor>& tensors() const { return tensors_; }
+
+  /// Copies a stored tensor into `target`. @throws Error for another shape or element type, naming both
+  void copy_tensor(const std::string& name, torch::Tensor target) const;
+
+  /// Writes the file atomically.
+  void save(const std::filesystem::path& path) const;
+  /// @throws FileError for anything that is not a whole, unchanged checkpoint
+  static Checkpoint load(const std::filesystem::path& path);
+
+ private:
+  std::string where_ = "checkpoint";
+  std::map<std::string, torch::Tensor> tensors_;
+  std::map<std::string, std::string> texts_;
+};
+
+/// Parameters and buffers of a module under `<prefix><name>`.
+void save_module(const torch::nn::Module& module, const std::string& prefix, Checkpoint& checkpoint);
+/// Fills them in place. @throws Error naming the first missing tensor, or one of another shape
+void load_module(torch::nn::Module& module, const std::string& prefix, const Checkpoint& checkpoint);
+
+/// The checkpoints of a run: `step-000500.pt`, ..., and `latest`, a text file that names one of them.
+class CheckpointFolder {
+ public:
+  /// @param keep_last how many of the newest to keep; @param keep_every also keep steps divisible by this (0: none)
+  explicit CheckpointFolder(std::filesystem::path folder, int keep_last = 2, std::int64_t keep_every = 0);
+
+  std::filesystem::path path(std::int64_t step) const;
+  /// Steps on disk, ascending.
+  std::vector<std::int64_t> steps() const;
+  /// The newest whole checkpoint: the one `latest` names, or, if that one cannot be read, an older one (with a warning).
+  /// @throws Error when there are checkpoints but none can be read
+  std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
+  /// Saves, moves `latest`, removes what need not be kept.
+  void save(std::int64_t step, const Checkpoint& checkpoint);
+  /// Removes all checkpoints and what an interrupted write left behind.
+  void clear();
+
+ private:
+  void prune() const;
+  void remove_leftovers() const;
+  std::filesystem::path folder_;
+  int keep_last_;
+  std::int64_t keep_every_;
+};
+
+}  // namespace doppel

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "doppel/character/character.h"
+#include "doppel/core/config.h"
+#include "doppel/data/loader.h"
+#include "doppel/losses/silhouette.h"
+#include "doppel/nets/egnet.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `egnet` is made of; `docs/training.md` lists the keys.
+struct EgNetRunConfig {
+  std::filesystem::path capture;  ///< prepared folder, absolute
+  std::int64_t seed = 1;
+  CharacterOptions character;
+
+  LoaderOptions loader;
+  double input_noise = 0.0;  ///< radians, independent per frame of the window, on what the network sees
+  double pose_noise = 0.0;   ///< radians, the same for all frames of the window: keeps velocities
+
+  EgNetConfig model;
+  bool standardise = true;       ///< scale the network's inputs by their statistics over the training frames
+  double feature_floor = 0.01;   ///< smallest standard deviation assumed there, metres and radians
+  bool recalibrate_norm = true;  ///< for evaluation, batch-norm statistics of the whole training set instead of running ones
+
+  double silhouette_weight = 100.0;  ///< thesis A.2
+  double arap_weight = 1500.0;       ///< thesis A.2
+  SilhouetteOptions silhouette;
+
+  TrainerOptions trainer;
+
+  /// Reads a whole configuration. @throws FileError at the key; UsageError when no capture is named
+  static EgNetRunConfig read(const ConfigDocument& document);
+};
+
+}  // namespace doppel

@@ -1,0 +1,191 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "doppel/character/character.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/export/actor_file.h"
+#include "doppel/export/animation.h"
+#include "doppel/layers/surface.h"
+#include "doppel/nets/egnet.h"
+#include "support/temporary_folder.h"
+#include "support/test_character.h"
+
+namespace doppel {
+namespace {
+
+using support::TemporaryFolder;
+
+/// A character, an untrained network with outputs large enough to see, and the actor made of both.
+struct Actor {
+  Character character = make_test_character();
+  EgNet net;
+  CharacterSurface surface;
+  ActorDescription description;
+
+  Actor() : net(character, EgNetConfig::preset("paper")), surface(character) {
+    torch::NoGradGuard no_grad;
+    auto generator = at::detail::createCPUGenerator(5);
+    for (torch::Tensor& p : net->parameters()) p.copy_(0.2 * torch::randn(p.sizes(), generator));
+    net->eval();
+    description.name = character.name;
+    description.window = net->config().window + 1;
+    for (const Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
+    for (const Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
+    description.num_vertices = character.num_vertices();
+    description.fingerprint = character.fingerprint();
+  }
+
+  torch::Tensor forward(const torch::Tensor& window) {
+    const auto [rotation, translation] = net->forward(window);
+    return surface->deformed(window.select(1, window.size(1) - 1), rotation, translation, {});
+  }
+
+  void write(const std::filesystem::path& path) {
+    net->set_reference(true);
+    surface->set_reference(true);
+    write_actor(path, character, description, [this](const torch::Tensor& window) { return forward(window); },
+                {{"egnet", net.get()}});
+    net->set_reference(false);
+    surface->set_reference(false);
+  }
+};
+
+Motion test_motion(int num_dofs, int frames) {
+  Motion motion;
+  for (int f = 0; f < frames; ++f) {
+    std::vector<double> row;
+    for (int d = 0; d < num_dofs; ++d) row.push_back(0.2 * std::sin(0.3 * f + d));
+    motion.frames.push_back(row);
+    motion.ids.push_back(f);
+  }
+  return motion;
+}
+
+double largest_difference(const std::vector<float>& a, const std::vector<float>& b) {
+  if (a.size() != b.size()) return 1e9;
+  double worst = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::abs(double(a[i]) - double(b[i])));
+  return worst;
+}
+
+TEST(ActorFileAgrees, WithTheModelOnUnseenWindowsAndBatches) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  EXPECT_EQ(file.description().dof_names, actor.description.dof_names);
+  EXPECT_EQ(file.description().fingerprint, actor.character.fingerprint());
+  torch::NoGradGuard no_grad;
+  for (int batch : {1, 2, 5}) {
+    const torch::Tensor window = 0.4 * torch::randn({batch, 3, actor.character.num_dofs()});
+    const torch::Tensor expected = actor.forward(window), found = file.forward(window);
+    ASSERT_EQ(found.sizes(), expected.sizes());
+    EXPECT_LT((found - expected).abs().max().item<double>(), 1e-5) << "batch " << batch;
+  }
+}
+
+TEST(ActorFileAgrees, ParametersStayParameters) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  torch::jit::Module module = torch::jit::load((folder / "actor.pt").string());
+  EXPECT_EQ(module.parameters().size(), actor.net->parameters().size());
+  // Changing a parameter of the loaded file changes what it computes: nothing was baked in as a constant.
+  torch::NoGradGuard no_grad;
+  const torch::Tensor window = 0.4 * torch::randn({1, 3, actor.character.num_dofs()});
+  const torch::Tensor before = module.forward({window}).toTensor();
+  for (const torch::Tensor& p : module.parameters()) p.zero_();
+  EXPECT_GT((module.forward({window}).toTensor() - before).abs().max().item<double>(), 1e-4);
+}
+
+TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const Motion motion = test_motion(actor.character.num_dofs(), 7);
+  write_motion(folder / "m.motion", motion, true);
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_npy_writer(folder / "ours", actor.character.num_vertices()));
+  animate(actor.character, motion, &file, writers);
+  const std::vector<float> ours = read_npy(folder / "ours" / "vertices.npy").as<float>();
+
+  const std::string arguments = " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() + "' '";
+  ASSERT_EQ(
+      std::system((std::string(ACTOR_HOST) + arguments + (folder / "host.f32").string() + "' >/dev/null").c_str()), 0);
+  const std::string raw = read_file(folder / "host.f32");
+  std::vector<float> host(raw.size() / sizeof(float));
+  std::memcpy(host.data(), raw.data(), raw.size());
+  EXPECT_LT(largest_difference(ours, host), 1e-5);
+
+  if (std::system("/usr/bin/python3 -c 'import torch' 2>/dev/null") != 0)
+    GTEST_SKIP() << "Debian's python3-torch is not installed: the Python host was not tried";
+  ASSERT_EQ(
+      std::system(
+          ("/usr/bin/python3 " PLAY_ACTOR + arguments + (folder / "python.npy").string() + "' >/dev/null").c_str()),
+      0);
+  EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
+}
+
+TEST(ActorFileRejects, WhatIsNotAnActor) {
+  const TemporaryFolder folder;
+  EXPECT_THROW(ActorFile::load(folder / "missing.pt"), FileError);
+  write_atomically(folder / "text.pt", "hello");
+  EXPECT_THROW(ActorFile::load(folder / "text.pt"), FileError);
+  torch::jit::Module other("other");
+  other.define("def forward(self, x):\n  return x\n");
+  other.save((folder / "other.pt").string());
+  EXPECT_THROW(ActorFile::load(folder / "other.pt"), FileError);
+
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const std::string whole = read_file(folder / "actor.pt");
+  for (std::size_t length : {whole.size() / 10, whole.size() / 2, whole.size() - 20}) {
+    write_atomically(folder / "cut.pt", whole.substr(0, length));
+    EXPECT_THROW(ActorFile::load(folder / "cut.pt"), FileError) << length;
+  }
+  EXPECT_THROW(ActorFile::load(folder / "actor.pt").forward(torch::zeros({1, 3, 1})), Error);
+}
+
+TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
+  const TemporaryFolder folder;
+  const Character character = make_test_character();
+  const Motion motion = test_motion(character.num_dofs(), 20);
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_npy_writer(folder.path(), character.num_vertices()));
+  writers.push_back(make_obj_writer(folder.path(), character));
+  animate(character, motion, nullptr, writers);
+  const NpyArray array = read_npy(folder / "vertices.npy");
+  EXPECT_EQ(array.shape, (std::vector<std::int64_t>{20, character.num_vertices(), 3}));
+
+  CharacterSurface surface(character);
+  const torch::Tensor last = surface->skinned(motion_window(motion, 19, 1));
+  const std::vector<float> all = array.as<float>();
+  const std::vector<float> expected(last.data_ptr<float>(), last.data_ptr<float>() + last.numel());
+  EXPECT_LT(largest_difference({all.end() - last.numel(), all.end()}, expected), 1e-7);
+
+  const TriangleMesh mesh = read_obj(folder / "frame_000019.obj", 1.0);
+  EXPECT_EQ(mesh.faces, character.mesh.faces);
+  EXPECT_NEAR(mesh.vertices.back().x(), expected[expected.size() - 3], 1e-6);
+}
+
+TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
+  const Motion motion = test_motion(4, 5);
+  const torch::Tensor window = motion_window(motion, 1, 3);
+  EXPECT_TRUE(torch::equal(window[0], window[1]));
+  EXPECT_FLOAT_EQ(window[2][2].item<float>(), static_cast<float>(motion.frames[1][2]));
+}
+
+TEST(AnimationRejects, AMotionOfAnotherSkeleton) {
+  const TemporaryFolder folder;
+  const Character character = make_test_character();
+  EXPECT_THROW(animate(character, test_motion(character.num_dofs() + 1, 2), nullptr, {}), Error);
+  EXPECT_THROW(animate(character, Motion{}, nullptr, {}), Error);
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,172 @@
+#include "doppel/train/egnet_stage.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/train/trained_egnet.h"
+#include "support/small_capture.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::TemporaryFolder;
+using ::testing::HasSubstr;
+
+constexpr char kConfig[] =
+    "stage: egnet\n"
+    "data: {batch_size: 4, cameras_per_sample: 2, input_noise: 0.01, pose_noise: 0.01}\n"
+    "model: {features: 4, residual_blocks: 2, rings: 2}\n"
+    "train: {iterations: 40, learning_rate: 0.005, mean_weights: 0.9, log_every: 4, checkpoint_every: 8}\n";
+
+/// A capture that all tests here share, and a run on it.
+class EgNetTraining : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    prepared_ = make_small_capture(*folder_ / "capture");
+  }
+  static void TearDownTestSuite() { delete folder_; }
+
+  static std::string config_text() { return std::string("capture: ") + prepared_.string() + "\n" + kConfig; }
+  static EgNetRunConfig config(const std::vector<std::string>& overrides = {}) {
+    return EgNetRunConfig::read(ConfigDocument::parse(config_text(), "test.yaml", overrides));
+  }
+  /// Trains until `stop_at` steps are done (-1: to the end).
+  static TrainSummary train(const RunFolder& run, std::int64_t stop_at = -1) {
+    const EgNetRunConfig c = config();
+    const Dataset dataset = Dataset::open(c.capture);
+    const Character character = load_character(dataset.character_path(), c.character);
+    run.open(config_text(), RunMode::automatic);
+    EgNetStage stage(dataset, character, c);
+    TrainerOptions options = c.trainer;
+    if (stop_at >= 0) options.iterations = stop_at;
+    return Trainer(stage, options, run).run();
+  }
+  static TemporaryFolder* folder_;
+  static std::filesystem::path prepared_;
+};
+TemporaryFolder* EgNetTraining::folder_ = nullptr;
+std::filesystem::path EgNetTraining::prepared_;
+
+using EgNetStageRecovers = EgNetTraining;
+using EgNetStageReference = EgNetTraining;
+using EgNetStageRejects = EgNetTraining;
+
+TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
+  const RunFolder run(*folder_ / "falls");
+  const auto summary = train(run);
+  EXPECT_EQ(summary.reason, StopReason::finished);
+  const auto metrics = read_metrics(run.metrics());
+  EXPECT_LT(metrics.back().loss, 0.7 * metrics.front().loss);
+  std::vector<std::string> parts, terms;
+  for (const auto& part : metrics[0].milliseconds) parts.push_back(part.first);
+  for (const auto& term : metrics[0].terms) terms.push_back(term.name);
+  EXPECT_THAT(parts, ::testing::UnorderedElementsAre("load", "network", "layers", "boundary", "silhouette", "arap", "backward",
+                                                     "optimiser"));
+  EXPECT_THAT(terms, ::testing::UnorderedElementsAre("model_to_data", "data_to_model", "arap"));
+  EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-test.jpg"));
+  EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-train.jpg"));
+
+  TrainedEgNet trained = TrainedEgNet::load(run.path());
+  EXPECT_EQ(trained.step, 40);
+  const Dataset dataset = Dataset::open(prepared_);
+  const SampleId sample = dataset.samples(Split::test)[1];
+  const auto window = dataset.dof_window(sample, trained.config.model.window).unsqueeze(0);
+  const auto moved = trained.vertices(window) - trained.surface->skinned_by_nodes(window.select(1, -1).contiguous());
+  EXPECT_GT(moved.abs().max().item<float>(), 1e-3f);
+  EXPECT_TRUE(torch::isfinite(moved).all().item<bool>());
+}
+
+TEST_F(EgNetStageRecovers, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
+  const RunFolder whole(*folder_ / "whole"), broken(*folder_ / "broken");
+  train(whole);
+  for (const std::int64_t stop : {3, 8, 21, 40}) train(broken, stop);
+  const auto expected = CheckpointFolder(whole.checkpoints()).load_latest()->second;
+  const auto actual = CheckpointFolder(broken.checkpoints()).load_latest()->second;
+  ASSERT_EQ(expected.tensors().size(), actual.tensors().size());
+  for (const auto& [name, tensor] : expected.tensors()) EXPECT_TRUE(torch::equal(tensor, actual.tensor(name))) << name;
+  EXPECT_EQ(expected.text("data"), actual.text("data"));
+}
+
+TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
+  const EgNetRunConfig c = config({"data.input_noise=0", "data.pose_noise=0", "model.head_scale=0"});
+  const Dataset dataset = Dataset::open(c.capture);
+  const Character character = load_character(dataset.character_path(), c.character);
+  EgNetStage stage(dataset, character, c);
+  Profile profile;
+  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
+  const std::vector<SampleId> samples = dataset.samples(Split::train);
+  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.window);
+  const LossTerms terms = stage.loss(batch, context);
+  const auto vertices = CharacterSurface(character)->skinned_by_nodes(batch.dofs.select(1, -1).contiguous());
+  const auto expected = silhouette_loss(
+      vertices, face_tensor(character),
+      SilhouetteTarget{batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets},
+      c.silhouette);
+  EXPECT_NEAR(terms[0].value.item<double>(), expected.model_to_data.item<double>(), 1e-6);
+  EXPECT_NEAR(terms[1].value.item<double>(), expected.data_to_model.item<double>(), 1e-4);
+  EXPECT_EQ(terms[2].value.item<double>(), 0.0);
+  EXPECT_GT(terms[0].value.item<double>(), 0.0);
+}
+
+TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {
+  const EgNetRunConfig c = config({"model.rotation=euler"});
+  const Dataset dataset = Dataset::open(c.capture);
+  const Character character = load_character(dataset.character_path(), c.character);
+  EgNetStage stage(dataset, character, c);
+  std::vector<torch::Tensor> windows;
+  for (const SampleId& sample : dataset.samples(Split::train)) windows.push_back(dataset.dof_window(sample, c.model.window));
+  torch::NoGradGuard no_grad;
+  stage.model().train();
+  stage.prepare_evaluation();
+  const auto in_training = stage.network()->forward(torch::stack(windows)).second;
+  stage.prepare_evaluation();  // the pass above moved the running statistics
+  stage.model().eval();
+  const auto in_evaluation = stage.network()->forward(torch::stack(windows)).second;
+  // Running variances are unbiased, n/(n-1) larger than what training divides by: 12 frames make 4 % of the features, less of T.
+  EXPECT_LT((in_training - in_evaluation).abs().max().item<float>(), 0.2f * in_training.abs().max().item<float>());
+}
+
+TEST_F(EgNetStageRejects, WrongConfigurations) {
+  EXPECT_THROW(config({"data.batch_sise=3"}), FileError);
+  EXPECT_THROW(config({"data.batch_size=0"}), FileError);
+  EXPECT_THROW(config({"loss.arap=-1"}), FileError);
+  EXPECT_THROW(config({"stage=posenet"}), FileError);
+  EXPECT_THROW(config({"train.schedule=linear"}), FileError);
+  EXPECT_THROW(EgNetRunConfig::read(ConfigDocument::parse(kConfig, "test.yaml")), UsageError);
+}
+
+TEST_F(EgNetStageRejects, LoadingWhatIsNotARun) {
+  const TemporaryFolder empty;
+  EXPECT_THROW(TrainedEgNet::load(empty.path()), Error);
+  write_atomically(empty / "config.yaml", config_text());
+  try {
+    TrainedEgNet::load(empty.path());
+    FAIL() << "accepted";
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("no checkpoint"));
+  }
+}
+
+TEST(EgNetConfigReference, ShippedConfigurationsAreRead) {
+  for (const std::string size : {"tiny", "small", "paper"}) {
+    const auto path = std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs" / size / "egnet.yaml";
+    const auto config = EgNetRunConfig::read(ConfigDocument::load(path, {"capture=/somewhere"}));
+    EXPECT_EQ(config.capture, "/somewhere");
+    EXPECT_EQ(config.silhouette_weight, 100.0) << size;
+    EXPECT_EQ(config.arap_weight, 1500.0) << size;
+  }
+  const auto paper = EgNetRunConfig::read(
+      ConfigDocument::load(std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs/paper/egnet.yaml", {"capture=/somewhere"}));
+  EXPECT_EQ(paper.trainer.iterations, 360000);
+  EXPECT_EQ(paper.loader.batch_size, 40);
+  EXPECT_EQ(paper.loader.cameras_per_sample, 40);
+  EXPECT_EQ(paper.trainer.schedule.rate(359999), 1e-4);
+  EXPECT_EQ(paper.model.sagcn.rings, 3);
+}
+
+}  // namespace
+}  // namespace doppel

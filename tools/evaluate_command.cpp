@@ -1,0 +1,124 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "command.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/eval/silhouette_overlap.h"
+#include "doppel/train/egnet_stage.h"
+#include "doppel/train/report.h"
+#include "doppel/train/trained_egnet.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char kExample[] =
+    "Example:\n"
+    "  doppel evaluate --run runs/anna --split test --json\n"
+    "Without --run, pure skinning is evaluated alone: doppel evaluate --capture prepared/anna";
+
+struct Arguments {
+  std::string run, capture, split = "test";
+  EvaluationOptions options;
+};
+
+std::vector<Split> splits_to_evaluate(const Dataset& dataset, const std::string& word) {
+  if (word != "all") return {parse_split(word)};
+  std::vector<Split> splits;
+  for (Split split : {Split::train, Split::test})
+    if (!dataset.samples(split).empty()) splits.push_back(split);
+  return splits;
+}
+
+/// DoF windows of samples, [B,F+1,D].
+torch::Tensor windows(const Dataset& dataset, const std::vector<SampleId>& samples, int window) {
+  std::vector<torch::Tensor> all;
+  for (const SampleId& sample : samples) all.push_back(dataset.dof_window(sample, window));
+  return torch::stack(all);
+}
+
+/// What is evaluated: a character, and, with a run, its trained model.
+struct Subject {
+  std::optional<TrainedEgNet> trained;
+  std::optional<Character> untrained;
+  CharacterSurface surface{nullptr};
+  const Character& character() const { return trained ? trained->character : *untrained; }
+};
+
+Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
+  const torch::Tensor faces = face_tensor(subject.character());
+  const auto skinned = [&](const std::vector<SampleId>& samples) {
+    return subject.surface->skinned_by_nodes(windows(dataset, samples, 0).squeeze(1));
+  };
+  Json result;
+  result["skinning"] = evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
+  if (!subject.trained) return result;
+  const auto deformed = [&](const std::vector<SampleId>& samples) {
+    return subject.trained->vertices(windows(dataset, samples, subject.trained->config.model.window));
+  };
+  result["egnet"] = evaluate_surface(dataset, split, faces, deformed, options, "egnet, " + to_string(split)).to_json();
+  return result;
+}
+
+Subject load_subject(const Arguments& arguments, fs::path& capture) {
+  Subject subject;
+  if (arguments.run.empty()) {
+    if (arguments.capture.empty()) fail<UsageError>("nothing to evaluate: give --run RUN or --capture PREPARED");
+    capture = arguments.capture;
+    subject.untrained = load_character(read_capture(capture).character_path());
+  } else {
+    const auto other = arguments.capture.empty() ? std::nullopt : std::make_optional<fs::path>(arguments.capture);
+    subject.trained = TrainedEgNet::load(arguments.run, other);
+    capture = subject.trained->config.capture;
+  }
+  subject.surface = CharacterSurface(subject.character());
+  return subject;
+}
+
+int run(const Arguments& arguments, const CommonOptions& common) {
+  fs::path capture;
+  Subject subject = load_subject(arguments, capture);
+  const Dataset dataset = Dataset::open(capture);
+  const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
+  Json evaluation;
+  evaluation["protocol"] = evaluation_protocol(dataset, splits, arguments.options);
+  if (subject.trained) {
+    evaluation["protocol"]["run"] = fs::absolute(arguments.run).lexically_normal().string();
+    evaluation["protocol"]["step"] = subject.trained->step;
+    evaluation["protocol"]["trained_on_cameras"] = subject.trained->config.loader.cameras;
+  }
+  for (Split split : splits)
+    evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, arguments.options);
+  if (subject.trained) {
+    const RunFolder folder(arguments.run);
+    write_atomically(folder.evaluation(), evaluation.dump(2) + "\n");
+    write_report(folder);
+  }
+  std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
+  return 0;
+}
+
+}  // namespace
+
+Command add_evaluate(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("evaluate", "Measure how well skinning and a trained model fill the masks");
+  app->footer(kExample);
+  auto arguments = std::make_shared<Arguments>();
+  app->add_option("--run", arguments->run, "Folder of a run; results also go into its evaluation.json and report.html");
+  app->add_option("--capture", arguments->capture, "Prepared capture (default: the one the run was trained on)");
+  app->add_option("--split", arguments->split, "train, test or all")->capture_default_str();
+  app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
+  app->add_option("--every", arguments->options.every, "Each n-th frame")->capture_default_str()->check(CLI::PositiveNumber);
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+}
+
+}  // namespace doppel::tools

@@ -1,0 +1,70 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "command.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/data/capture_layouts.h"
+#include "doppel/data/prepare.h"
+
+namespace doppel::tools {
+
+namespace {
+
+constexpr char kExample[] =
+    "Example:\n"
+    "  doppel prepare recordings/anna --out prepared/anna\n"
+    "CAPTURE is a folder with a capture.yaml (docs/capture.md), or one in the layout of DynaCap, ASH or TriHuman.";
+
+struct Arguments {
+  std::string capture;
+  PrepareOptions options;
+};
+
+void add_options(CLI::App& app, Arguments& arguments) {
+  PrepareOptions& options = arguments.options;
+  app.add_option("capture", arguments.capture, "Capture folder, or its capture.yaml")->required();
+  app.add_option("--out", options.out, "Folder to prepare into (default: CAPTURE/prepared)");
+  app.add_option("--mask-size", options.mask_size, "Side of the cropped masks, pixels")->capture_default_str();
+  app.add_option("--image-size", options.image_size, "Side of the cropped pictures, pixels")->capture_default_str();
+  app.add_option("--margin", options.margin, "Margin around the person, of the longer side")->capture_default_str();
+  app.add_option("--jpeg-quality", options.jpeg_quality, "Of the cropped pictures (0: lossless PNG)")
+      ->capture_default_str();
+  app.add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
+      ->capture_default_str();
+  app.add_flag("--overwrite", options.overwrite, "Throw away what was prepared there before");
+  app.add_flag("--force", options.force, "Only warn where a check of units, cameras or masks would stop");
+}
+
+std::filesystem::path default_out(const std::filesystem::path& capture) {
+  return (std::filesystem::is_directory(capture) ? capture : capture.parent_path()) / "prepared";
+}
+
+int run(const Arguments& arguments, const CommonOptions& common) {
+  PrepareOptions options = arguments.options;
+  if (options.out.empty()) options.out = default_out(arguments.capture);
+  options.threads = resolve_threads(common.threads);
+  const PrepareReport report = prepare_capture(find_capture(arguments.capture), options);
+  if (!report.finished) {
+    log::warn("stopped after {} records; the same command goes on from there", report.records);
+    return 1;
+  }
+  std::printf("%s", common.json ? (report.json() + "\n").c_str() : report.table().c_str());
+  log::info("{} records in {}", report.records, options.out.string());
+  return 0;
+}
+
+}  // namespace
+
+Command add_prepare(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("prepare", "Turn a capture into a store that training reads");
+  app->footer(kExample);
+  auto arguments = std::make_shared<Arguments>();
+  add_options(*app, *arguments);
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+}
+
+}  // namespace doppel::tools

@@ -1,0 +1,90 @@
+#include <fmt/core.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "command.h"
+#include "doppel/core/error.h"
+#include "doppel/data/synth/synth.h"
+
+namespace doppel::tools {
+
+namespace {
+
+/// What the command line says; values not given keep the preset's.
+struct SynthArguments {
+  std::string out, preset = "tiny";
+  int cameras = 0, frames = 0, test_frames = 0, size = 0;
+  std::uint64_t seed = 1;
+  bool force = false;
+};
+
+synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& app) {
+  synth::SynthOptions options = synth::SynthOptions::preset(arguments.preset);
+  const auto take = [&](const char* name, int given, int& value) {
+    if (app.count(name) > 0) value = given;
+  };
+  take("--cameras", arguments.cameras, options.cameras);
+  take("--frames", arguments.frames, options.frames);
+  take("--test-frames", arguments.test_frames, options.test_frames);
+  take("--size", arguments.size, options.size);
+  options.seed = arguments.seed;
+  options.force = arguments.force;
+  return options;
+}
+
+void print_summary(const std::string& out, const synth::SynthOptions& o, const synth::SynthReport& r) {
+  fmt::print("synthetic capture in {}\n", out);
+  fmt::print("  actor     {} vertices, {} faces, {} graph nodes, {} DoFs\n", r.vertices, r.faces, r.nodes, r.dofs);
+  fmt::print("  cameras   {}, {} x {} pixels\n", o.cameras, o.size, o.size);
+  fmt::print("  frames    {} for training (cut before frame {}), {} for testing, {} per second\n", o.frames,
+             o.frames / 2, o.test_frames, o.fps);
+  fmt::print("  clothes   {:.1f} mm from the skinned template on average, {:.1f} mm at most (test frames)\n",
+             1e3 * r.mean_displacement, 1e3 * r.largest_displacement);
+  fmt::print("  skinning  silhouettes overlap with the truth by IoU {:.4f} (test frames, all cameras)\n",
+             r.skinning_iou);
+  fmt::print("next: doppel prepare {}\n", out);
+}
+
+void print_json(const std::string& out, const synth::SynthOptions& o, const synth::SynthReport& r) {
+  const nlohmann::json result = {{"capture", out},
+                                 {"vertices", r.vertices},
+                                 {"faces", r.faces},
+                                 {"nodes", r.nodes},
+                                 {"dofs", r.dofs},
+                                 {"cameras", o.cameras},
+                                 {"size", o.size},
+                                 {"fps", o.fps},
+                                 {"seed", o.seed},
+                                 {"frames", {{"train", o.frames}, {"test", o.test_frames}}},
+                                 {"mean_displacement_mm", 1e3 * r.mean_displacement},
+                                 {"largest_displacement_mm", 1e3 * r.largest_displacement},
+                                 {"skinning_iou", r.skinning_iou}};
+  fmt::print("{}\n", result.dump(2));
+}
+
+}  // namespace
+
+Command add_synth(CLI::App& program) {
+  CLI::App* app =
+      program.add_subcommand("synth", "Make a synthetic capture: an actor, cameras, videos, masks, ground truth");
+  app->footer("Example: doppel synth --out captures/tiny --preset tiny");
+  auto arguments = std::make_shared<SynthArguments>();
+  app->add_option("--out", arguments->out, "The capture folder to make")->required();
+  app->add_option("--preset", arguments->preset, "tiny (seconds to make) or small (a minute or two)")
+      ->capture_default_str();
+  app->add_option("--cameras", arguments->cameras, "Number of cameras, instead of the preset's");
+  app->add_option("--frames", arguments->frames, "Number of training frames, instead of the preset's");
+  app->add_option("--test-frames", arguments->test_frames, "Number of test frames, instead of the preset's");
+  app->add_option("--size", arguments->size, "Side of the square images in pixels, instead of the preset's");
+  app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
+  app->add_flag("--force", arguments->force, "Replace a synthetic capture that stands in the folder");
+  return {app, [app, arguments](const CommonOptions& common) {
+            const synth::SynthOptions options = options_of(*arguments, *app);
+            const synth::SynthReport report = synth::write_synthetic_capture(arguments->out, options);
+            common.json ? print_json(arguments->out, options, report) : print_summary(arguments->out, options, report);
+            return 0;
+          }};
+}
+
+}  // namespace doppel::tools
