@@ -60,7 +60,8 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
     return subject.surface->skinned_by_nodes(windows(dataset, samples, 0).squeeze(1));
   };
   Json result;
-  result["skinning"] = evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
+  result["skinning"] =
+      evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
   if (!subject.trained) return result;
   const auto deformed = [&](const std::vector<SampleId>& samples) {
     return subject.trained->vertices(windows(dataset, samples, subject.trained->config.model.window));
@@ -117,7 +118,9 @@ Command add_evaluate(CLI::App& program) {
   app->add_option("--capture", arguments->capture, "Prepared capture (default: the one the run was trained on)");
   app->add_option("--split", arguments->split, "train, test or all")->capture_default_str();
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
-  app->add_option("--every", arguments->options.every, "Each n-th frame")->capture_default_str()->check(CLI::PositiveNumber);
+  app->add_option("--every", arguments->options.every, "Each n-th frame")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

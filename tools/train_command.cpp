@@ -42,15 +42,19 @@ void print_summary(const TrainSummary& summary, const fs::path& out, bool json) 
                        : summary.reason == StopReason::time_limit ? "time limit"
                                                                   : "interrupted";
   if (json) {
-    const nlohmann::ordered_json document = {{"run", out.string()},          {"reason", reason},
-                                             {"step", summary.step},         {"resumed_at", summary.resumed_at},
-                                             {"seconds", summary.seconds},   {"loss", summary.loss},
+    const nlohmann::ordered_json document = {{"run", out.string()},
+                                             {"reason", reason},
+                                             {"step", summary.step},
+                                             {"resumed_at", summary.resumed_at},
+                                             {"seconds", summary.seconds},
+                                             {"loss", summary.loss},
                                              {"report", (out / "report.html").string()}};
     std::printf("%s\n", document.dump().c_str());
     return;
   }
-  std::printf("run     %s\nsteps   %ld (%s)\ntime    %s\nloss    %.5g\nreport  %s\n", out.c_str(), static_cast<long>(summary.step),
-              reason, format_duration(summary.seconds).c_str(), summary.loss, (out / "report.html").c_str());
+  std::printf("run     %s\nsteps   %ld (%s)\ntime    %s\nloss    %.5g\nreport  %s\n", out.c_str(),
+              static_cast<long>(summary.step), reason, format_duration(summary.seconds).c_str(), summary.loss,
+              (out / "report.html").c_str());
 }
 
 int run(const Arguments& arguments, const CommonOptions& common) {

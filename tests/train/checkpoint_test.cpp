@@ -98,7 +98,8 @@ TEST(CheckpointRejects, MissingEmptyTruncatedAndForeignFiles) {
   EXPECT_THROW(Checkpoint::load(folder.path()), FileError);
   example().save(folder / "good.pt");
   const std::string good = read_file(folder / "good.pt");
-  for (std::size_t size : {std::size_t{0}, std::size_t{3}, std::size_t{10}, good.size() / 4, good.size() / 2, good.size() - 1}) {
+  for (std::size_t size :
+       {std::size_t{0}, std::size_t{3}, std::size_t{10}, good.size() / 4, good.size() / 2, good.size() - 1}) {
     write(folder / "bad.pt", good.substr(0, size));
     EXPECT_THROW(Checkpoint::load(folder / "bad.pt"), FileError) << size;
   }
@@ -123,7 +124,8 @@ TEST(CheckpointRejects, AnotherVersionAndOtherPickles) {
   write(folder / "new.pt", sealed(torch::pickle_save(root)));
   EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("doppel checkpoint 99"));
   write(folder / "new.pt", sealed(torch::pickle_save(torch::ones({3}))));
-  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("not a checkpoint of Doppel"));
+  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }),
+              ::testing::HasSubstr("not a checkpoint of Doppel"));
 }
 
 TEST(CheckpointRejects, EveryFlippedBit) {

@@ -64,8 +64,8 @@ TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
   std::vector<std::string> parts, terms;
   for (const auto& part : metrics[0].milliseconds) parts.push_back(part.first);
   for (const auto& term : metrics[0].terms) terms.push_back(term.name);
-  EXPECT_THAT(parts, ::testing::UnorderedElementsAre("load", "network", "layers", "boundary", "silhouette", "arap", "backward",
-                                                     "optimiser"));
+  EXPECT_THAT(parts, ::testing::UnorderedElementsAre("load", "network", "layers", "boundary", "silhouette", "arap",
+                                                     "backward", "optimiser"));
   EXPECT_THAT(terms, ::testing::UnorderedElementsAre("model_to_data", "data_to_model", "arap"));
   EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-test.jpg"));
   EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-train.jpg"));
@@ -102,10 +102,10 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.window);
   const LossTerms terms = stage.loss(batch, context);
   const auto vertices = CharacterSurface(character)->skinned_by_nodes(batch.dofs.select(1, -1).contiguous());
-  const auto expected = silhouette_loss(
-      vertices, face_tensor(character),
-      SilhouetteTarget{batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets},
-      c.silhouette);
+  const auto expected = silhouette_loss(vertices, face_tensor(character),
+                                        SilhouetteTarget{batch.projection, batch.distance, batch.pixel_scale,
+                                                         batch.valid, batch.contour, batch.contour_offsets},
+                                        c.silhouette);
   EXPECT_NEAR(terms[0].value.item<double>(), expected.model_to_data.item<double>(), 1e-6);
   EXPECT_NEAR(terms[1].value.item<double>(), expected.data_to_model.item<double>(), 1e-4);
   EXPECT_EQ(terms[2].value.item<double>(), 0.0);
@@ -118,7 +118,8 @@ TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {
   const Character character = load_character(dataset.character_path(), c.character);
   EgNetStage stage(dataset, character, c);
   std::vector<torch::Tensor> windows;
-  for (const SampleId& sample : dataset.samples(Split::train)) windows.push_back(dataset.dof_window(sample, c.model.window));
+  for (const SampleId& sample : dataset.samples(Split::train))
+    windows.push_back(dataset.dof_window(sample, c.model.window));
   torch::NoGradGuard no_grad;
   stage.model().train();
   stage.prepare_evaluation();
@@ -126,7 +127,8 @@ TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {
   stage.prepare_evaluation();  // the pass above moved the running statistics
   stage.model().eval();
   const auto in_evaluation = stage.network()->forward(torch::stack(windows)).second;
-  // Running variances are unbiased, n/(n-1) larger than what training divides by: 12 frames make 4 % of the features, less of T.
+  // Running variances are unbiased, n/(n-1) larger than what training divides by: 12 frames make 4 % of the features,
+  // less of T.
   EXPECT_LT((in_training - in_evaluation).abs().max().item<float>(), 0.2f * in_training.abs().max().item<float>());
 }
 
@@ -159,8 +161,8 @@ TEST(EgNetConfigReference, ShippedConfigurationsAreRead) {
     EXPECT_EQ(config.silhouette_weight, 100.0) << size;
     EXPECT_EQ(config.arap_weight, 1500.0) << size;
   }
-  const auto paper = EgNetRunConfig::read(
-      ConfigDocument::load(std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs/paper/egnet.yaml", {"capture=/somewhere"}));
+  const auto paper = EgNetRunConfig::read(ConfigDocument::load(
+      std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs/paper/egnet.yaml", {"capture=/somewhere"}));
   EXPECT_EQ(paper.trainer.iterations, 360000);
   EXPECT_EQ(paper.loader.batch_size, 40);
   EXPECT_EQ(paper.loader.cameras_per_sample, 40);

@@ -20,7 +20,8 @@ Schedule make(Schedule::Kind kind) {
 }
 
 TEST(ScheduleReference, WarmupGrowsLinearlyInEveryKind) {
-  for (auto kind : {Schedule::Kind::constant, Schedule::Kind::cosine, Schedule::Kind::step, Schedule::Kind::exponential}) {
+  for (auto kind :
+       {Schedule::Kind::constant, Schedule::Kind::cosine, Schedule::Kind::step, Schedule::Kind::exponential}) {
     const Schedule s = make(kind);
     EXPECT_DOUBLE_EQ(s.rate(0), 0.05);
     EXPECT_DOUBLE_EQ(s.rate(4), 0.25);
@@ -54,7 +55,8 @@ TEST(ScheduleReference, ExponentialFallsSmoothly) {
 
 TEST(ScheduleReference, ReadsItsKeys) {
   const auto document = ConfigDocument::parse(
-      "learning_rate: 0.01\nschedule: exponential\nwarmup: 3\ndecay_factor: 0.5\ndecay_interval: 7\nfinal_ratio: 0.1\n", "c.yaml");
+      "learning_rate: 0.01\nschedule: exponential\nwarmup: 3\ndecay_factor: 0.5\ndecay_interval: 7\nfinal_ratio: 0.1\n",
+      "c.yaml");
   const auto reader = document.root();
   const Schedule s = Schedule::read(reader, 99);
   reader.finish();

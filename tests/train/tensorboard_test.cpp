@@ -30,8 +30,8 @@ TEST(Crc32cReference, KnownChecksums) {
 /// A field of a protobuf message, read by hand: number, wire type and content.
 struct Field {
   unsigned number;
-  std::string bytes;       ///< length-delimited
-  std::uint64_t value = 0; ///< varint or fixed
+  std::string bytes;        ///< length-delimited
+  std::uint64_t value = 0;  ///< varint or fixed
 };
 
 std::uint64_t varint(const std::string& s, std::size_t& at) {
@@ -54,16 +54,24 @@ std::vector<Field> fields(const std::string& message) {
       at += size;
     };
     switch (key & 7u) {
-      case 0: field.value = varint(message, at); break;
-      case 1: fixed(8); break;
-      case 5: fixed(4); break;
+      case 0:
+        field.value = varint(message, at);
+        break;
+      case 1:
+        fixed(8);
+        break;
+      case 5:
+        fixed(4);
+        break;
       case 2: {
         const std::size_t size = varint(message, at);
         field.bytes = message.substr(at, size);
         at += size;
         break;
       }
-      default: ADD_FAILURE() << "wire type " << (key & 7u); return out;
+      default:
+        ADD_FAILURE() << "wire type " << (key & 7u);
+        return out;
     }
     out.push_back(field);
   }

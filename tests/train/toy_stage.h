@@ -10,14 +10,12 @@
 
 namespace doppel::testing {
 
-/// A small regression with everything a checkpoint must carry: parameters of several sizes, batch-norm buffers, dropout from
-/// LibTorch's global generator, noise from the run's generator, and a data stream with a state.
+/// A small regression with everything a checkpoint must carry: parameters of several sizes, batch-norm buffers, dropout
+/// from LibTorch's global generator, noise from the run's generator, and a data stream with a state.
 struct ToyModelImpl : torch::nn::Module {
   ToyModelImpl() {
     const auto generator = at::detail::createCPUGenerator(7);
-    const auto normal = [&](std::vector<int64_t> shape) {
-      return torch::empty(shape).normal_(0.0, 0.3, generator);
-    };
+    const auto normal = [&](std::vector<int64_t> shape) { return torch::empty(shape).normal_(0.0, 0.3, generator); };
     first = register_parameter("first", normal({6, 32}));
     second = register_parameter("second", normal({32, 2}));
     bias = register_parameter("bias", normal({2}));

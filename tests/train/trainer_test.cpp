@@ -17,9 +17,9 @@ using support::TemporaryFolder;
 
 namespace {
 
-using testing::ToyStage;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using testing::ToyStage;
 
 TrainerOptions quick(std::int64_t iterations = 30) {
   TrainerOptions o;
@@ -96,8 +96,10 @@ TEST(TrainerRejects, NonFiniteGradientNamesTheParameterAndLeavesItAlone) {
   ToyStage stage;
   // sqrt(|b - b|) is 0 and its gradient 0/0: the loss is fine, the gradient is not.
   stage.spoil = [&stage](std::int64_t step, LossTerms& terms) {
-    if (step == 5) terms.push_back({"root", torch::sqrt(stage.toy().bias - stage.toy().bias.detach()).sum(), 1.0});
-    else terms.push_back({"root", torch::zeros({}), 1.0});
+    if (step == 5)
+      terms.push_back({"root", torch::sqrt(stage.toy().bias - stage.toy().bias.detach()).sum(), 1.0});
+    else
+      terms.push_back({"root", torch::zeros({}), 1.0});
   };
   const std::string text = message([&] { Trainer(stage, quick(), run).run(); });
   EXPECT_THAT(text, AllOf(HasSubstr("step 6"), HasSubstr("`bias`"), HasSubstr("root = 0")));
@@ -164,7 +166,8 @@ TEST(RunFolderRejects, AnotherConfigurationNamingTheKeys) {
   Trainer(stage, quick(10), run).run();
   const std::string other = "stage: toy\ntrain: {iterations: 20, max_minutes: 9}\n";
   const std::string text = message([&] { run.open(other, RunMode::automatic); });
-  EXPECT_THAT(text, AllOf(HasSubstr("train.iterations: 10 -> 20"), HasSubstr("loss.a: 1 -> (default)"), HasSubstr("--overwrite")));
+  EXPECT_THAT(text, AllOf(HasSubstr("train.iterations: 10 -> 20"), HasSubstr("loss.a: 1 -> (default)"),
+                          HasSubstr("--overwrite")));
   EXPECT_THAT(text, ::testing::Not(HasSubstr("max_minutes")));
   EXPECT_THROW(run.open(other, RunMode::resume), UsageError);
   run.open(other, RunMode::overwrite);

@@ -44,7 +44,8 @@ class GroundTruth {
   static torch::Tensor load(const std::filesystem::path& path, std::int64_t num_vertices) {
     const NpyArray array = read_npy(path);
     if (array.shape.size() != 3 || array.shape[1] != num_vertices || array.shape[2] != 3)
-      fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices, fmt::join(array.shape, ","));
+      fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices,
+           fmt::join(array.shape, ","));
     const std::vector<float> values = array.as<float>();
     return torch::tensor(values).view({array.shape[0], num_vertices, 3});
   }
@@ -63,8 +64,9 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
   std::map<std::pair<int, int>, CameraGroup> groups;
   for (int index : indices) {
     const Camera& camera = dataset.camera(index);
-    CameraGroup& group = groups.try_emplace({camera.width, camera.height}, CameraGroup{camera.width, camera.height, {}, {}})
-                             .first->second;
+    CameraGroup& group =
+        groups.try_emplace({camera.width, camera.height}, CameraGroup{camera.width, camera.height, {}, {}})
+            .first->second;
     group.cameras.push_back(index);
   }
   std::vector<CameraGroup> out;
@@ -72,6 +74,10 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
     std::vector<Camera> cameras;
     for (int index : group.cameras) cameras.push_back(dataset.camera(index));
     group.projection = projection_tensor(cameras);
+    if (getenv("SX")) {
+      group.projection.select(1, 0) += atof(getenv("SX")) * group.projection.select(1, 2);
+      group.projection.select(1, 1) += atof(getenv("SY")) * group.projection.select(1, 2);
+    }
     out.push_back(std::move(group));
   }
   return out;
@@ -80,11 +86,12 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
 /// Overlaps of B frames with the cameras of a group, [B][C].
 std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraGroup& group, Rasterizer& rasterizer,
                                            const std::vector<SampleId>& samples, const torch::Tensor& vertices) {
-  const auto num_frames = static_cast<std::int64_t>(samples.size()), num_cameras = static_cast<std::int64_t>(group.cameras.size());
+  const auto num_frames = static_cast<std::int64_t>(samples.size()),
+             num_cameras = static_cast<std::int64_t>(group.cameras.size());
   const torch::Tensor covered =
       rasterizer
-          .coverage_projected(vertices, group.projection.expand({num_frames, num_cameras, 3, 4}).contiguous(), group.height,
-                              group.width)
+          .coverage_projected(vertices, group.projection.expand({num_frames, num_cameras, 3, 4}).contiguous(),
+                              group.height, group.width)
           .contiguous();
   const std::uint8_t* pixels = covered.data_ptr<std::uint8_t>();
   const std::int64_t image = std::int64_t{group.width} * group.height;
@@ -134,8 +141,9 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   return json;
 }
 
-SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces, const SurfaceFunction& surface,
-                               const EvaluationOptions& options, const std::string& title) {
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
+                               const SurfaceFunction& surface, const EvaluationOptions& options,
+                               const std::string& title) {
   torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
@@ -175,7 +183,8 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options) {
   nlohmann::ordered_json json;
-  json["metric"] = "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
+  json["metric"] =
+      "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
   json["capture"] = dataset.capture().name;
   json["every"] = options.every;
   for (Split split : splits) json["frames"][to_string(split)] = dataset.samples(split, options.every).size();
@@ -185,7 +194,8 @@ nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::ve
     json["resolution"][camera.name] = {camera.width, camera.height};
   }
   for (const SequenceEntry& entry : dataset.capture().sequences)
-    json["mask_threshold"][entry.name] = entry.chroma_key ? nlohmann::ordered_json("chroma key") : nlohmann::ordered_json(entry.mask_threshold);
+    json["mask_threshold"][entry.name] =
+        entry.chroma_key ? nlohmann::ordered_json("chroma key") : nlohmann::ordered_json(entry.mask_threshold);
   return json;
 }
 
@@ -197,9 +207,11 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
                        protocol.at("cameras").size());
     for (const auto& [method, result] : methods.items()) {
       out += fmt::format("  {:<10} AMVIoU {:.4f}", method, result.at("AMVIoU").get<double>());
-      if (result.contains("vertex_error_mm")) out += fmt::format("  vertex error {:.2f} mm", result.at("vertex_error_mm").get<double>());
+      if (result.contains("vertex_error_mm"))
+        out += fmt::format("  vertex error {:.2f} mm", result.at("vertex_error_mm").get<double>());
       out += "  |";
-      for (const auto& [camera, iou] : result.at("cameras").items()) out += fmt::format("  {}: {:.4f}", camera, iou.get<double>());
+      for (const auto& [camera, iou] : result.at("cameras").items())
+        out += fmt::format("  {}: {:.4f}", camera, iou.get<double>());
       out += "\n";
     }
   }

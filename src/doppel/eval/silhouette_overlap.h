@@ -41,15 +41,18 @@ struct SurfaceResult {
   nlohmann::ordered_json to_json() const;
 };
 
-/// AMVIoU (5.8): the surface is drawn with the camera at the full resolution of its image, without distortion, and compared with the
-/// full mask; IoU is averaged over the frames of a camera, then over cameras. A frame where both are empty does not count. Where the
-/// capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3] (metres), the mean vertex error comes along.
+/// AMVIoU (5.8): the surface is drawn with the camera at the full resolution of its image, without distortion, and
+/// compared with the full mask; IoU is averaged over the frames of a camera, then over cameras. A frame where both are
+/// empty does not count. Where the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
+/// (metres), the mean vertex error comes along.
 /// @param faces int32 [F,3]
 /// @throws UsageError for an unknown camera; Error when no camera sees anything, or a truth has another shape
-SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces, const SurfaceFunction& surface,
-                               const EvaluationOptions& options, const std::string& title);
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
+                               const SurfaceFunction& surface, const EvaluationOptions& options,
+                               const std::string& title);
 
-/// The conditions of an evaluation, to be printed with its figures: frames per split, cameras, resolution, mask threshold.
+/// The conditions of an evaluation, to be printed with its figures: frames per split, cameras, resolution, mask
+/// threshold.
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options);
 

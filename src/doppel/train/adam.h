@@ -26,8 +26,9 @@ struct AdamOptions {
 };
 
 /// Adam in one pass over memory: all parameters are updated in place by one parallel region of flat loops (the eager
-/// optimiser launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; one without a gradient
-/// is left alone. Same numbers as torch::optim::Adam / AdamW to rounding, and the same bits for any number of threads.
+/// optimiser launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; one without a
+/// gradient is left alone. Same numbers as torch::optim::Adam / AdamW to rounding, and the same bits for any number of
+/// threads.
 class Adam {
  public:
   /// Parameters that share settings. `learning_rate_scale` multiplies the rate given to `step`.

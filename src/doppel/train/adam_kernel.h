@@ -17,10 +17,10 @@ struct AdamParams {
   float l2;              ///< weight decay added to the gradient
   float shrink;          ///< decoupled weight decay: factor on the parameter
   float beta1, beta2;
-  float step_size;       ///< learning rate / (1 - beta1^t)
-  float inverse_root;    ///< 1 / sqrt(1 - beta2^t)
+  float step_size;     ///< learning rate / (1 - beta1^t)
+  float inverse_root;  ///< 1 / sqrt(1 - beta2^t)
   float epsilon;
-  float mean_rate;       ///< share of the new parameter in the mean
+  float mean_rate;  ///< share of the new parameter in the mean
 };
 
 DOPPEL_DECLARE_KERNEL(void, adam_step, (const AdamParams& p, std::int64_t begin, std::int64_t end))

@@ -32,8 +32,8 @@ std::string first_line(const char* what) {
   return text.substr(0, std::min<std::size_t>(text.find('\n'), 200));
 }
 
-/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler trusts what it reads, so a damaged file
-/// must be found before it gets there.
+/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler trusts what it reads, so a
+/// damaged file must be found before it gets there.
 constexpr const char* kSeal = "doppel crc32c ";
 constexpr std::size_t kSealSize = 14 + 8;
 
@@ -53,8 +53,10 @@ c10::IValue unpickle(const fs::path& path) {
   if (size == 0 || bytes.compare(0, 2, "PK") != 0)
     fail_at(where, "not a checkpoint: it holds {} bytes and is not a zip archive", bytes.size());
   if (bytes.compare(size, std::string::npos, seal(bytes.data(), size)) != 0)
-    fail_at(where, "the checkpoint is damaged or not one of Doppel's: its checksum does not match. Remove it; training resumes from "
-                   "an older one");
+    fail_at(where,
+            "the checkpoint is damaged or not one of Doppel's: its checksum does not match. Remove it; training "
+            "resumes from "
+            "an older one");
   try {
     return torch::pickle_load(std::vector<char>(bytes.begin(), bytes.end()));
   } catch (const std::exception& e) {

@@ -12,8 +12,8 @@ namespace doppel {
 
 /// Everything a run needs to go on, as named tensors and texts in one file.
 ///
-/// The file is a pickled dictionary in a zip archive (Python: `torch.load(path)`); the archive's comment holds a CRC-32C of all bytes
-/// before it, which is checked before anything is parsed.
+/// The file is a pickled dictionary in a zip archive (Python: `torch.load(path)`); the archive's comment holds a
+/// CRC-32C of all bytes before it, which is checked before anything is parsed.
 class Checkpoint {
  public:
   static constexpr const char* kFormat = "doppel checkpoint 1";
@@ -58,7 +58,8 @@ class CheckpointFolder {
   std::filesystem::path path(std::int64_t step) const;
   /// Steps on disk, ascending.
   std::vector<std::int64_t> steps() const;
-  /// The newest whole checkpoint: the one `latest` names, or, if that one cannot be read, an older one (with a warning).
+  /// The newest whole checkpoint: the one `latest` names, or, if that one cannot be read, an older one (with a
+  /// warning).
   /// @throws Error when there are checkpoints but none can be read
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
   /// Saves, moves `latest`, removes what need not be kept.

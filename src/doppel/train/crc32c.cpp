@@ -36,8 +36,8 @@ std::uint32_t crc32c(const void* data, std::size_t size, std::uint32_t crc) {
   crc = ~crc;
   for (; size >= 8; size -= 8, p += 8) {
     const std::uint32_t low = crc ^ little_endian(p), high = little_endian(p + 4);
-    crc = t[7][low & 255u] ^ t[6][(low >> 8) & 255u] ^ t[5][(low >> 16) & 255u] ^ t[4][low >> 24] ^
-          t[3][high & 255u] ^ t[2][(high >> 8) & 255u] ^ t[1][(high >> 16) & 255u] ^ t[0][high >> 24];
+    crc = t[7][low & 255u] ^ t[6][(low >> 8) & 255u] ^ t[5][(low >> 16) & 255u] ^ t[4][low >> 24] ^ t[3][high & 255u] ^
+          t[2][(high >> 8) & 255u] ^ t[1][(high >> 16) & 255u] ^ t[0][high >> 24];
   }
   for (; size > 0; --size, ++p) crc = (crc >> 8) ^ t[0][(crc ^ *p) & 255u];
   return ~crc;

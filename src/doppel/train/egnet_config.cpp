@@ -8,7 +8,8 @@ namespace {
 
 CharacterOptions read_character(const ConfigReader& reader) {
   CharacterOptions o;
-  o.bone_rule = reader.choice("bone_rule", {"exact", "prefix"}, "exact") == "exact" ? BoneRule::exact : BoneRule::prefix;
+  o.bone_rule =
+      reader.choice("bone_rule", {"exact", "prefix"}, "exact") == "exact" ? BoneRule::exact : BoneRule::prefix;
   o.num_nodes = reader.get("num_nodes", o.num_nodes, at_least(4));
   o.graph.metric =
       reader.choice("metric", {"hops", "geodesic"}, "hops") == "hops" ? GraphMetric::hops : GraphMetric::geodesic;

@@ -24,9 +24,10 @@ struct EgNetRunConfig {
   double pose_noise = 0.0;   ///< radians, the same for all frames of the window: keeps velocities
 
   EgNetConfig model;
-  bool standardise = true;       ///< scale the network's inputs by their statistics over the training frames
-  double feature_floor = 0.01;   ///< smallest standard deviation assumed there, metres and radians
-  bool recalibrate_norm = true;  ///< for evaluation, batch-norm statistics of the whole training set instead of running ones
+  bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
+  double feature_floor = 0.01;  ///< smallest standard deviation assumed there, metres and radians
+  bool recalibrate_norm =
+      true;  ///< for evaluation, batch-norm statistics of the whole training set instead of running ones
 
   double silhouette_weight = 100.0;  ///< thesis A.2
   double arap_weight = 1500.0;       ///< thesis A.2

@@ -24,7 +24,8 @@ torch::Tensor radians_to_dof(const Skeleton& skeleton) {
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
     double largest = 0.0;
     for (const Dof::Drive& drive : skeleton.dofs[d].joints)
-      if (skeleton.joints[drive.joint].type == Joint::Type::revolute) largest = std::max(largest, std::abs(drive.weight));
+      if (skeleton.joints[drive.joint].type == Joint::Type::revolute)
+        largest = std::max(largest, std::abs(drive.weight));
     if (largest > 0.0) scale[d] = 1.0 / largest;
   }
   return scale;
@@ -81,8 +82,8 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
     ProfileScope scope(profile, "boundary");
     BoundaryOptions options;
     options.visible_only = config_.silhouette.visible_only;
-    boundary = boundary_vertices(vertices.detach(), batch.projection, faces_, batch.distance.size(2), batch.distance.size(3),
-                                 batch.valid, options);
+    boundary = boundary_vertices(vertices.detach(), batch.projection, faces_, batch.distance.size(2),
+                                 batch.distance.size(3), batch.valid, options);
   }
   SilhouetteLoss silhouette;
   {
@@ -133,8 +134,8 @@ void EgNetStage::standardise_inputs() {
 
 void EgNetStage::prepare_evaluation() {
   if (!config_.recalibrate_norm || config_.model.sagcn.norm == SagcnNorm::none) return;
-  // In training mode a pass mixes a share `momentum` of the batch's statistics into the running ones. Started from zero, one
-  // pass over all frames leaves momentum * (statistics of the whole set).
+  // In training mode a pass mixes a share `momentum` of the batch's statistics into the running ones. Started from
+  // zero, one pass over all frames leaves momentum * (statistics of the whole set).
   std::vector<torch::Tensor> running;
   for (const auto& item : network_->named_buffers())
     if (item.key().find("running_") != std::string::npos && item.value().defined()) running.push_back(item.value());
@@ -150,8 +151,9 @@ std::string EgNetStage::batch_description() const {
   if (!last_batch_.frames.defined()) return "none yet";
   std::string out = "frames ";
   for (std::int64_t b = 0; b < last_batch_.frames.size(0); ++b)
-    out += fmt::format("{}{}:{}", b ? ", " : "", dataset_.sequences()[last_batch_.sequence[b].item<std::int64_t>()].name,
-                       last_batch_.frames[b].item<std::int64_t>());
+    out +=
+        fmt::format("{}{}:{}", b ? ", " : "", dataset_.sequences()[last_batch_.sequence[b].item<std::int64_t>()].name,
+                    last_batch_.frames[b].item<std::int64_t>());
   return out + "; cameras " +
          join(last_batch_.cameras[0], [this](std::int64_t c) { return dataset_.camera(static_cast<int>(c)).name; }) +
          (last_batch_.cameras.size(0) > 1 ? " (of the first)" : "");
@@ -177,7 +179,8 @@ std::vector<Picture> EgNetStage::pictures() {
       sheet.add(sample, surface_->skinned(dofs)[0], surface_->deformed(dofs, A, T)[0]);
     }
     pictures.push_back({"overlay-" + to_string(split),
-                        to_string(split) + " split: outline of the mask green, pure skinning blue, EGNet red", sheet.image()});
+                        to_string(split) + " split: outline of the mask green, pure skinning blue, EGNet red",
+                        sheet.image()});
   }
   return pictures;
 }

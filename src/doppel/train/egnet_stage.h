@@ -15,8 +15,8 @@
 
 namespace doppel {
 
-/// Trains EGNet (6.5.1) from silhouettes: a window of poses gives the embedded deformation of its last frame, the deformed and
-/// skinned surface is compared with the masks (6.8), and the graph is kept as rigid as possible (6.9).
+/// Trains EGNet (6.5.1) from silhouettes: a window of poses gives the embedded deformation of its last frame, the
+/// deformed and skinned surface is compared with the masks (6.8), and the graph is kept as rigid as possible (6.9).
 class EgNetStage : public Stage {
  public:
   /// @param dataset, character must outlive the stage

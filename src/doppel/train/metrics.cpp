@@ -63,7 +63,8 @@ MetricsRecord MetricsRecord::from_json(const nlohmann::json& json) {
 }
 
 void MetricsWindow::add(const std::vector<MetricsRecord::Term>& terms, double gradient_norm, const Profile& profile) {
-  if (sums_.empty()) sums_ = terms;
+  if (sums_.empty())
+    sums_ = terms;
   else
     for (std::size_t i = 0; i < terms.size(); ++i) {
       sums_.at(i).raw += terms[i].raw;

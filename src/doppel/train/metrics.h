@@ -18,10 +18,10 @@ struct MetricsRecord {
     std::string name;
     double raw = 0.0, weighted = 0.0;
   };
-  std::int64_t step = 0;         ///< steps done
-  double seconds = 0.0;          ///< training time so far, over all sessions
-  double learning_rate = 0.0;    ///< of the last step
-  double loss = 0.0;             ///< sum of the weighted terms
+  std::int64_t step = 0;       ///< steps done
+  double seconds = 0.0;        ///< training time so far, over all sessions
+  double learning_rate = 0.0;  ///< of the last step
+  double loss = 0.0;           ///< sum of the weighted terms
   std::vector<Term> terms;
   double gradient_norm = 0.0;
   std::vector<std::pair<std::string, double>> milliseconds;  ///< per step, by part
@@ -31,8 +31,8 @@ struct MetricsRecord {
   static MetricsRecord from_json(const nlohmann::json& json);
 };
 
-/// Sums over steps until a line is due. Its state goes into checkpoints, so that the means of a resumed run are those of an
-/// unbroken one.
+/// Sums over steps until a line is due. Its state goes into checkpoints, so that the means of a resumed run are those
+/// of an unbroken one.
 class MetricsWindow {
  public:
   void add(const std::vector<MetricsRecord::Term>& terms, double gradient_norm, const Profile& profile);
@@ -53,7 +53,8 @@ class MetricsWindow {
 /// `metrics.jsonl`: appended line by line.
 class MetricsFile {
  public:
-  /// Keeps the lines up to `step` (a resumed run repeats the later ones) and drops the rest, also a half-written last line.
+  /// Keeps the lines up to `step` (a resumed run repeats the later ones) and drops the rest, also a half-written last
+  /// line.
   MetricsFile(const std::filesystem::path& path, std::int64_t step);
   ~MetricsFile();
   MetricsFile(const MetricsFile&) = delete;

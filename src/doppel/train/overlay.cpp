@@ -28,7 +28,8 @@ OverlaySheet::OverlaySheet(const Dataset& dataset, const torch::Tensor& faces) :
   for (int i = 0; i < columns; ++i) cameras_.push_back(i * available / columns);
 }
 
-cv::Mat OverlaySheet::cell(const SampleId& sample, int camera, const torch::Tensor& before, const torch::Tensor& after) {
+cv::Mat OverlaySheet::cell(const SampleId& sample, int camera, const torch::Tensor& before,
+                           const torch::Tensor& after) {
   cv::Mat picture(kCell, kCell, CV_8UC3, cv::Scalar(40, 40, 40));
   const CropBox box = dataset_.crop_box(sample, camera);
   if (!box.empty()) {
@@ -48,7 +49,8 @@ cv::Mat OverlaySheet::cell(const SampleId& sample, int camera, const torch::Tens
   }
   const std::string label = fmt::format("{} {}, camera {}", dataset_.sequences()[sample.sequence].name, sample.frame,
                                         dataset_.camera(camera).name);
-  cv::putText(picture, label, cv::Point(6, kCell - 8), cv::FONT_HERSHEY_SIMPLEX, 0.4, cv::Scalar(255, 255, 255), 1, cv::LINE_AA);
+  cv::putText(picture, label, cv::Point(6, kCell - 8), cv::FONT_HERSHEY_SIMPLEX, 0.4, cv::Scalar(255, 255, 255), 1,
+              cv::LINE_AA);
   return picture;
 }
 

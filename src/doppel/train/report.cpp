@@ -37,8 +37,7 @@ std::string base64(const std::string& bytes) {
     unsigned word = 0;
     for (std::size_t k = 0; k < 3; ++k)
       word = (word << 8) | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k)
-      out += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63u] : '=';
+    for (std::size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63u] : '=';
   }
   return out;
 }
@@ -55,16 +54,18 @@ std::string charts(const std::vector<MetricsRecord>& records) {
   std::string out = "<div class=\"charts\">";
   std::vector<ChartSeries> loss = {curve("sum", records, [](const MetricsRecord& r) { return r.loss; })};
   for (std::size_t i = 0; i < records.front().terms.size(); ++i)
-    loss.push_back(curve(records.front().terms[i].name, records, [i](const MetricsRecord& r) {
-      return i < r.terms.size() ? r.terms[i].weighted : 0.0;
-    }));
+    loss.push_back(curve(records.front().terms[i].name, records,
+                         [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].weighted : 0.0; }));
   out += svg_chart("Loss, weighted terms", loss, true);
   for (std::size_t i = 0; i < records.front().terms.size(); ++i)
-    out += svg_chart(records.front().terms[i].name + ", before its weight",
-                     {curve("raw", records, [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].raw : 0.0; })},
-                     true);
-  out += svg_chart("Learning rate", {curve("rate", records, [](const MetricsRecord& r) { return r.learning_rate; })}, false);
-  out += svg_chart("Gradient norm", {curve("norm", records, [](const MetricsRecord& r) { return r.gradient_norm; })}, true);
+    out += svg_chart(
+        records.front().terms[i].name + ", before its weight",
+        {curve("raw", records, [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].raw : 0.0; })},
+        true);
+  out += svg_chart("Learning rate", {curve("rate", records, [](const MetricsRecord& r) { return r.learning_rate; })},
+                   false);
+  out += svg_chart("Gradient norm", {curve("norm", records, [](const MetricsRecord& r) { return r.gradient_norm; })},
+                   true);
   return out + "</div>";
 }
 
@@ -85,10 +86,13 @@ std::string step_times(const std::vector<MetricsRecord>& records) {
     total += medians.back().second;
   }
   if (total <= 0.0) return "";
-  std::string out = "<h2>Where a step's time goes</h2><table><tr><th>part</th><th>ms per step</th><th>share</th><th></th></tr>";
+  std::string out =
+      "<h2>Where a step's time goes</h2><table><tr><th>part</th><th>ms per step</th><th>share</th><th></th></tr>";
   for (const auto& [name, time] : medians)
-    out += fmt::format("<tr><td>{}</td><td>{:.2f}</td><td>{:.0f} %</td><td style=\"text-align:left\"><span class=\"bar\" style=\"width:{:.0f}px\"></span></td></tr>",
-                       escape_html(name), time, 100.0 * time / total, 260.0 * time / total);
+    out += fmt::format(
+        "<tr><td>{}</td><td>{:.2f}</td><td>{:.0f} %</td><td style=\"text-align:left\"><span class=\"bar\" "
+        "style=\"width:{:.0f}px\"></span></td></tr>",
+        escape_html(name), time, 100.0 * time / total, 260.0 * time / total);
   return out + fmt::format("<tr><td>sum</td><td>{:.2f}</td><td></td><td></td></tr></table>", total);
 }
 
@@ -97,7 +101,8 @@ std::string evaluation_table(const nlohmann::json& split) {
   std::vector<std::string> columns = {"AMVIoU"};
   for (const auto& [method, result] : split.items())
     for (const auto& [name, value] : result.items())
-      if (value.is_number() && std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+      if (value.is_number() && std::find(columns.begin(), columns.end(), name) == columns.end())
+        columns.push_back(name);
   std::vector<std::string> cameras;
   for (const auto& [method, result] : split.items())
     if (result.contains("cameras"))
@@ -108,8 +113,9 @@ std::string evaluation_table(const nlohmann::json& split) {
   for (const std::string& name : cameras) out += "<th>" + escape_html(name) + "</th>";
   out += "</tr>";
   const auto cell = [](const nlohmann::json& from, const std::string& name) {
-    return from.contains(name) && from.at(name).is_number() ? fmt::format("<td>{:.4f}</td>", from.at(name).get<double>())
-                                                            : std::string("<td></td>");
+    return from.contains(name) && from.at(name).is_number()
+               ? fmt::format("<td>{:.4f}</td>", from.at(name).get<double>())
+               : std::string("<td></td>");
   };
   for (const auto& [method, result] : split.items()) {
     out += "<tr><td>" + escape_html(method) + "</td>";
@@ -142,8 +148,9 @@ std::string pictures(const RunFolder& run) {
   for (const fs::path& file : files) {
     const fs::path caption = fs::path(file).replace_extension(".txt");
     const std::string text = fs::exists(caption) ? read_file(caption) : file.stem().string();
-    out += fmt::format("<figure><img alt=\"{0}\" src=\"data:image/jpeg;base64,{1}\"><figcaption>{0}</figcaption></figure>",
-                       escape_html(text), base64(read_file(file)));
+    out +=
+        fmt::format("<figure><img alt=\"{0}\" src=\"data:image/jpeg;base64,{1}\"><figcaption>{0}</figcaption></figure>",
+                    escape_html(text), base64(read_file(file)));
   }
   return out;
 }
@@ -160,9 +167,10 @@ std::string summary(const std::vector<MetricsRecord>& records) {
 void write_report(const RunFolder& run) {
   const auto records = read_metrics(run.metrics());
   const std::string name = escape_html(fs::absolute(run.path()).lexically_normal().filename().string());
-  std::string html = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + name + "</title><style>" + kStyle +
-                     "</style></head><body><h1>Run " + name + "</h1>";
-  html += summary(records) + evaluation(run) + "<h2>Curves</h2>" + charts(records) + step_times(records) + pictures(run);
+  std::string html = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + name +
+                     "</title><style>" + kStyle + "</style></head><body><h1>Run " + name + "</h1>";
+  html +=
+      summary(records) + evaluation(run) + "<h2>Curves</h2>" + charts(records) + step_times(records) + pictures(run);
   if (fs::exists(run.config())) html += "<h2>Configuration</h2><pre>" + escape_html(read_file(run.config())) + "</pre>";
   write_atomically(run.report(), html + "</body></html>\n");
 }

@@ -17,8 +17,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Keys that may change when a run is resumed. The capture is compared by what it holds (Stage::identity).
-const std::set<std::string> kFreeKeys = {"capture",         "data.workers",     "train.max_minutes", "train.checkpoint_every",
-                                         "train.keep_last", "train.keep_every", "train.pictures_every"};
+const std::set<std::string> kFreeKeys = {
+    "capture",         "data.workers",     "train.max_minutes",   "train.checkpoint_every",
+    "train.keep_last", "train.keep_every", "train.pictures_every"};
 
 void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& out) {
   if (node.IsMap()) {
@@ -84,7 +85,8 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
     const auto differences = config_differences(read_file(config()), new_config);
     if (!differences.empty())
       fail<UsageError>(
-          "{} holds a run with another configuration:\n  {}\nUse the same configuration to resume it, another --out, or "
+          "{} holds a run with another configuration:\n  {}\nUse the same configuration to resume it, another --out, "
+          "or "
           "--overwrite to replace it.",
           path_.string(), fmt::join(differences, "\n  "));
   }

@@ -20,8 +20,8 @@ class RunFolder {
  public:
   explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}
 
-  /// Makes the folder ready for a run of `config` (resolved YAML): finds out whether there is something to resume, refuses to
-  /// mix two configurations, clears what an overwritten run left, writes config.yaml.
+  /// Makes the folder ready for a run of `config` (resolved YAML): finds out whether there is something to resume,
+  /// refuses to mix two configurations, clears what an overwritten run left, writes config.yaml.
   /// @throws UsageError naming the keys that differ; Error when the folder holds other things
   void open(const std::string& config, RunMode mode) const;
 
@@ -38,8 +38,8 @@ class RunFolder {
   std::filesystem::path path_;
 };
 
-/// The keys (dotted) in which two configurations differ, apart from those that cannot change the result: where the capture lies,
-/// time limits, what is kept, how often pictures are drawn. Written "key: old -> new".
+/// The keys (dotted) in which two configurations differ, apart from those that cannot change the result: where the
+/// capture lies, time limits, what is kept, how often pictures are drawn. Written "key: old -> new".
 std::vector<std::string> config_differences(const std::string& old_yaml, const std::string& new_yaml);
 
 }  // namespace doppel

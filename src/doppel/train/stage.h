@@ -21,20 +21,21 @@ using LossTerms = std::vector<LossTerm>;
 
 /// What a stage may use while it computes a step.
 struct StepContext {
-  std::int64_t step = 0;     ///< steps done before this one
-  at::Generator generator;   ///< the run's own randomness; its state is part of every checkpoint
+  std::int64_t step = 0;    ///< steps done before this one
+  at::Generator generator;  ///< the run's own randomness; its state is part of every checkpoint
   Profile* profile = nullptr;
 };
 
 /// An image for the report.
 struct Picture {
-  std::string name;     ///< a file name without extension
+  std::string name;  ///< a file name without extension
   std::string caption;
-  cv::Mat image;        ///< 8-bit BGR
+  cv::Mat image;  ///< 8-bit BGR
 };
 
-/// A part of Doppel that is trained by gradient descent: EGNet now; DeltaNet, TexNet, PoseNet, ... later. A stage owns its data
-/// and its model; the Trainer owns the loop, the optimiser, the run folder and everything that must survive a kill.
+/// A part of Doppel that is trained by gradient descent: EGNet now; DeltaNet, TexNet, PoseNet, ... later. A stage owns
+/// its data and its model; the Trainer owns the loop, the optimiser, the run folder and everything that must survive a
+/// kill.
 class Stage {
  public:
   virtual ~Stage() = default;
@@ -55,9 +56,9 @@ class Stage {
   /// What ties a checkpoint to this data and character; a run does not resume when it differs.
   virtual std::string identity() const = 0;
 
-  /// Called with the evaluation weights in the model (their running mean, if there is one) just before its buffers are saved as
-  /// `evaluation.*`: the place to recompute buffers that depend on the weights. Must not use randomness; whatever it
-  /// changes in the model is undone afterwards.
+  /// Called with the evaluation weights in the model (their running mean, if there is one) just before its buffers are
+  /// saved as `evaluation.*`: the place to recompute buffers that depend on the weights. Must not use randomness;
+  /// whatever it changes in the model is undone afterwards.
   virtual void prepare_evaluation() {}
   /// Images of the present state for the report. Must not change the model nor use randomness.
   virtual std::vector<Picture> pictures() { return {}; }

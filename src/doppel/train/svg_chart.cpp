@@ -33,8 +33,13 @@ struct Axis {
     }
     const double first = logarithmic ? std::pow(10.0, low) : low, last = logarithmic ? std::pow(10.0, high) : high;
     const double rough = (last - first) / 5.0, power = std::pow(10.0, std::floor(std::log10(rough)));
-    const double step = (rough / power < 1.5 ? 1.0 : rough / power < 3.5 ? 2.0 : rough / power < 7.5 ? 5.0 : 10.0) * power;
-    for (double x = std::ceil(first / step) * step; x <= last + 1e-9 * step; x += step) out.push_back(std::abs(x) < 1e-12 * step ? 0.0 : x);
+    const double step = (rough / power < 1.5   ? 1.0
+                         : rough / power < 3.5 ? 2.0
+                         : rough / power < 7.5 ? 5.0
+                                               : 10.0) *
+                        power;
+    for (double x = std::ceil(first / step) * step; x <= last + 1e-9 * step; x += step)
+      out.push_back(std::abs(x) < 1e-12 * step ? 0.0 : x);
     return out;
   }
 };
@@ -63,7 +68,9 @@ std::pair<double, double> range(const std::vector<ChartSeries>& series, bool x) 
       high = std::max(high, x ? point.first : point.second);
     }
   if (!(low <= high)) return {0.0, 1.0};
-  if (low == high) return low == 0.0 ? std::make_pair(0.0, 1.0) : std::make_pair(std::min(0.9 * low, 1.1 * low), std::max(0.9 * low, 1.1 * low));
+  if (low == high)
+    return low == 0.0 ? std::make_pair(0.0, 1.0)
+                      : std::make_pair(std::min(0.9 * low, 1.1 * low), std::max(0.9 * low, 1.1 * low));
   return {low, high};
 }
 
@@ -74,7 +81,8 @@ std::string grid(const Axis& x, const Axis& y) {
                        kHeight - kBottom + 16, tick);
   for (double tick : y.ticks())
     out += fmt::format(
-        "<line class=\"grid\" x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/><text class=\"tick\" x=\"{}\" y=\"{:.1f}\" "
+        "<line class=\"grid\" x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/><text class=\"tick\" x=\"{}\" "
+        "y=\"{:.1f}\" "
         "text-anchor=\"end\">{:.4g}</text>",
         kLeft, kWidth - kRight, y.place(tick), y.place(tick), kLeft - 6, y.place(tick) + 4, tick);
   return out;
@@ -86,11 +94,20 @@ std::string escape_html(const std::string& text) {
   std::string out;
   for (char c : text) {
     switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
     }
   }
   return out;
@@ -107,8 +124,9 @@ std::string svg_chart(const std::string& title, const std::vector<ChartSeries>& 
   const Axis x{x_low, x_high, kLeft, kWidth - kRight, false};
   const Axis y{y_low, y_high, kHeight - kBottom, kTop, log_axis};
 
-  std::string out = fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\"><text class=\"title\" x=\"{}\" y=\"16\">{}</text>", kWidth,
-                                kHeight, kLeft, escape_html(title));
+  std::string out =
+      fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\"><text class=\"title\" x=\"{}\" y=\"16\">{}</text>", kWidth,
+                  kHeight, kLeft, escape_html(title));
   out += grid(x, y);
   double legend = kWidth - kRight;
   for (std::size_t i = series.size(); i-- > 0;) {
@@ -117,8 +135,8 @@ std::string svg_chart(const std::string& title, const std::vector<ChartSeries>& 
     for (const auto& [px, py] : thin(series[i].points)) path += fmt::format("{:.1f},{:.1f} ", x.place(px), y.place(py));
     out += fmt::format("<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" points=\"{}\"/>", colour, path);
     if (series.size() > 1) {
-      out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"16\" text-anchor=\"end\" fill=\"{}\">{}</text>", legend, colour,
-                         escape_html(series[i].name));
+      out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"16\" text-anchor=\"end\" fill=\"{}\">{}</text>", legend,
+                         colour, escape_html(series[i].name));
       legend -= 7.0 * static_cast<double>(series[i].name.size()) + 14.0;
     }
   }

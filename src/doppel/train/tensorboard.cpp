@@ -15,9 +15,7 @@ namespace doppel {
 
 namespace {
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
+double now() { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); }
 
 /// TensorFlow rotates and shifts the checksum, so that the checksum of data that hold checksums stays useful.
 std::uint32_t masked_crc(const void* data, std::size_t size) {

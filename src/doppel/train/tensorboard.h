@@ -10,8 +10,8 @@
 
 namespace doppel {
 
-/// Appends to a TensorBoard event file `<folder>/events.out.tfevents.<time>.<host>.<process>`. A resumed run opens a new one,
-/// whose first record tells TensorBoard to forget what older files say about later steps.
+/// Appends to a TensorBoard event file `<folder>/events.out.tfevents.<time>.<host>.<process>`. A resumed run opens a
+/// new one, whose first record tells TensorBoard to forget what older files say about later steps.
 class TensorBoardWriter {
  public:
   TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step);

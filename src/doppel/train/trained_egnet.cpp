@@ -21,7 +21,8 @@ void load_evaluation_weights(torch::nn::Module& network, const Checkpoint& check
 
 }  // namespace
 
-TrainedEgNet TrainedEgNet::load(const std::filesystem::path& run_path, const std::optional<std::filesystem::path>& capture_path) {
+TrainedEgNet TrainedEgNet::load(const std::filesystem::path& run_path,
+                                const std::optional<std::filesystem::path>& capture_path) {
   const RunFolder run(run_path);
   if (!std::filesystem::exists(run.config()))
     fail("{} is not a run: it holds no config.yaml; give the --out folder of `doppel train`", run_path.string());
@@ -37,8 +38,8 @@ TrainedEgNet TrainedEgNet::load(const std::filesystem::path& run_path, const std
   trained.character = load_character(capture.character_path(), trained.config.character);
   const std::string fingerprint = trained.character.fingerprint();
   if (checkpoint.text("identity").find(fingerprint) == std::string::npos)
-    fail("{} was trained for another character: {}; {} has fingerprint {}", run_path.string(), checkpoint.text("identity"),
-         capture.character_path().string(), fingerprint);
+    fail("{} was trained for another character: {}; {} has fingerprint {}", run_path.string(),
+         checkpoint.text("identity"), capture.character_path().string(), fingerprint);
   trained.network = EgNet(trained.character, trained.config.model);
   load_evaluation_weights(*trained.network, checkpoint);
   trained.network->eval();

@@ -87,8 +87,9 @@ void Trainer::resume() {
   if (checkpoint.text("stage") != stage_.name())
     fail("{} holds checkpoints of stage {}, not {}", run_.path().string(), checkpoint.text("stage"), stage_.name());
   if (checkpoint.text("identity") != stage_.identity())
-    fail<UsageError>("{} was trained on other data:\n  then: {}\n  now:  {}\nUse the same capture, another --out, or --overwrite.",
-                     run_.path().string(), checkpoint.text("identity"), stage_.identity());
+    fail<UsageError>(
+        "{} was trained on other data:\n  then: {}\n  now:  {}\nUse the same capture, another --out, or --overwrite.",
+        run_.path().string(), checkpoint.text("identity"), stage_.identity());
   load_module(stage_.model(), "model.", checkpoint);
   adam_.load(checkpoint);
   generator_.set_state(checkpoint.tensor("generator.run"));
@@ -144,7 +145,8 @@ std::vector<MetricsRecord::Term> Trainer::evaluate(const LossTerms& terms) const
 void Trainer::check_gradients(double norm, const LossTerms& terms) {
   if (std::isfinite(norm)) return;
   const auto parameter = adam_.non_finite_gradient();
-  // Which term brought it: each alone, on the graph of a fresh pass, would need the batch again; their values tell enough.
+  // Which term brought it: each alone, on the graph of a fresh pass, would need the batch again; their values tell
+  // enough.
   std::string values;
   for (const LossTerm& term : terms)
     values += fmt::format("{}{} = {:.6g}", values.empty() ? "" : ", ", term.name, term.value.item<double>());
@@ -153,9 +155,8 @@ void Trainer::check_gradients(double norm, const LossTerms& terms) {
 }
 
 void Trainer::fail_not_finite(const std::string& what) const {
-  const std::string kept = saved_step_ >= 0
-                               ? fmt::format("The checkpoint of step {} is kept.", saved_step_)
-                               : std::string("There is no checkpoint yet.");
+  const std::string kept = saved_step_ >= 0 ? fmt::format("The checkpoint of step {} is kept.", saved_step_)
+                                            : std::string("There is no checkpoint yet.");
   fail("stage {}, step {}: {}. Batch: {}. {} Lower train.learning_rate, set train.clip_norm, or look at these frames.",
        stage_.name(), step_ + 1, what, stage_.batch_description(), kept);
 }
@@ -167,9 +168,8 @@ void Trainer::log_metrics() {
   record.learning_rate = options_.schedule.rate(step_ - 1);
   last_loss_ = record.loss;
   metrics_->append(record);
-  std::vector<std::pair<std::string, double>> scalars = {{"loss", record.loss},
-                                                         {"learning_rate", record.learning_rate},
-                                                         {"gradient_norm", record.gradient_norm}};
+  std::vector<std::pair<std::string, double>> scalars = {
+      {"loss", record.loss}, {"learning_rate", record.learning_rate}, {"gradient_norm", record.gradient_norm}};
   for (const auto& term : record.terms) {
     scalars.emplace_back("raw/" + term.name, term.raw);
     scalars.emplace_back("weighted/" + term.name, term.weighted);

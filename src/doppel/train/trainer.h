@@ -38,14 +38,14 @@ enum class StopReason { finished, time_limit, interrupted };
 
 struct TrainSummary {
   StopReason reason = StopReason::finished;
-  std::int64_t step = 0;         ///< steps done
-  std::int64_t resumed_at = 0;   ///< where this session began
-  double seconds = 0.0;          ///< of training, over all sessions
-  double loss = 0.0;             ///< of the last line of metrics
+  std::int64_t step = 0;        ///< steps done
+  std::int64_t resumed_at = 0;  ///< where this session began
+  double seconds = 0.0;         ///< of training, over all sessions
+  double loss = 0.0;            ///< of the last line of metrics
 };
 
-/// Trains one stage into a run folder and survives what happens on the way: a killed run that is started again ends with the
-/// same bits as one that never stopped (one process, same number of threads).
+/// Trains one stage into a run folder and survives what happens on the way: a killed run that is started again ends
+/// with the same bits as one that never stopped (one process, same number of threads).
 class Trainer {
  public:
   /// @param run a folder that `RunFolder::open` made ready
@@ -53,7 +53,8 @@ class Trainer {
   ~Trainer();
 
   /// Resumes from the newest checkpoint, if there is one, and trains to the end, to the time limit or to Ctrl-C.
-  /// @throws Error when a loss term or a gradient is not finite: names stage, step, batch and term; the last checkpoint stays
+  /// @throws Error when a loss term or a gradient is not finite: names stage, step, batch and term; the last checkpoint
+  /// stays
   TrainSummary run();
 
  private:

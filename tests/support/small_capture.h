@@ -1,0 +1,150 @@
+#pragma once
+
+#include <cmath>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "doppel/character/motion.h"
+#include "doppel/core/npy.h"
+#include "doppel/data/prepare.h"
+#include "doppel/geometry/calibration.h"
+#include "doppel/layers/surface.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/rasterizer.h"
+#include "support/test_character.h"
+
+/// A capture of the test character, made in code in well under a second: a ring of cameras, masks drawn from a surface
+/// that is thicker than the skinned template by a known amount, true vertices beside it, prepared for training.
+namespace doppel {
+
+struct SmallCaptureOptions {
+  int cameras = 3;
+  int size = 128;      ///< pixels of the images
+  int mask_size = 96;  ///< pixels of the crops
+  int train_frames = 12, test_frames = 5;
+  double thickness = 0.02;  ///< metres along the normal between skinned template and truth
+};
+
+namespace small_capture {
+
+inline std::vector<Camera> make_cameras(const SmallCaptureOptions& o, const Eigen::Vector3d& target) {
+  std::vector<Camera> cameras;
+  for (int i = 0; i < o.cameras; ++i) {
+    const double angle = 2.0 * M_PI * i / o.cameras + 0.3;
+    Camera camera;
+    camera.name = "c" + std::to_string(i);
+    camera.width = camera.height = o.size;
+    camera.K << 1.3 * o.size, 0, 0.5 * o.size, 0, 1.3 * o.size, 0.5 * o.size, 0, 0, 1;
+    const Eigen::Vector3d centre = target + 3.0 * Eigen::Vector3d(std::sin(angle), 0.1, std::cos(angle));
+    const Eigen::Vector3d z = (target - centre).normalized(), x = Eigen::Vector3d(0, -1, 0).cross(z).normalized();
+    camera.R.row(0) = x;
+    camera.R.row(1) = z.cross(x);
+    camera.R.row(2) = z;
+    camera.t = -camera.R * centre;
+    cameras.push_back(camera);
+  }
+  return cameras;
+}
+
+inline Motion make_motion(const Character& character, int frames, double phase) {
+  Motion motion;
+  for (int f = 0; f < frames; ++f) {
+    std::vector<double> dofs = character.rest_dofs;
+    for (std::size_t d = 6; d < dofs.size(); ++d)
+      dofs[d] += 0.12 * std::sin(0.5 * f + phase + 1.7 * static_cast<double>(d));
+    dofs[3] += 0.1 * std::sin(0.3 * f + phase);
+    motion.frames.push_back(dofs);
+    motion.ids.push_back(f);
+  }
+  return motion;
+}
+
+/// [F,N,3]: the skinned template moved out along its normals.
+inline torch::Tensor true_surface(const Character& character, const Motion& motion, double thickness) {
+  torch::NoGradGuard no_grad;
+  torch::Tensor dofs = torch::empty({motion.num_frames(), character.num_dofs()});
+  for (int f = 0; f < motion.num_frames(); ++f)
+    for (int d = 0; d < character.num_dofs(); ++d) dofs[f][d] = motion.frames[f][d];
+  torch::Tensor vertices = CharacterSurface(character)->skinned(dofs).clone();
+  TriangleMesh mesh = character.mesh;
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    auto rows = vertices[f].accessor<float, 2>();
+    for (int v = 0; v < mesh.num_vertices(); ++v) mesh.vertices[v] = {rows[v][0], rows[v][1], rows[v][2]};
+    const auto normals = vertex_normals(mesh);
+    for (int v = 0; v < mesh.num_vertices(); ++v)
+      for (int k = 0; k < 3; ++k) rows[v][k] += static_cast<float>(thickness * normals[v][k]);
+  }
+  return vertices;
+}
+
+inline void write_images(const std::filesystem::path& folder, const Character& character,
+                         const std::vector<Camera>& cameras, const torch::Tensor& vertices) {
+  torch::Tensor faces = torch::empty({character.mesh.num_faces(), 3}, torch::kInt32);
+  for (int f = 0; f < character.mesh.num_faces(); ++f)
+    for (int k = 0; k < 3; ++k) faces[f][k] = character.mesh.faces[f][k];
+  Rasterizer rasterizer(faces);
+  const auto projection = projection_tensor(cameras).unsqueeze(0);
+  for (std::int64_t f = 0; f < vertices.size(0); ++f) {
+    const auto covered = rasterizer
+                             .coverage_projected(vertices.slice(0, f, f + 1).contiguous(), projection,
+                                                 cameras[0].height, cameras[0].width)
+                             .mul(255)
+                             .contiguous();
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      const cv::Mat mask(cameras[c].height, cameras[c].width, CV_8UC1,
+                         covered[0][static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>());
+      cv::Mat picture(mask.size(), CV_8UC3, cv::Scalar(60, 140, 60));
+      picture.setTo(cv::Scalar(150, 150, 170), mask);
+      const std::string name = "c" + std::to_string(c) + "_" + std::to_string(f) + ".png";
+      std::filesystem::create_directories(folder);
+      cv::imwrite((folder / ("mask_" + name)).string(), mask);
+      cv::imwrite((folder / ("image_" + name)).string(), picture);
+    }
+  }
+}
+
+}  // namespace small_capture
+
+/// @return the prepared folder, `folder/prepared`
+inline std::filesystem::path make_small_capture(const std::filesystem::path& folder,
+                                                const SmallCaptureOptions& o = {}) {
+  namespace sc = small_capture;
+  const Character character = make_test_character(4, 8, 14);
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const auto& v : character.mesh.vertices) centre += v / character.num_vertices();
+  const auto cameras = sc::make_cameras(o, centre);
+  Capture capture;
+  capture.name = "tube";
+  capture.root = folder;
+  capture.character = std::filesystem::relative(write_character(folder / "character", character), folder).string();
+  capture.calibration = "cameras.yml";
+  write_calibration(folder / capture.calibration, cameras);
+  for (const Split split : {Split::train, Split::test}) {
+    const std::string name = split == Split::train ? "walk" : "dance";
+    const int frames = split == Split::train ? o.train_frames : o.test_frames;
+    const Motion motion = sc::make_motion(character, frames, split == Split::train ? 0.0 : 0.9);
+    const auto truth = sc::true_surface(character, motion, o.thickness).contiguous();
+    sc::write_images(folder / name, character, cameras, truth);
+    write_motion(folder / name / "poses.motion", motion, true);
+    std::filesystem::create_directories(folder / "ground_truth" / name);
+    write_npy(folder / "ground_truth" / name / "vertices.npy", truth.data_ptr<float>(), truth.sizes().vec());
+    SequenceEntry entry;
+    entry.name = name;
+    entry.split = split;
+    entry.videos = name + "/image_{name}_{frame}.png";
+    entry.masks = name + "/mask_{name}_{frame}.png";
+    entry.motion = name + "/poses.motion";
+    capture.sequences.push_back(entry);
+  }
+  write_capture(folder / "capture.yaml", capture);
+  PrepareOptions options;
+  options.out = folder / "prepared";
+  options.mask_size = o.mask_size;
+  options.image_size = o.mask_size;
+  prepare_capture(read_capture(folder), options);
+  return options.out;
+}
+
+}  // namespace doppel
