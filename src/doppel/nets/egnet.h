@@ -2,9 +2,7 @@
 
 /// EGNet (6.5.1): from a window of poses to the embedded deformation (A, T) of the last one.
 
-#include <torch/nn/module.h>
-#include <torch/nn/pimpl.h>
-#include <torch/types.h>
+#include <torch/torch.h>
 
 #include <optional>
 #include <string>

@@ -3,7 +3,7 @@
 /// The motion window of 6.4: the last F+1 poses, seen from the root of the last one. Translation is relative to the last
 /// frame's root, and the whole window is turned about y so that the last frame faces along +z.
 
-#include <torch/types.h>
+#include <torch/torch.h>
 
 #include <array>
 
@@ -42,8 +42,7 @@ class MotionWindow {
 
  private:
   Skeleton::Root root_;
-  std::array<double, 3> offset_{};          // o
-  std::array<double, 3> rotation_sign_{};   // of the joint axes
+  std::array<double, 3> offset_{};  // o
   int64_t num_dofs_ = 0;
 };
 

@@ -3,13 +3,11 @@
 /// The structure-aware graph convolutional network (6.5.3): stem SAGC, L residual blocks of (BN, ELU, SAGC) x 2 with a
 /// skip connection, a dense block between the halves, head (ELU, SAGC).
 
-#include <torch/nn/cloneable.h>
-#include <torch/nn/modules/container/modulelist.h>
-#include <torch/nn/pimpl.h>
-#include <torch/types.h>
+#include <torch/torch.h>
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "doppel/core/config.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
@@ -41,24 +39,57 @@ struct SagcnConfig {
   void check() const;
 };
 
+/// Batch normalisation as SagcnNorm says; without one it passes its input on.
+class FeatureNormImpl : public torch::nn::Module {
+ public:
+  FeatureNormImpl(int64_t num_nodes, int features, const SagcnConfig& config);
+
+  /// Plain tensor operations. @param features [B,K,H] @return the same shape
+  torch::Tensor forward(const torch::Tensor& features);
+  /// What the fused convolution takes in its place; undefined unless the kind is `node`.
+  NodeNorm node_norm() const;
+  SagcnNorm kind() const { return kind_; }
+
+  torch::Tensor weight, bias, running_mean, running_var;  ///< [K,H] or [H]
+
+ private:
+  SagcnNorm kind_;
+  double momentum_, epsilon_;
+};
+TORCH_MODULE(FeatureNorm);
+
 /// One (norm, ELU, SAGC).
 class SagcnUnitImpl : public torch::nn::Module {
  public:
   SagcnUnitImpl(const RingWeights& ring, int inputs, int outputs, const SagcnConfig& config);
 
-  torch::Tensor forward_node_major(const torch::Tensor& features, const torch::Tensor& skip);
+  /// @param features [K,B,Hin] @param skip [K,B,Hout], added to the result, or undefined @return [K,B,Hout]
+  torch::Tensor forward_node_major(const torch::Tensor& features, const torch::Tensor& skip = {});
+  /// @param features [B,K,Hin] @return [B,K,Hout]
   torch::Tensor forward_reference(const torch::Tensor& features);
 
+  FeatureNorm norm{nullptr};
   GraphConvolution convolution{nullptr};
-  torch::Tensor norm_weight, norm_bias, running_mean, running_var;
-
- private:
-  NodeNorm node_norm() const;
-  torch::Tensor channel_norm(const torch::Tensor& features, int64_t nodes_axis);
-  SagcnNorm norm_;
-  double momentum_, epsilon_;
 };
 TORCH_MODULE(SagcnUnit);
+
+/// The dense block between the halves: features + dense(ELU(norm(features))).
+class DenseUnitImpl : public torch::nn::Module {
+ public:
+  DenseUnitImpl(int64_t num_nodes, const SagcnConfig& config);
+
+  /// @param features [B,K,H] @return [B,K,H]
+  torch::Tensor forward(const torch::Tensor& features);
+
+  FeatureNorm norm{nullptr};
+  torch::Tensor kernels;  ///< [K,H,H] for `broadcast`, the matrix [K,K] for `matrix`
+  torch::Tensor bias;     ///< [K,H]
+
+ private:
+  DenseBlock kind_;
+  double scale_;
+};
+TORCH_MODULE(DenseUnit);
 
 class SagcnImpl : public torch::nn::Module {
  public:
@@ -77,16 +108,15 @@ class SagcnImpl : public torch::nn::Module {
 
  private:
   void initialise(at::Generator generator);
-  torch::Tensor dense_block(const torch::Tensor& features);
-  void check_batch(const torch::Tensor& features) const;
+  void check_input(const torch::Tensor& features) const;
+  bool dense_follows(int block) const;
 
   SagcnConfig config_;
   int64_t num_nodes_;
-  int inputs_, outputs_;
+  int inputs_;
   GraphConvolution stem_{nullptr}, head_{nullptr};
-  torch::nn::ModuleList units_;      // two per residual block
-  torch::Tensor dense_kernels_, dense_bias_, dense_norm_weight_, dense_norm_bias_, dense_running_mean_,
-      dense_running_var_;
+  std::vector<SagcnUnit> units_;  // two per residual block
+  DenseUnit dense_{nullptr};
 };
 TORCH_MODULE(Sagcn);
 

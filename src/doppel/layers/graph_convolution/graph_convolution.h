@@ -12,9 +12,7 @@
 /// float32 on the CPU runs the fused kernel, everything else the reference in plain tensor operations. Gradients reach
 /// every tensor argument; there is no double backward through the kernel.
 
-#include <torch/nn/cloneable.h>
-#include <torch/nn/pimpl.h>
-#include <torch/types.h>
+#include <torch/torch.h>
 
 #include <cstdint>
 #include <vector>
@@ -32,17 +30,17 @@ struct RingWeights {
   int64_t num_entries = 0;
 
   // For the reference: rows padded to the longest one; padding has weight 0.
-  torch::Tensor neighbours;       ///< int64 [K,P]
-  torch::Tensor weights;          ///< float64 [K,P]
-  torch::Tensor weights_float;    ///< the same in float32
+  torch::Tensor neighbours;     ///< int64 [K,P]
+  torch::Tensor weights;        ///< float64 [K,P]
+  torch::Tensor weights_float;  ///< the same in float32
 
   // For the kernel: nodes renumbered so that neighbours lie near each other in memory. Row p belongs to node order[p];
   // columns are positions in that order. The pattern is symmetric, so the transpose shares it.
-  torch::Tensor order;               ///< int32 [K]
-  torch::Tensor offsets;             ///< int32 [K+1]
-  torch::Tensor columns;             ///< int32 [E]
-  torch::Tensor values;              ///< float32 [E] a_kl in row k
-  torch::Tensor transposed_values;   ///< float32 [E] a_lk in row k
+  torch::Tensor order;              ///< int32 [K]
+  torch::Tensor offsets;            ///< int32 [K+1]
+  torch::Tensor columns;            ///< int32 [E]
+  torch::Tensor values;             ///< float32 [E] a_kl in row k
+  torch::Tensor transposed_values;  ///< float32 [E] a_lk in row k
 
   /// @throws Error for rings < 1 or an empty graph
   static RingWeights from_topology(const MeshTopology& topology, int rings);
@@ -56,18 +54,18 @@ struct RingWeights {
 /// @param features [B,K,Hin]  @param kernels [K,Hin,Hout]  @param bias [K,Hout]
 /// @return [B,K,Hout]
 /// @throws Error naming the argument and the shape received
-torch::Tensor graph_convolution(const torch::Tensor& features, const torch::Tensor& kernels,
-                                const torch::Tensor& bias, const RingWeights& ring);
+torch::Tensor graph_convolution(const torch::Tensor& features, const torch::Tensor& kernels, const torch::Tensor& bias,
+                                const RingWeights& ring);
 /// The same with features [K,B,Hin] -> [K,B,Hout].
 torch::Tensor graph_convolution_node_major(const torch::Tensor& features, const torch::Tensor& kernels,
                                            const torch::Tensor& bias, const RingWeights& ring);
 
 /// Batch normalisation of each (node, feature) separately, over the batch. Without `weight` there is none.
 struct NodeNorm {
-  torch::Tensor weight, bias;                ///< [K,H]
-  torch::Tensor running_mean, running_var;   ///< [K,H], updated in place while training
-  bool training = false;                     ///< batch statistics (needs B > 1) or the running ones
-  double momentum = 0.003;                   ///< running = (1 - momentum) running + momentum new
+  torch::Tensor weight, bias;               ///< [K,H]
+  torch::Tensor running_mean, running_var;  ///< [K,H], updated in place while training
+  bool training = false;                    ///< batch statistics (needs B > 1) or the running ones
+  double momentum = 0.003;                  ///< running = (1 - momentum) running + momentum new
   double epsilon = 1e-5;
 
   bool defined() const { return weight.defined(); }

@@ -82,12 +82,14 @@ inline void multiply_block(const float* a, int64_t row, int64_t step, const floa
   for (int i = 0; i < kRows; ++i) store(c + i * c_row, sum[i]);
 }
 
-inline void multiply(const float* a, int64_t row, int64_t step, const float* b, int64_t b_row, int64_t rows, int64_t depth,
-                     int64_t columns, float* c, int64_t c_row) {
+inline void multiply(const float* a, int64_t row, int64_t step, const float* b, int64_t b_row, int64_t rows,
+                     int64_t depth, int64_t columns, float* c, int64_t c_row) {
   for (int64_t v = 0; v < columns; v += kWidth) {
     int64_t i = 0;
-    for (; i + 8 <= rows; i += 8) multiply_block<8>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
-    for (; i + 4 <= rows; i += 4) multiply_block<4>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
+    for (; i + 8 <= rows; i += 8)
+      multiply_block<8>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
+    for (; i + 4 <= rows; i += 4)
+      multiply_block<4>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
     for (; i < rows; ++i) multiply_block<1>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
   }
 }
@@ -345,8 +347,8 @@ void graph_convolution_pack(const GraphConvolutionParams& p, float*, int64_t beg
   for (int64_t place = begin; place < end; ++place) {
     const int64_t node = p.order[place];
     float* row = p.packed + place * p.batch * out;
-    load_rows(p.grad_output.data + node * p.grad_output.node_stride, p.grad_output.batch_stride, p.batch, p.outputs, row,
-              out);
+    load_rows(p.grad_output.data + node * p.grad_output.node_stride, p.grad_output.batch_stride, p.batch, p.outputs,
+              row, out);
     for (int64_t v = 0; v < out; v += kWidth) {
       Vec sum = {};
       for (int64_t b = 0; b < p.batch; ++b) sum += load(row + b * out + v);
@@ -378,8 +380,8 @@ void graph_convolution_backward(const GraphConvolutionParams& p, float* scratch,
     if (p.elu) backward_elu(p, s);
     if (p.norm_weight) backward_norm(p, node, s);
     if (p.grad_features.data)
-      store_rows(s.grad_active, in, p.batch, p.inputs,
-                 p.grad_features.data + node * p.grad_features.node_stride, p.grad_features.batch_stride);
+      store_rows(s.grad_active, in, p.batch, p.inputs, p.grad_features.data + node * p.grad_features.node_stride,
+                 p.grad_features.batch_stride);
   }
 }
 

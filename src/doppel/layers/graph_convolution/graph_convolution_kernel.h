@@ -42,7 +42,7 @@ struct GraphConvolutionParams {
   const float* norm_bias = nullptr;
   float* running_mean = nullptr;
   float* running_var = nullptr;
-  float* mean = nullptr;         ///< what normalised: written forward, read backward
+  float* mean = nullptr;  ///< what normalised: written forward, read backward
   float* inverse_std = nullptr;
 
   // backward

@@ -48,8 +48,10 @@ void check_arguments(const Tensor& features, const Tensor& kernels, const Tensor
 void check_norm(const NodeNorm& norm, const Tensor& features) {
   if (!norm.defined()) return;
   const int64_t nodes = features.size(0), inputs = features.size(2);
-  for (const auto& [name, tensor] : {std::pair{"norm.weight", norm.weight}, {"norm.bias", norm.bias},
-                                     {"norm.running_mean", norm.running_mean}, {"norm.running_var", norm.running_var}}) {
+  for (const auto& [name, tensor] : {std::pair{"norm.weight", norm.weight},
+                                     {"norm.bias", norm.bias},
+                                     {"norm.running_mean", norm.running_mean},
+                                     {"norm.running_var", norm.running_var}}) {
     check_shape(kOp, name, tensor, {nodes, inputs}, "[K,Hin]");
     check_same_kind(kOp, name, tensor, features);
   }
@@ -66,7 +68,9 @@ Strided strided(const Tensor& tensor, bool node_major) {
   return {tensor.data_ptr<float>(), tensor.stride(node_major ? 1 : 0), tensor.stride(node_major ? 0 : 1)};
 }
 
-float* data_or_null(const Tensor& tensor) { return tensor.defined() && tensor.numel() > 0 ? tensor.data_ptr<float>() : nullptr; }
+float* data_or_null(const Tensor& tensor) {
+  return tensor.defined() && tensor.numel() > 0 ? tensor.data_ptr<float>() : nullptr;
+}
 
 kernels::GraphConvolutionParams make_params(const Sizes& n, const Setting& setting) {
   kernels::GraphConvolutionParams p;
@@ -148,9 +152,9 @@ struct Backward {
   Tensor features, kernels, bias, norm_weight, norm_bias;
 };
 
-Backward backward_cpu(const Tensor& grad_output, const Tensor& features, const Tensor& kernels, const Tensor& norm_weight,
-                      const Tensor& norm_bias, const Tensor& mean, const Tensor& inverse_std, const Setting& setting,
-                      bool features_wanted) {
+Backward backward_cpu(const Tensor& grad_output, const Tensor& features, const Tensor& kernels,
+                      const Tensor& norm_weight, const Tensor& norm_bias, const Tensor& mean, const Tensor& inverse_std,
+                      const Setting& setting, bool features_wanted) {
   const Sizes n = sizes_of(features, kernels, setting.node_major);
   Backward result;
   result.kernels = at::empty_like(kernels);
@@ -191,19 +195,25 @@ Backward backward_cpu(const Tensor& grad_output, const Tensor& features, const T
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
+Tensor absent() { return at::empty({0}, at::kFloat); }
+Tensor present(const Tensor& tensor) { return tensor.dim() == 1 ? Tensor() : tensor; }
+
 class GraphConvolutionFunction : public torch::autograd::Function<GraphConvolutionFunction> {
  public:
   static Tensor forward(AutogradContext* context, const Tensor& features, const Tensor& kernels, const Tensor& bias,
-                        const Tensor& skip, const Tensor& norm_weight, const Tensor& norm_bias, const Setting& setting) {
+                        const Tensor& skip, const Tensor& norm_weight, const Tensor& norm_bias,
+                        const Setting& setting) {
     at::AutoDispatchBelowADInplaceOrView below_autograd;
-    const Forward result = forward_cpu(features, kernels, bias, skip, norm_weight, norm_bias, setting);
-    context->save_for_backward({features, kernels, norm_weight, norm_bias, result.mean, result.inverse_std});
+    const Forward result =
+        forward_cpu(features, kernels, bias, present(skip), present(norm_weight), present(norm_bias), setting);
+    context->save_for_backward(
+        {features, kernels, present(norm_weight), present(norm_bias), result.mean, result.inverse_std});
     context->saved_data["ring"] = setting.ring;
     context->saved_data["elu"] = setting.elu;
     context->saved_data["training"] = setting.training;
     context->saved_data["node_major"] = setting.node_major;
     context->saved_data["features_wanted"] = features.requires_grad();
-    context->saved_data["skip"] = skip.defined() && skip.requires_grad();
+    context->saved_data["skip"] = skip.requires_grad();
     return result.output;
   }
 
@@ -215,12 +225,12 @@ class GraphConvolutionFunction : public torch::autograd::Function<GraphConvoluti
     setting.training = context->saved_data["training"].toBool();
     setting.node_major = context->saved_data["node_major"].toBool();
     const Tensor grad_output = grad_outputs[0].contiguous();
-    const Backward gradient = backward_cpu(grad_output, saved[0], saved[1], saved[2], saved[3], saved[4], saved[5], setting,
-                                           context->saved_data["features_wanted"].toBool());
+    const Backward gradient = backward_cpu(grad_output, saved[0], saved[1], saved[2], saved[3], saved[4], saved[5],
+                                           setting, context->saved_data["features_wanted"].toBool());
     const Tensor skip = context->saved_data["skip"].toBool() ? grad_output : Tensor();
-    return once_differentiable({gradient.features, gradient.kernels, gradient.bias, skip, gradient.norm_weight,
-                                gradient.norm_bias, Tensor()},
-                               kOp);
+    return once_differentiable(
+        {gradient.features, gradient.kernels, gradient.bias, skip, gradient.norm_weight, gradient.norm_bias, Tensor()},
+        kOp);
   }
 };
 
@@ -235,7 +245,8 @@ Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor&
   setting.node_major = node_major;
   setting.momentum = norm.momentum;
   setting.epsilon = norm.epsilon;
-  const auto dense = [](const Tensor& tensor) { return tensor.defined() ? tensor.contiguous() : tensor; };
+  // Autograd takes no undefined tensors; an empty one without a gradient stands for "absent".
+  const auto dense = [](const Tensor& tensor) { return tensor.defined() ? tensor.contiguous() : absent(); };
   return GraphConvolutionFunction::apply(dense(features), dense(kernels), dense(bias), dense(skip), dense(norm.weight),
                                          dense(norm.bias), setting);
 }
@@ -243,14 +254,17 @@ Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor&
 // ---- dispatcher ----
 
 Setting op_setting(at::TensorList ring, bool node_major) {
-  if (ring.size() != 5) fail<UsageError>("graph_convolution: ring must hold the 5 tensors of RingWeights::packed(), received {}", ring.size());
+  if (ring.size() != 5)
+    fail<UsageError>("graph_convolution: ring must hold the 5 tensors of RingWeights::packed(), received {}",
+                     ring.size());
   Setting setting;
   setting.ring = ring.vec();
   setting.node_major = node_major;
   return setting;
 }
 
-Tensor op_forward(const Tensor& features, const Tensor& kernels, const Tensor& bias, at::TensorList ring, bool node_major) {
+Tensor op_forward(const Tensor& features, const Tensor& kernels, const Tensor& bias, at::TensorList ring,
+                  bool node_major) {
   const Setting setting = op_setting(ring, node_major);
   check_arguments(features, kernels, bias, ring[0].size(0), node_major);
   return forward_cpu(features.contiguous(), kernels.contiguous(), bias.contiguous(), {}, {}, {}, setting).output;
@@ -260,14 +274,14 @@ Tensor op_forward_autograd(const Tensor& features, const Tensor& kernels, const 
                            bool node_major) {
   const Setting setting = op_setting(ring, node_major);
   check_arguments(features, kernels, bias, ring[0].size(0), node_major);
-  return GraphConvolutionFunction::apply(features.contiguous(), kernels.contiguous(), bias.contiguous(), Tensor(), Tensor(),
-                                         Tensor(), setting);
+  return GraphConvolutionFunction::apply(features.contiguous(), kernels.contiguous(), bias.contiguous(), Tensor(),
+                                         Tensor(), Tensor(), setting);
 }
 
 std::tuple<Tensor, Tensor, Tensor> op_backward(const Tensor& grad_output, const Tensor& features, const Tensor& kernels,
                                                at::TensorList ring, bool node_major) {
-  const Backward gradient = backward_cpu(grad_output.contiguous(), features.contiguous(), kernels.contiguous(), {}, {}, {},
-                                         {}, op_setting(ring, node_major), true);
+  const Backward gradient = backward_cpu(grad_output.contiguous(), features.contiguous(), kernels.contiguous(), {}, {},
+                                         {}, {}, op_setting(ring, node_major), true);
   return {gradient.features, gradient.kernels, gradient.bias};
 }
 

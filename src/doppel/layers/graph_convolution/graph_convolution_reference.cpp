@@ -31,7 +31,8 @@ Tensor graph_convolution_reference(const Tensor& features, const Tensor& kernels
 }
 
 Tensor node_norm_reference(const Tensor& features, const NodeNorm& norm) {
-  if (!norm.defined() || features.size(0) == 0) return features;
+  if (!norm.defined()) return features;
+  if (features.size(0) == 0) return features * norm.weight + norm.bias;  // no statistics of nothing, but zero gradients
   const int64_t K = features.size(1), H = features.size(2);
   return at::batch_norm(features.flatten(1), norm.weight.flatten(), norm.bias.flatten(), norm.running_mean.view({-1}),
                         norm.running_var.view({-1}), norm.training, norm.momentum, norm.epsilon, false)

@@ -1,0 +1,106 @@
+#include "doppel/nets/motion_window.h"
+
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/layers/op_support.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr int kUp = 1;  // y
+
+/// [B] angles about coordinate axis 0, 1 or 2 -> [B,3,3].
+Tensor axis_rotation(const Tensor& angle, int axis) {
+  const Tensor c = angle.cos(), s = angle.sin(), zero = at::zeros_like(angle), one = at::ones_like(angle);
+  std::vector<Tensor> entries;
+  switch (axis) {
+    case 0:
+      entries = {one, zero, zero, zero, c, -s, zero, s, c};
+      break;
+    case 1:
+      entries = {c, zero, s, zero, one, zero, -s, zero, c};
+      break;
+    default:
+      entries = {c, -s, zero, s, c, zero, zero, zero, one};
+  }
+  std::vector<Tensor> rows;
+  for (int row = 0; row < 3; ++row) rows.push_back(at::stack({entries[3 * row], entries[3 * row + 1], entries[3 * row + 2]}, -1));
+  return at::stack(rows, -2);
+}
+
+Tensor column(const Tensor& dofs, int dof, double weight) { return dofs.select(-1, dof) * weight; }
+
+/// The sum of offsets from the world to the first rotation of the root: where the root stands when z = 0.
+std::array<double, 3> root_offset(const Skeleton& skeleton, const Skeleton::Root& root) {
+  int joint = skeleton.num_joints();
+  for (const Dof::Drive& drive : skeleton.dofs[root.rotation[0]].joints)
+    if (drive.weight != 0.0) joint = std::min(joint, drive.joint);  // parents come first
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+  for (; joint >= 0; joint = skeleton.joints[joint].parent) offset += skeleton.joints[joint].offset;
+  return {offset.x(), offset.y(), offset.z()};
+}
+
+}  // namespace
+
+Tensor wrap_angle(const Tensor& angle) {
+  // ceil, not floor or round: -pi belongs to +pi.
+  return angle - at::ceil((angle - M_PI) / (2.0 * M_PI)) * (2.0 * M_PI);
+}
+
+Tensor compose_transforms(const Tensor& a, const Tensor& b) {
+  const Tensor turned = at::matmul(a.narrow(-1, 0, 3), b);
+  return turned + at::constant_pad_nd(a.narrow(-1, 3, 1), {3, 0});
+}
+
+MotionWindow::MotionWindow(const Skeleton& skeleton)
+    : root_(skeleton.root()), offset_(root_offset(skeleton, root_)), num_dofs_(skeleton.num_dofs()) {}
+
+Tensor MotionWindow::heading(const Tensor& dofs) const {
+  check_shape("motion window", "dofs", dofs, {-1, num_dofs_}, "[B,D]");
+  if (heading_is_outermost()) return wrap_angle(column(dofs, root_.rotation[0], root_.rotation_weight[0]));
+  Tensor rotation;
+  for (int i = 0; i < 3; ++i) {
+    const Tensor next = axis_rotation(column(dofs, root_.rotation[i], root_.rotation_weight[i]), root_.axes[i]);
+    rotation = i == 0 ? next : at::matmul(rotation, next);
+  }
+  return at::atan2(rotation.select(-2, 0).select(-1, 2), rotation.select(-2, 2).select(-1, 2));
+}
+
+Tensor MotionWindow::translation(const Tensor& dofs) const {
+  std::vector<Tensor> axes;
+  for (int axis = 0; axis < 3; ++axis) axes.push_back(column(dofs, root_.translation[axis], root_.translation_weight[axis]));
+  return at::stack(axes, -1);
+}
+
+Tensor MotionWindow::normaliser(const Tensor& dofs) const {
+  const Tensor turn = axis_rotation(-heading(dofs), kUp);
+  const Tensor offset = torch::tensor({offset_[0], offset_[1], offset_[2]}, dofs.options());
+  const Tensor pivot = translation(dofs) + offset;
+  const Tensor moved = offset - at::matmul(turn, pivot.unsqueeze(-1)).squeeze(-1);
+  return at::cat({turn, moved.unsqueeze(-1)}, -1);
+}
+
+Tensor MotionWindow::normalise_dofs(const Tensor& window) const {
+  check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
+  if (!heading_is_outermost())
+    fail("the heading cannot be taken out of the DoFs of this skeleton: its outermost root rotation is about {}, not y; "
+         "normalise the transforms instead (MotionWindow::normaliser)",
+         "xyz"[root_.axes[0]]);
+  const Tensor last = window.select(1, window.size(1) - 1);
+  const Tensor turn = axis_rotation(-heading(last), kUp).unsqueeze(1);
+  const Tensor relative = translation(window) - translation(last).unsqueeze(1);
+  const Tensor moved = at::matmul(turn, relative.unsqueeze(-1)).squeeze(-1);
+  const Tensor turned = wrap_angle(column(window, root_.rotation[0], root_.rotation_weight[0]) - heading(last).unsqueeze(1));
+
+  std::vector<Tensor> columns = window.unbind(-1);
+  for (int axis = 0; axis < 3; ++axis)
+    columns[root_.translation[axis]] = moved.select(-1, axis) / root_.translation_weight[axis];
+  columns[root_.rotation[0]] = turned / root_.rotation_weight[0];
+  return at::stack(columns, -1);
+}
+
+}  // namespace doppel

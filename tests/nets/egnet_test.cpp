@@ -1,0 +1,269 @@
+#include "doppel/nets/egnet.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/csrc/jit/frontend/tracer.h>
+#include <torch/csrc/jit/runtime/graph_executor.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <sstream>
+
+#include "doppel/core/error.h"
+#include "doppel/layers/embedded_deformation/embedded_deformation.h"
+#include "support/test_character.h"
+
+namespace doppel {
+namespace {
+
+using torch::Tensor;
+using ::testing::HasSubstr;
+
+EgNetConfig small_config() {
+  EgNetConfig config = EgNetConfig::preset("paper");
+  config.sagcn.features = 8;
+  config.sagcn.residual_blocks = 2;
+  return config;
+}
+
+/// Windows near the rest pose, anywhere in the room.
+Tensor random_windows(const Character& character, int64_t batch, int64_t frames = 3) {
+  torch::manual_seed(21);
+  const Tensor rest = torch::tensor(at::ArrayRef<double>(character.rest_dofs), torch::kFloat64);
+  return (rest + 0.3 * torch::randn({batch, frames, character.num_dofs()}, torch::kFloat64)).to(torch::kFloat32);
+}
+
+Tensor turned_and_moved(const Character& character, const Tensor& window, double turn) {
+  const auto root = character.skeleton.root();
+  const double c = std::cos(turn), s = std::sin(turn);
+  Tensor moved = window.clone();
+  const Tensor x = window.select(2, root.translation[0]), z = window.select(2, root.translation[2]);
+  moved.select(2, root.translation[0]).copy_(c * x + s * z + 1.5);
+  moved.select(2, root.translation[1]).add_(0.4);
+  moved.select(2, root.translation[2]).copy_(-s * x + c * z - 2.0);
+  moved.select(2, root.rotation[0]).add_(turn / root.rotation_weight[0]);
+  return moved;
+}
+
+double largest(const Tensor& tensor) { return tensor.abs().max().item<double>(); }
+
+TEST(EgNetReference, SeesNothingInTheRestPose) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  // Standing still in the rest pose, turned and moved: no node leaves its place but for the heading and root of the rest pose.
+  Tensor dofs = torch::tensor(at::ArrayRef<double>(character.rest_dofs), torch::kFloat64);
+  const auto root = character.skeleton.root();
+  for (int i = 0; i < 3; ++i) dofs[root.translation[i]] = 0.0;
+  dofs[root.rotation[0]] = 0.0;
+  Character upright = character;
+  for (int d = 0; d < character.num_dofs(); ++d) upright.rest_dofs[d] = dofs[d].item<double>();
+  EgNet upright_net(upright, small_config());
+  const Tensor window = dofs.to(torch::kFloat32).expand({2, 3, -1});
+  const Tensor features = upright_net->node_features(turned_and_moved(character, window, 0.9));
+  EXPECT_EQ(features.sizes(), (std::vector<int64_t>{2, character.num_nodes(), 18}));
+  EXPECT_LT(largest(features), 1e-5);
+}
+
+TEST(EgNetReference, FeaturesAreTranslationAndEulerAnglesFrameAfterFrame) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  config.node_features = NodeFeatures::transform;
+  EgNet net(character, config);
+  const Tensor window = random_windows(character, 2);
+  const Tensor features = net->node_features(window);
+  config.rotation = RotationFeatures::rotation_6d;
+  const Tensor wide = EgNet(character, config)->node_features(window);
+  ASSERT_EQ(wide.size(2), 27);
+  for (int frame = 0; frame < 3; ++frame) {
+    EXPECT_LT(largest(features.narrow(2, 6 * frame, 3) - wide.narrow(2, 9 * frame, 3)), 1e-6);
+    const Tensor matrix = euler_to_matrix(features.narrow(2, 6 * frame + 3, 3));
+    EXPECT_LT(largest(matrix.select(-1, 0) - wide.narrow(2, 9 * frame + 3, 3)), 1e-5);
+    EXPECT_LT(largest(matrix.select(-1, 1) - wide.narrow(2, 9 * frame + 6, 3)), 1e-5);
+  }
+}
+
+TEST(EgNetReference, OutputIgnoresWhereOnePersonStandsAndFaces) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  config.sagcn.head_scale = 0.3;
+  EgNet net(character, config);
+  net->eval();
+  const Tensor window = random_windows(character, 3);
+  for (const auto& reference : {false, true}) {
+    net->set_reference(reference);
+    const auto [A, T] = net->forward(window);
+    ASSERT_GT(largest(A), 1e-2);
+    for (const double turn : {0.7, -2.5, 6.0}) {
+      const auto [turned_A, turned_T] = net->forward(turned_and_moved(character, window, turn));
+      EXPECT_LT(largest(A - turned_A), 1e-4) << "turned by " << turn;
+      EXPECT_LT(largest(T - turned_T), 1e-4) << "turned by " << turn;
+    }
+  }
+}
+
+TEST(EgNetReference, StartsAtTheSkinnedTemplate) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  const auto [A, T] = net->forward(random_windows(character, 4));
+  EXPECT_EQ(A.sizes(), (std::vector<int64_t>{4, character.num_nodes(), 3}));
+  EXPECT_EQ(T.sizes(), A.sizes());
+  EXPECT_LT(largest(A), 0.02);
+  EXPECT_LT(largest(T), 0.02);
+}
+
+TEST(EgNetReference, StandardisesItsInput) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  net->eval();
+  const Tensor window = random_windows(character, 6);
+  const Tensor features = net->node_features(window);
+  const auto before = net->forward(window);
+  net->set_input_statistics(torch::zeros({18}), torch::ones({18}));
+  EXPECT_TRUE(torch::equal(before.first, net->forward(window).first));
+  net->set_input_statistics(features.mean(0), features.std(0));
+  EXPECT_FALSE(torch::equal(before.first, net->forward(window).first));
+  EXPECT_THROW(net->set_input_statistics(torch::zeros({5}), torch::ones({5})), UsageError);
+  EXPECT_THROW(net->set_input_statistics(torch::full({18}, NAN), torch::ones({18})), Error);
+}
+
+TEST(EgNetAgrees, WithItsReferencePath) {
+  const Character character = make_test_character();
+  for (const char* preset : {"paper", "public_checkpoint"}) {
+    EgNetConfig config = EgNetConfig::preset(preset);
+    config.sagcn.head_scale = 0.3;
+    config.rotation = RotationFeatures::rotation_6d;  // Euler angles may jump between the two
+    EgNet net(character, config);
+    net->eval();
+    const Tensor window = random_windows(character, 3);
+    const auto fast = net->forward(window);
+    net->set_reference(true);
+    const auto plain = net->forward(window);
+    EXPECT_LT(largest(fast.first - plain.first), 1e-4) << preset;
+    EXPECT_LT(largest(fast.second - plain.second), 1e-4) << preset;
+  }
+}
+
+TEST(EgNetAgrees, OnAnEmptyBatch) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  const auto [A, T] = net->forward(torch::zeros({0, 3, character.num_dofs()}));
+  EXPECT_EQ(A.sizes(), (std::vector<int64_t>{0, character.num_nodes(), 3}));
+}
+
+TEST(EgNetAgrees, AsATraceOnBatchesItHasNotSeen) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  config.sagcn.head_scale = 0.3;
+  EgNet net(character, config);
+  net->eval();
+  net->set_reference(true);
+  for (Tensor parameter : net->parameters()) parameter.set_requires_grad(false);  // here they become constants
+  const Tensor example = random_windows(character, 2);
+  const auto traced = torch::jit::tracer::trace(
+      {example},
+      [&](torch::jit::Stack stack) -> torch::jit::Stack {
+        const auto [A, T] = net->forward(stack[0].toTensor());
+        return {A, T};
+      },
+      [](const torch::autograd::Variable&) { return ""; });
+  torch::jit::GraphExecutor executor(traced.first->graph, "egnet");
+  for (const torch::jit::Node* node : traced.first->graph->nodes())
+    EXPECT_NE(std::string(node->kind().ns().toUnqualString()), "doppel") << "an op of our own in the trace";
+  for (const int64_t batch : {1, 5}) {
+    const Tensor window = turned_and_moved(character, random_windows(character, batch), 1.1);
+    torch::jit::Stack stack{window};
+    executor.run(stack);
+    const auto [A, T] = net->forward(window);
+    EXPECT_LT(largest(stack[0].toTensor() - A), 1e-6) << "batch " << batch;
+    EXPECT_LT(largest(stack[1].toTensor() - T), 1e-6) << "batch " << batch;
+  }
+}
+
+TEST(EgNetRecovers, ADeformationDrivenByTheMotion) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  EgNet net(character, config);
+  const Tensor windows = random_windows(character, 12);
+  const Tensor features = net->node_features(windows);
+  net->set_input_statistics(features.mean(0), features.std(0));
+  // The cloth trails behind: a function of the velocity.
+  const Tensor target = 0.1 * (features.narrow(2, 12, 3) - features.narrow(2, 6, 3));
+  torch::optim::Adam adam(net->parameters(), torch::optim::AdamOptions(2e-3));
+  double first = 0.0, last = 0.0;
+  for (int step = 0; step < 150; ++step) {
+    adam.zero_grad();
+    const auto [A, T] = net->forward(windows);
+    const Tensor loss = (T - target).square().mean() + A.square().mean();
+    loss.backward();
+    adam.step();
+    last = loss.item<double>();
+    if (step == 0) first = last;
+  }
+  EXPECT_LT(last, 0.02 * first) << "12 windows should be learned by heart";
+}
+
+TEST(EgNetRecovers, ItsStateFromAnArchive) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  const Tensor windows = random_windows(character, 4);
+  const Tensor features = net->node_features(windows);
+  net->set_input_statistics(features.mean(0), features.std(0));
+  net->forward(windows);  // moves the running statistics
+  net->eval();
+  const auto expected = net->forward(windows);
+
+  std::stringstream file;
+  torch::serialize::OutputArchive out;
+  net->save(out);
+  out.save_to(file);
+  EgNet other(character, small_config(), at::detail::createCPUGenerator(99));
+  torch::serialize::InputArchive in;
+  in.load_from(file);
+  other->load(in);
+  other->eval();
+  const auto found = other->forward(windows);
+  EXPECT_TRUE(torch::equal(expected.first, found.first));
+  EXPECT_TRUE(torch::equal(expected.second, found.second));
+}
+
+TEST(EgNetConfigReference, ReadsPresetsAndChangesOfThem) {
+  const auto read = [](const std::string& text) {
+    const ConfigDocument document = ConfigDocument::parse(text, "egnet.yaml");
+    const ConfigReader root = document.root();
+    const EgNetConfig config = EgNetConfig::read(root);
+    root.finish();
+    return config;
+  };
+  const EgNetConfig paper = read("preset: paper");
+  EXPECT_EQ(paper.sagcn.rings, 3);
+  EXPECT_EQ(paper.sagcn.features, 16);
+  EXPECT_EQ(paper.sagcn.residual_blocks, 8);
+  EXPECT_EQ(paper.num_inputs(), 18);
+  EXPECT_EQ(read("preset: public_checkpoint").sagcn.rings, 2);
+  const EgNetConfig changed = read("window: 3\nrotation: rotation_6d\nnorm: channel\ndense: matrix\nrings: 4");
+  EXPECT_EQ(changed.num_inputs(), 36);
+  EXPECT_EQ(changed.sagcn.norm, SagcnNorm::channel);
+  EXPECT_EQ(changed.sagcn.dense, DenseBlock::matrix);
+  EXPECT_EQ(changed.sagcn.rings, 4);
+}
+
+TEST(EgNetConfigRejects, MistakesWithFileAndKey) {
+  const auto message = [](const std::string& text) -> std::string {
+    try {
+      const ConfigDocument document = ConfigDocument::parse(text, "egnet.yaml");
+      const ConfigReader root = document.root();
+      EgNetConfig::read(root);
+      root.finish();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "nothing was thrown";
+  };
+  EXPECT_THAT(message("residual_blocks: 3"), HasSubstr("residual_blocks"));
+  EXPECT_THAT(message("norm: batch"), HasSubstr("norm"));
+  EXPECT_THAT(message("rest_inverse: false"), HasSubstr("node_features"));
+  EXPECT_THAT(message("ring: 3"), HasSubstr("rings"));
+}
+
+}  // namespace
+}  // namespace doppel

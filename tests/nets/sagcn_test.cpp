@@ -1,0 +1,175 @@
+#include "doppel/nets/sagcn.h"
+
+#include <ATen/Parallel.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <sstream>
+
+#include "doppel/core/error.h"
+#include "doppel/geometry/topology.h"
+#include "support/gradient_check.h"
+
+namespace doppel {
+namespace {
+
+using torch::Tensor;
+using ::testing::HasSubstr;
+
+RingWeights ring_of(int nodes, int rings) {
+  std::vector<std::array<int, 2>> edges;
+  for (int i = 0; i + 1 < nodes; ++i) edges.push_back({i, i + 1});
+  for (int i = 0; i + 3 < nodes; ++i) edges.push_back({i, i + 3});
+  return RingWeights::from_topology(MeshTopology(nodes, edges), rings);
+}
+
+SagcnConfig small_config() {
+  SagcnConfig config;
+  config.features = 5;
+  config.residual_blocks = 2;
+  config.head_scale = 0.5;
+  config.norm_momentum = 0.1;
+  return config;
+}
+
+double largest(const Tensor& tensor) { return tensor.abs().max().item<double>(); }
+
+TEST(SagcnAgrees, WithItsReferenceForEveryNormAndDenseBlock) {
+  const RingWeights ring = ring_of(23, 3);
+  torch::manual_seed(1);
+  const Tensor features = torch::randn({4, 23, 7}), grad = torch::randn({4, 23, 3});
+  for (const SagcnNorm norm : {SagcnNorm::node, SagcnNorm::channel, SagcnNorm::none})
+    for (const DenseBlock dense : {DenseBlock::none, DenseBlock::broadcast, DenseBlock::matrix})
+      for (const bool training : {true, false}) {
+        SagcnConfig config = small_config();
+        config.norm = norm;
+        config.dense = dense;
+        Sagcn fast(ring, 7, 3, config), plain(ring, 7, 3, config);
+        plain->to(torch::kFloat64);
+        fast->train(training);
+        plain->train(training);
+        const Tensor x = features.clone().requires_grad_(), y = features.to(torch::kFloat64).requires_grad_();
+        const Tensor found = fast->forward(x), expected = plain->forward_reference(y);
+        found.backward(grad);
+        expected.backward(grad.to(torch::kFloat64));
+        EXPECT_LT(largest(found - expected), 2e-5);
+        EXPECT_LT(largest(x.grad() - y.grad()), 1e-4);
+        const auto found_parameters = fast->named_parameters(), expected_parameters = plain->named_parameters();
+        for (const auto& item : expected_parameters)
+          EXPECT_LT(largest(found_parameters[item.key()].grad() - item.value().grad()), 1e-4 * (1.0 + largest(item.value().grad())))
+              << item.key();
+        for (const auto& item : plain->named_buffers())
+          EXPECT_LT(largest(fast->named_buffers()[item.key()] - item.value()), 1e-5) << item.key();
+      }
+}
+
+TEST(SagcnAgrees, BitForBitAtAnyNumberOfThreads) {
+  const RingWeights ring = ring_of(301, 3);
+  torch::manual_seed(1);
+  const Tensor features = torch::randn({4, 301, 7});
+  std::vector<Tensor> results;
+  const int before = at::get_num_threads();
+  for (const int threads : {1, 2, 3}) {
+    at::set_num_threads(threads);
+    Sagcn net(ring, 7, 3, small_config());
+    const Tensor output = net->forward(features);
+    output.square().sum().backward();
+    results.push_back(torch::cat({output.detach().flatten(), net->named_parameters()["stem.kernels"].grad().flatten()}));
+  }
+  at::set_num_threads(before);
+  EXPECT_TRUE(torch::equal(results[0], results[1]));
+  EXPECT_TRUE(torch::equal(results[0], results[2]));
+}
+
+TEST(SagcnAgrees, OnAnEmptyBatch) {
+  Sagcn net(ring_of(8, 2), 4, 3, small_config());
+  EXPECT_EQ(net->forward(torch::zeros({0, 8, 4})).sizes(), (std::vector<int64_t>{0, 8, 3}));
+}
+
+TEST(SagcnGradient, MatchesCentralDifferences) {
+  SagcnConfig config = small_config();
+  config.features = 2;
+  config.dense = DenseBlock::broadcast;
+  Sagcn net(ring_of(6, 2), 2, 2, config);
+  net->to(torch::kFloat64);
+  torch::manual_seed(2);
+  EXPECT_TRUE(test::gradients_match([&](const std::vector<Tensor>& x) { return net->forward(x[0]); },
+                              {{"features", torch::randn({3, 6, 2}, torch::kFloat64)}}));
+}
+
+TEST(SagcnReference, HasTheSizeOfThePublishedNetwork) {
+  SagcnConfig config;
+  Sagcn net(ring_of(10, 3), 18, 6, config);
+  int64_t count = 0;
+  for (const Tensor& parameter : net->parameters()) count += parameter.numel();
+  // per node: stem 18*16+16, 16 SAGC of 16*16+16, 16 norms of 2*16, head 16*6+6
+  EXPECT_EQ(count, 10 * (304 + 16 * 272 + 16 * 32 + 102));
+}
+
+TEST(SagcnReference, StartsNearZeroAndSameSeedGivesSameKernels) {
+  const RingWeights ring = ring_of(30, 3);
+  torch::manual_seed(4);
+  const Tensor features = torch::randn({4, 30, 6});
+  for (const SagcnInitialisation initialisation : {SagcnInitialisation::glorot, SagcnInitialisation::public_code}) {
+    SagcnConfig config;
+    config.initialisation = initialisation;
+    Sagcn first(ring, 6, 6, config), second(ring, 6, 6, config);
+    EXPECT_LT(largest(first->forward(features)), 0.05);
+    EXPECT_GT(largest(first->forward(features)), 0.0);
+    for (const auto& item : first->named_parameters())
+      EXPECT_TRUE(torch::equal(item.value(), second->named_parameters()[item.key()])) << item.key();
+    Sagcn other(ring, 6, 6, config, at::detail::createCPUGenerator(7));
+    EXPECT_FALSE(torch::equal(first->named_parameters()["stem.kernels"], other->named_parameters()["stem.kernels"]));
+  }
+}
+
+TEST(SagcnRecovers, AFunctionOfTheNeighbours) {
+  const RingWeights ring = ring_of(20, 3);
+  torch::manual_seed(6);
+  const Tensor features = torch::randn({16, 20, 3});
+  const Tensor target = (features + features.roll(1, 1)).sin();
+  SagcnConfig config;
+  config.norm = SagcnNorm::channel;
+  Sagcn net(ring, 3, 3, config);
+  torch::optim::Adam adam(net->parameters(), torch::optim::AdamOptions(5e-3));
+  double first = 0.0, last = 0.0;
+  for (int step = 0; step < 400; ++step) {
+    adam.zero_grad();
+    const Tensor loss = (net->forward(features) - target).square().mean();
+    loss.backward();
+    adam.step();
+    last = loss.item<double>();
+    if (step == 0) first = last;
+  }
+  // 16 samples of 20 nodes against 10,000 parameters: it must be able to learn them by heart.
+  EXPECT_LT(last, 0.1 * first);
+}
+
+TEST(SagcnRejects, ABatchOfOneWithNormPerNode) {
+  Sagcn net(ring_of(8, 2), 4, 3, small_config());
+  try {
+    net->forward(torch::zeros({1, 8, 4}));
+    FAIL() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("larger batch"));
+  }
+  net->eval();
+  EXPECT_EQ(net->forward(torch::zeros({1, 8, 4})).size(0), 1);
+}
+
+TEST(SagcnRejects, BadConfigurationsAllAtOnce) {
+  SagcnConfig config;
+  config.residual_blocks = 3;
+  config.rings = 0;
+  try {
+    config.check();
+    FAIL() << "nothing was thrown";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("residual_blocks must be even"));
+    EXPECT_THAT(error.what(), HasSubstr("rings must be at least 1"));
+  }
+}
+
+}  // namespace
+}  // namespace doppel
