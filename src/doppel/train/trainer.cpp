@@ -121,13 +121,14 @@ double Trainer::step() {
     ProfileScope scope(profile, "backward");
     total.backward();
   }
+  double norm = 0.0;
   {
     ProfileScope scope(profile, "optimiser");
-    const double norm = adam_.gradient_norm();
+    norm = adam_.gradient_norm();
     check_gradients(norm, terms);
     adam_.step(options_.schedule.rate(step_), norm);
-    window_.add(values, norm, profile);
   }
+  window_.add(values, norm, profile);
   ++step_;
   return loss;
 }
