@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 
 #include "doppel/core/error.h"
 #include "doppel/data/capture.h"
@@ -32,6 +33,12 @@ cv::Mat convert(const cv::Mat& image, PixelFormat format, const std::string& sou
   else
     result = bytes;
   return result;
+}
+
+/// FFmpeg where OpenCV has it: the others are chatty about files they don't know, and differ in where frames begin.
+int backend() {
+  static const bool has_ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
+  return has_ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY;
 }
 
 class VideoReader : public FrameReader {
@@ -62,7 +69,7 @@ class VideoReader : public FrameReader {
     const auto stated = static_cast<long>(video_.get(cv::CAP_PROP_FRAME_COUNT));
     if (stated == expected) return stated;
     // Headers are estimates in many containers: count.
-    cv::VideoCapture counter(source_);
+    cv::VideoCapture counter(source_, backend());
     long count = 0;
     while (counter.grab()) ++count;
     return count;
@@ -74,7 +81,7 @@ class VideoReader : public FrameReader {
   void open() {
     bool opened = false;
     try {
-      opened = video_.open(source_);
+      opened = video_.open(source_, backend());
     } catch (const cv::Exception&) {
       // A file that no backend understands may surface as an exception instead of a plain "no".
     }
