@@ -57,7 +57,7 @@ struct Subject {
 Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
   const torch::Tensor faces = face_tensor(subject.character());
   const auto skinned = [&](const std::vector<SampleId>& samples) {
-    return subject.surface->skinned_by_nodes(windows(dataset, samples, 0).squeeze(1));
+    return subject.surface->skinned(windows(dataset, samples, 0).squeeze(1));
   };
   Json result;
   result["skinning"] =

@@ -15,31 +15,8 @@ using namespace doppel;
 using namespace doppel::tools;
 
 std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
-  std::vector<Command> commands;
-#ifdef DOPPEL_HAS_synth
-  commands.push_back(add_synth(program));
-#endif
-#ifdef DOPPEL_HAS_character
-  commands.push_back(add_character(program));
-#endif
-#ifdef DOPPEL_HAS_prepare
-  commands.push_back(add_prepare(program));
-#endif
-#ifdef DOPPEL_HAS_train
-  commands.push_back(add_train(program));
-#endif
-#ifdef DOPPEL_HAS_evaluate
-  commands.push_back(add_evaluate(program));
-#endif
-#ifdef DOPPEL_HAS_animate
-  commands.push_back(add_animate(program));
-#endif
-#ifdef DOPPEL_HAS_export
-  commands.push_back(add_export(program));
-#endif
-#ifdef DOPPEL_HAS_info
-  commands.push_back(add_info(program));
-#endif
+  std::vector<Command> commands{add_synth(program),    add_character(program), add_prepare(program), add_train(program),
+                                add_evaluate(program), add_animate(program),   add_export(program),  add_info(program)};
   for (Command& command : commands) {
     command.app->add_option("--threads", common.threads, "Threads to use (0: all cores)")->capture_default_str();
     command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");

@@ -45,12 +45,8 @@ struct Actor {
   }
 
   void write(const std::filesystem::path& path) {
-    net->set_reference(true);
-    surface->set_reference(true);
     write_actor(path, character, description, [this](const torch::Tensor& window) { return forward(window); },
                 {{"egnet", net.get()}});
-    net->set_reference(false);
-    surface->set_reference(false);
   }
 };
 

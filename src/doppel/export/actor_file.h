@@ -32,9 +32,10 @@ using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
 /// Extra files inside: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint), `faces.npy`
 /// [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
 ///
-/// @param forward     the actor in its reference form (tensor operations only); it is traced on a random window of one
-/// batch size
-///                    and then held against itself on another, so a size that the trace has baked in is found here
+/// @param forward     the actor; while it is traced the layers take their references by themselves
+/// (layers/reference_scope.h). Traced on
+///                    a random window of one batch size and then held against itself on another, so a size that the
+///                    trace has baked in is found here
 /// @param modules     what `forward` computes with; their parameters and buffers become the file's, under their names
 /// @throws Error when the traced function differs from `forward` by more than 1e-5 m on a window it has not seen, or
 /// holds an
