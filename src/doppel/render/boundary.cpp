@@ -21,14 +21,15 @@ using torch::Tensor;
 struct Canvas {
   ViewPass pass;
   std::vector<std::uint64_t> covered;  ///< [H, tiles_x] bit per pixel
+  std::vector<std::uint64_t> rows;     ///< covered with both neighbours in the row
+  std::vector<std::uint64_t> inner;    ///< covered with all eight neighbours
   std::vector<float> depth;            ///< [H,W], visible_only
   std::vector<kernels::TileRect> dirty;
   kernels::TileBuffer buffer;
   int width = 0, height = 0;
 
-  bool is_covered(int x, int y) const {
-    const std::uint64_t word = covered[static_cast<std::size_t>(y * pass.tiles_x() + x / kernels::kTile)];
-    return (word >> (x % kernels::kTile)) & 1;
+  bool bit(const std::vector<std::uint64_t>& image, int x, int y) const {
+    return (image[static_cast<std::size_t>(y * pass.tiles_x() + x / kernels::kTile)] >> (x % kernels::kTile)) & 1;
   }
 };
 
@@ -60,14 +61,20 @@ void draw_depth(Canvas& canvas) {
   }
 }
 
-/// Whether the 3x3 pixels around (x, y) are not all covered.
-bool near_background(const Canvas& canvas, int x, int y) {
-  for (int dy = -1; dy <= 1; ++dy) {
-    for (int dx = -1; dx <= 1; ++dx) {
-      if (!canvas.is_covered(x + dx, y + dy)) return true;
-    }
+/// Marks the pixels whose whole 3x3 neighbourhood is covered, 64 at a time; the border has none.
+void erode(Canvas& canvas) {
+  const int words = canvas.pass.tiles_x();
+  const std::vector<std::uint64_t>& in = canvas.covered;
+  std::vector<std::uint64_t>& rows = canvas.rows;
+  rows.resize(in.size());
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    const bool first = i % static_cast<std::size_t>(words) == 0, last = (i + 1) % static_cast<std::size_t>(words) == 0;
+    const std::uint64_t before = first ? 0 : in[i - 1] >> 63, after = last ? 0 : in[i + 1] << 63;
+    rows[i] = in[i] & (in[i] << 1 | before) & (in[i] >> 1 | after);
   }
-  return false;
+  canvas.inner.assign(in.size(), 0);
+  const auto row = static_cast<std::size_t>(words);
+  for (std::size_t i = row; i + row < in.size(); ++i) canvas.inner[i] = rows[i - row] & rows[i] & rows[i + row];
 }
 
 /// Whether some surface seen in the 3x3 pixels is not nearer than the vertex. The outline is where surfaces turn away,
@@ -76,7 +83,7 @@ bool is_seen(const Canvas& canvas, int x, int y, float depth, float tolerance) {
   bool any = false;
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
-      if (!canvas.is_covered(x + dx, y + dy)) continue;
+      if (!canvas.bit(canvas.covered, x + dx, y + dy)) continue;
       any = true;
       if (canvas.depth[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(canvas.width) +
                        static_cast<std::size_t>(x + dx)] >= depth - tolerance) {
@@ -95,7 +102,7 @@ void mark_vertices(const Canvas& canvas, const BoundaryOptions& options, bool* o
     out[i] = false;
     if (!(screen[4 * i + 2] > 0) || !(u >= 1 && v >= 1 && u < right && v < bottom)) continue;
     const int x = static_cast<int>(u), y = static_cast<int>(v);
-    out[i] = near_background(canvas, x, y) &&
+    out[i] = !canvas.bit(canvas.inner, x, y) &&
              (!options.visible_only || is_seen(canvas, x, y, screen[4 * i + 3], options.depth_tolerance));
   }
 }
@@ -106,10 +113,11 @@ void check(const Tensor& vertices, const Tensor& projection, const Tensor& valid
   if (valid.defined() && (valid.dtype() != torch::kBool || valid.dim() != 2 || valid.size(0) != vertices.size(0) ||
                           valid.size(1) != projection.size(1))) {
     fail<UsageError>("boundary_vertices: valid has {} dimensions and {} elements; it must be bool [{},{}]", valid.dim(),
-         valid.numel(), vertices.size(0), projection.size(1));
+                     valid.numel(), vertices.size(0), projection.size(1));
   }
   if (faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("boundary_vertices: a face names vertex {}, and there are only {}", faces.num_vertices - 1, vertices.size(1));
+    fail<UsageError>("boundary_vertices: a face names vertex {}, and there are only {}", faces.num_vertices - 1,
+                     vertices.size(1));
   }
 }
 
@@ -143,6 +151,7 @@ Tensor boundary_vertices(const Tensor& vertices, const Tensor& projection, const
                           canvas.height, options.z_near, false);
         canvas.pass.prepare();
         cover(canvas);
+        erode(canvas);
         if (options.visible_only) draw_depth(canvas);
         mark_vertices(canvas, options, out + num_vertices * v);
       }
