@@ -1,7 +1,7 @@
 #pragma once
 
-/// Times several ways of doing the same work against each other, honestly on a shared machine: the candidates take turns
-/// within one run, medians are compared, and what is quoted is the ratio.
+/// Times several ways of doing the same work against each other, honestly on a shared machine: the candidates take
+/// turns within one run, medians are compared, and what is quoted is the ratio.
 
 #include <algorithm>
 #include <chrono>
@@ -18,9 +18,9 @@ struct Candidate {
 };
 
 struct RatioOptions {
-  int warm_up = 3;               ///< turns that are not counted
-  int turns = 25;                ///< counted turns of every candidate
-  double minimum_slice_ms = 2.0; ///< a turn repeats its candidate until it has taken this long
+  int warm_up = 3;                ///< turns that are not counted
+  int turns = 25;                 ///< counted turns of every candidate
+  double minimum_slice_ms = 2.0;  ///< a turn repeats its candidate until it has taken this long
 };
 
 struct Timing {
@@ -47,8 +47,8 @@ inline double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// Runs the candidates in turns and prints a table: median, best, and the median relative to that of the LAST candidate,
-/// which by convention is ours. The ratio is the median over turns of the ratios within one turn, so that a
+/// Runs the candidates in turns and prints a table: median, best, and the median relative to that of the LAST
+/// candidate, which by convention is ours. The ratio is the median over turns of the ratios within one turn, so that a
 /// disturbance that lasts longer than a turn hits both sides.
 inline std::vector<Timing> compare(const std::string& title, const std::vector<Candidate>& candidates,
                                    const RatioOptions& options = {}) {
