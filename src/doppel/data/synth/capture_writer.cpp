@@ -1,10 +1,10 @@
 #include "doppel/data/synth/capture_writer.h"
 
 #include <array>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "doppel/character/motion.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 
 namespace doppel::synth {
@@ -52,7 +52,12 @@ void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<do
   const nlohmann::json person = {{"person_id", {-1}}, {"pose_keypoints_2d", body25}};
   const nlohmann::json file = {{"version", 1.3}, {"people", {person}}};
   const std::string name = fmt::format("stream{}_{:012}_keypoints.json", three_digits(camera), frame);
-  write_atomically(folder_ / "keypoints" / three_digits(camera) / name, file.dump() + "\n");
+  const fs::path path = folder_ / "keypoints" / three_digits(camera) / name;
+  // Written plainly: the capture's folder as a whole is put in place at the end, and flushing thousands of small files
+  // to the disk one by one takes longer than making them.
+  std::ofstream stream(path, std::ios::binary);
+  stream << file.dump() << '\n';
+  if (!stream.flush()) fail("writing {}: the disk may be full", path.string());
 }
 
 void SequenceWriter::write_motion_rows(const Motion& motion) {

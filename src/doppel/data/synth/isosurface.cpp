@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/core/utility.hpp>
 #include <queue>
 #include <set>
@@ -47,8 +48,8 @@ void sample_block(const BodyField& field, Grid& grid, int bx, int by, int bz) {
         grid.values[grid.index(x, y, z)] = static_cast<float>(far ? at_middle : field.distance(grid.corner(x, y, z)));
 }
 
-Grid sample(const BodyField& field, double cell, const Vector3d& shift) {
-  const Vector3d low = Vector3d(-0.78, -0.06, -0.46) + cell * shift, high(0.78, 1.83, 0.46);
+Grid sample(const BodyField& field, double cell) {
+  const Vector3d low(-0.78, -0.06, -0.46), high(0.78, 1.83, 0.46);
   Grid grid{low, cell, {}, {}};
   for (int a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(std::ceil((high[a] - low[a]) / cell)) + 2;
   grid.values.resize(grid.index(0, 0, grid.size[2]));
@@ -59,6 +60,44 @@ Grid sample(const BodyField& field, double cell, const Vector3d& shift) {
       for (int bx = 0; bx < blocks[0]; ++bx) sample_block(field, grid, bx, i % blocks[1], i / blocks[1]);
   });
   return grid;
+}
+
+/// Whether the corners of a cell whose bit is set hang together along the cell's edges.
+bool is_connected(unsigned corners) {
+  if (corners == 0) return true;
+  unsigned reached = corners & (~corners + 1);
+  for (unsigned before = 0; before != reached;) {
+    before = reached;
+    for (int c = 0; c < 8; ++c)
+      for (int axis = 0; axis < 3; ++axis)
+        if (reached >> c & 1) reached |= corners & (1u << (c ^ (1 << axis)));
+  }
+  return reached == corners;
+}
+
+/// Fills the corners at which the surface would pass a cell twice, which would give a vertex where four sheets meet.
+void make_unambiguous(Grid& grid) {
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (int z = 0; z + 1 < grid.size[2]; ++z)
+      for (int y = 0; y + 1 < grid.size[1]; ++y)
+        for (int x = 0; x + 1 < grid.size[0]; ++x) {
+          unsigned inside = 0;
+          std::size_t nearest = 0;
+          float least = std::numeric_limits<float>::infinity();
+          for (int c = 0; c < 8; ++c) {
+            const std::size_t i = grid.index(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2));
+            if (grid.values[i] < 0)
+              inside |= 1u << c;
+            else if (grid.values[i] < least)
+              least = grid.values[i], nearest = i;
+          }
+          if (inside == 0 || inside == 255 || (is_connected(inside) && is_connected(~inside & 255u))) continue;
+          // Filling only ever adds to the inside, so this ends.
+          grid.values[nearest] = static_cast<float>(-0.05 * grid.cell);
+          changed = true;
+        }
+  }
 }
 
 /// The vertex of a cell: the mean of the crossings of its edges. False when the surface does not pass it.
@@ -289,17 +328,18 @@ void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
 }  // namespace
 
 TriangleMesh mesh_body(const BodyField& field, double cell) {
-  // A grid cell that the surface passes twice gives a vertex where four sheets meet. Where that happens depends on how
-  // the grid lies, so another position mends it.
-  for (int attempt = 0; attempt < 8; ++attempt) {
-    TriangleMesh mesh = surface_nets(sample(field, cell, attempt * Vector3d(0.13, 0.31, 0.22)));
-    const MeshReport report = inspect_mesh(mesh);
-    if (!report.closed() || report.components != 1 || report.euler_characteristic != 2) continue;
-    for (Vector3d& v : mesh.vertices) v = field.project(v);
-    return mesh;
-  }
-  fail("meshing the synthetic actor: a grid of {} mm gives no closed surface without holes; use a finer one",
-       cell * 1e3);
+  Grid grid = sample(field, cell);
+  make_unambiguous(grid);
+  TriangleMesh mesh = surface_nets(grid);
+  const MeshReport report = inspect_mesh(mesh);
+  if (!report.closed() || report.components != 1 || report.euler_characteristic != 2)
+    fail(
+        "meshing the synthetic actor: a grid of {} mm gives {} pieces and an Euler characteristic of {} where one "
+        "closed "
+        "surface without holes is wanted; use a finer one",
+        cell * 1e3, report.components, report.euler_characteristic);
+  for (Vector3d& v : mesh.vertices) v = field.project(v);
+  return mesh;
 }
 
 TriangleMesh coarsen(const TriangleMesh& mesh, const BodyField& field, int target_vertices,

@@ -238,7 +238,6 @@ SynthOptions SynthOptions::preset(const std::string& name) {
   o.actor.vertices = 1500;
   o.actor.nodes = 150;
   o.actor.texture_size = 512;
-  o.actor.grid_cell = 0.02;
   o.cameras = 4;
   o.size = 192;
   o.frames = 24;
