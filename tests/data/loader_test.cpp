@@ -1,0 +1,285 @@
+#include "doppel/data/loader.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+
+#include "data/capture_fixture.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+using test_capture::CaptureFixture;
+
+/// One prepared capture for all tests of this file; they only read it.
+class LoaderData : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    fixture_ = new CaptureFixture();
+    fixture_->prepare();
+    dataset_ = new Dataset(Dataset::open(fixture_->out()));
+  }
+  static void TearDownTestSuite() {
+    delete dataset_;
+    delete fixture_;
+  }
+  static LoaderOptions options(int workers = 0) {
+    LoaderOptions result;
+    result.batch_size = 5;
+    result.cameras_per_sample = 2;
+    result.seed = 42;
+    result.workers = workers;
+    return result;
+  }
+  static CaptureFixture* fixture_;
+  static Dataset* dataset_;
+};
+CaptureFixture* LoaderData::fixture_ = nullptr;
+Dataset* LoaderData::dataset_ = nullptr;
+
+using LoaderReference = LoaderData;
+using LoaderAgrees = LoaderData;
+using LoaderRecovers = LoaderData;
+using LoaderRejects = LoaderData;
+
+bool same(const Batch& a, const Batch& b) {
+  return torch::equal(a.frames, b.frames) && torch::equal(a.sequence, b.sequence) && torch::equal(a.dofs, b.dofs) &&
+         torch::equal(a.cameras, b.cameras) && torch::equal(a.projection, b.projection) &&
+         torch::equal(a.distance, b.distance) && torch::equal(a.pixel_scale, b.pixel_scale) &&
+         torch::equal(a.valid, b.valid) && torch::equal(a.contour, b.contour) &&
+         torch::equal(a.contour_offsets, b.contour_offsets);
+}
+
+TEST(PermutationReference, IsAPermutationAndDependsOnSeedAndEpoch) {
+  const auto order = seeded_permutation(100, 7, 3);
+  EXPECT_EQ(std::set<std::int64_t>(order.begin(), order.end()).size(), 100u);
+  EXPECT_EQ(order, seeded_permutation(100, 7, 3));
+  EXPECT_NE(order, seeded_permutation(100, 7, 4));
+  EXPECT_NE(order, seeded_permutation(100, 8, 3));
+  EXPECT_TRUE(seeded_permutation(0, 1, 1).empty());
+}
+
+// Fixed for all time: a checkpoint of today must find the same frames tomorrow and on other machines.
+TEST(PermutationReference, NeverChanges) {
+  EXPECT_EQ(seeded_permutation(8, 1, 0), (std::vector<std::int64_t>{4, 2, 1, 5, 0, 3, 7, 6}));
+}
+
+TEST_F(LoaderReference, ShapesAndTypes) {
+  Loader loader(*dataset_, options());
+  const Batch batch = loader.next();
+  EXPECT_EQ(batch.frames.sizes(), (std::vector<std::int64_t>{5}));
+  EXPECT_EQ(batch.dofs.sizes(), (std::vector<std::int64_t>{5, 3, dataset_->num_dofs()}));
+  EXPECT_EQ(batch.cameras.sizes(), (std::vector<std::int64_t>{5, 2}));
+  EXPECT_EQ(batch.projection.sizes(), (std::vector<std::int64_t>{5, 2, 3, 4}));
+  EXPECT_EQ(batch.distance.sizes(), (std::vector<std::int64_t>{5, 2, 64, 64}));
+  EXPECT_EQ(batch.valid.scalar_type(), torch::kBool);
+  EXPECT_EQ(batch.contour_offsets.size(0), 11);
+  EXPECT_EQ(batch.contour_offsets[10].item<std::int64_t>(), batch.contour.size(0));
+  EXPECT_TRUE(batch.valid.all().item<bool>());
+}
+
+TEST_F(LoaderReference, EveryEpochVisitsEveryFrameOnce) {
+  LoaderOptions chosen = options();
+  chosen.batch_size = 4;
+  Loader loader(*dataset_, chosen);
+  EXPECT_EQ(loader.num_samples(), 12);
+  std::vector<std::vector<std::int64_t>> orders;
+  for (int epoch = 0; epoch < 2; ++epoch) {
+    std::vector<std::int64_t> order;
+    for (int i = 0; i < 3; ++i) {
+      const Batch batch = loader.next();
+      for (int b = 0; b < 4; ++b) order.push_back(batch.frames[b].item<std::int64_t>());
+    }
+    EXPECT_EQ(std::set<std::int64_t>(order.begin(), order.end()).size(), 12u);
+    orders.push_back(order);
+  }
+  EXPECT_NE(orders[0], orders[1]);
+  EXPECT_DOUBLE_EQ(loader.epoch(), 2.0);
+}
+
+TEST_F(LoaderReference, DrawsDifferentCamerasWithoutRepetition) {
+  Loader loader(*dataset_, options());
+  std::set<std::pair<std::int64_t, std::int64_t>> pairs;
+  for (int i = 0; i < 10; ++i) {
+    const Batch batch = loader.next();
+    for (int b = 0; b < 5; ++b)
+      pairs.emplace(batch.cameras[b][0].item<std::int64_t>(), batch.cameras[b][1].item<std::int64_t>());
+  }
+  for (const auto& [first, second] : pairs) EXPECT_NE(first, second);
+  EXPECT_EQ(pairs.size(), 6u);  // every ordered pair of three cameras
+}
+
+TEST_F(LoaderReference, NamedCamerasAlone) {
+  LoaderOptions chosen = options();
+  chosen.cameras = {"2"};
+  Loader loader(*dataset_, chosen);
+  EXPECT_TRUE((loader.next().cameras == 2).all().item<bool>());
+}
+
+// The window repeats the first frame of the segment instead of going before it. The fixture cuts at row 5.
+TEST_F(LoaderReference, HistoryNeverCrossesACut) {
+  const auto row_of = [&](long frame) {
+    const auto& row = dataset_->sequences()[0].motion.frames[frame];
+    return torch::tensor(std::vector<float>(row.begin(), row.end()));
+  };
+  const auto expect_rows = [&](long frame, const std::vector<long>& rows) {
+    const torch::Tensor window = dataset_->dof_window({0, frame}, 2);
+    for (int i = 0; i < 3; ++i) EXPECT_TRUE(torch::equal(window[i], row_of(rows[i]))) << frame << " " << i;
+  };
+  expect_rows(0, {0, 0, 0});
+  expect_rows(1, {0, 0, 1});
+  expect_rows(2, {0, 1, 2});
+  expect_rows(4, {2, 3, 4});
+  expect_rows(5, {5, 5, 5});
+  expect_rows(6, {5, 5, 6});
+  expect_rows(7, {5, 6, 7});
+}
+
+// The silhouette's own numbers must agree with the character: projected vertices lie inside the outline or on it.
+TEST_F(LoaderReference, ProjectionAndDistanceFitTogether) {
+  Loader loader(*dataset_, options());
+  const Batch batch = loader.next();
+  TemplateChecker checker(fixture_->character);
+  for (int b = 0; b < 5; ++b) {
+    const auto& rows = dataset_->sequences()[0].motion.frames;
+    const torch::Tensor vertices = checker.skin(rows[batch.frames[b].item<std::int64_t>()]);
+    const torch::Tensor homogeneous = torch::cat({vertices, torch::ones({vertices.size(0), 1})}, 1);
+    for (int c = 0; c < 2; ++c) {
+      const torch::Tensor seen = torch::matmul(homogeneous, batch.projection[b][c].t());
+      const torch::Tensor pixel = (seen.slice(1, 0, 2) / seen.slice(1, 2, 3)).floor().to(torch::kInt64);
+      const torch::Tensor distance =
+          batch.distance[b][c].flatten().index_select(0, pixel.select(1, 1) * 64 + pixel.select(1, 0));
+      EXPECT_LT(distance.max().item<float>(), 1.6f);
+      EXPECT_LT(distance.min().item<float>(), -1.0f);
+    }
+  }
+}
+
+TEST_F(LoaderReference, ContourPixelsLieOnTheInnerSideOfTheOutline) {
+  Loader loader(*dataset_, options());
+  const Batch batch = loader.next();
+  for (int i = 0; i < 10; ++i) {
+    const auto begin = batch.contour_offsets[i].item<std::int64_t>(),
+               end = batch.contour_offsets[i + 1].item<std::int64_t>();
+    ASSERT_GT(end, begin + 20);
+    const torch::Tensor points = batch.contour.slice(0, begin, end);
+    EXPECT_TRUE(((points - points.floor()) == 0.5f).all().item<bool>());
+    const torch::Tensor pixel = points.floor().to(torch::kInt64);
+    const torch::Tensor distance =
+        batch.distance[i / 2][i % 2].flatten().index_select(0, pixel.select(1, 1) * 64 + pixel.select(1, 0));
+    EXPECT_TRUE((distance == -0.5f).all().item<bool>());
+  }
+}
+
+TEST_F(LoaderAgrees, WithAnyNumberOfWorkersPrefetchAndCache) {
+  std::vector<Batch> expected;
+  Loader plain(*dataset_, options());
+  for (int i = 0; i < 12; ++i) expected.push_back(plain.next());
+  for (const int workers : {1, 2, 5})
+    for (const int prefetch : {1, 3, 9})
+      for (const int cache_mb : {0, 1024}) {
+        LoaderOptions chosen = options(workers);
+        chosen.prefetch = prefetch;
+        chosen.cache_mb = cache_mb;
+        Loader loader(*dataset_, chosen);
+        for (int i = 0; i < 12; ++i)
+          ASSERT_TRUE(same(loader.next(), expected[i]))
+              << workers << " workers, prefetch " << prefetch << ", batch " << i;
+      }
+}
+
+TEST_F(LoaderRecovers, TheSameBatchesAfterRestore) {
+  Loader unbroken(*dataset_, options(2));
+  std::vector<std::string> states;
+  std::vector<Batch> batches;
+  for (int i = 0; i < 9; ++i) {
+    states.push_back(unbroken.state());
+    batches.push_back(unbroken.next());
+  }
+  for (const int at : {0, 1, 4, 7}) {
+    LoaderOptions chosen = options(at % 3);
+    chosen.seed = 999;  // the checkpoint's seed wins
+    Loader resumed(*dataset_, chosen);
+    resumed.next();
+    resumed.restore(states[at]);
+    for (int i = at; i < 9; ++i)
+      ASSERT_TRUE(same(resumed.next(), batches[i])) << "restored at " << at << ", batch " << i;
+    EXPECT_EQ(Loader(*dataset_, options()).state(), states[0]);
+  }
+}
+
+TEST_F(LoaderRejects, StatesOfOtherData) {
+  LoaderOptions other = options();
+  other.cameras = {"0", "1"};
+  const std::string state = Loader(*dataset_, other).state();
+  Loader loader(*dataset_, options());
+  EXPECT_THROW(loader.restore(state), Error);
+  EXPECT_THROW(loader.restore(""), Error);
+  EXPECT_THROW(loader.restore("{}"), Error);
+  EXPECT_THROW(loader.restore("[1,2]"), Error);
+  other = options();
+  other.batch_size = 6;
+  EXPECT_THROW(loader.restore(Loader(*dataset_, other).state()), Error);
+}
+
+TEST_F(LoaderRejects, OptionsThatMakeNoSense) {
+  const auto rejects = [&](auto change) {
+    LoaderOptions chosen = options();
+    change(chosen);
+    EXPECT_THROW(Loader(*dataset_, chosen), UsageError);
+  };
+  rejects([](LoaderOptions& o) { o.batch_size = 0; });
+  rejects([](LoaderOptions& o) { o.cameras = {"7"}; });
+  rejects([](LoaderOptions& o) { o.workers = -1; });
+  rejects([](LoaderOptions& o) { o.prefetch = 0; });
+  rejects([](LoaderOptions& o) { o.window = -1; });
+  rejects([](LoaderOptions& o) { o.cameras_per_sample = -1; });
+}
+
+TEST_F(LoaderReference, MakeBatchGivesWhatWasAskedFor) {
+  const Batch batch = make_batch(*dataset_, {{1, 2}, {0, 7}}, {{1, 0}, {2, 2}}, 1);
+  EXPECT_EQ(batch.frames[1].item<std::int64_t>(), 7);
+  EXPECT_EQ(batch.sequence[0].item<std::int64_t>(), 1);
+  EXPECT_EQ(batch.cameras[0][0].item<std::int64_t>(), 1);
+  EXPECT_TRUE(torch::equal(batch.distance[1][0], batch.distance[1][1]));
+  EXPECT_EQ(batch.dofs.size(1), 2);
+  EXPECT_THROW(make_batch(*dataset_, {}, {}, 2), UsageError);
+  EXPECT_THROW(make_batch(*dataset_, {{0, 1}, {0, 2}}, {{0}, {0, 1}}, 2), UsageError);
+}
+
+// An error in a worker reaches the caller, and the loader can be taken down afterwards.
+TEST(LoaderRejectsDamage, ADamagedRecordSurfacesInNext) {
+  const CaptureFixture fixture(test_capture::Options{1, 4, 2, true});
+  fixture.prepare();
+  {
+    Store store(fixture.out() / "store", Store::Mode::write);
+    std::string record = store.get(record_key("training", "0", 2)).value();
+    record[record.size() / 2] = static_cast<char>(record[record.size() / 2] ^ 1);
+    store.put({{record_key("training", "0", 2), record}});
+  }
+  const Dataset dataset = Dataset::open(fixture.out());
+  LoaderOptions chosen;
+  chosen.batch_size = 4;
+  chosen.workers = 2;
+  Loader loader(dataset, chosen);
+  EXPECT_THROW(loader.next(), Error);
+}
+
+TEST(DatasetRejects, FoldersThatAreNotPrepared) {
+  const CaptureFixture fixture(test_capture::Options{1, 3, 2, true});
+  EXPECT_THROW(Dataset::open(fixture.root()), UsageError);
+  EXPECT_THROW(Dataset::open(fixture.path("nowhere")), UsageError);
+  fixture.prepare();
+  const Dataset dataset = Dataset::open(fixture.out());
+  EXPECT_THROW(dataset.mask({0, 99}, 0), Error);
+  EXPECT_THROW(dataset.camera_index("x"), UsageError);
+  EXPECT_THROW(dataset.samples(Split::train, 0), UsageError);
+  write_motion(fixture.root() / "training/poses.motion", test_capture::swaying_motion(fixture.character, 2, 0.0), true);
+  EXPECT_THROW(Dataset::open(fixture.out()), Error);
+}
+
+}  // namespace
+}  // namespace doppel
