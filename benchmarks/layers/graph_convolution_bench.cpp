@@ -3,8 +3,8 @@
 //
 //   graph_convolution_bench [threads] [turns]
 //
-// The graph is a torus of triangles with 5,514 nodes, 37 neighbours within 3 rings, and some disorder in the numbering, as on
-// scanned meshes.
+// The graph is a torus of triangles with 5,514 nodes, 37 neighbours within 3 rings, and some disorder in the numbering,
+// as on scanned meshes.
 
 #include <ATen/Parallel.h>
 #include <torch/torch.h>
@@ -52,7 +52,8 @@ Tensor coo_of(const RingWeights& ring) {
   const Tensor kept = (ring.weights > 0).flatten();
   const Tensor rows = torch::arange(ring.num_nodes).unsqueeze(1).expand_as(ring.neighbours).flatten();
   const Tensor index = torch::stack({rows.masked_select(kept), ring.neighbours.flatten().masked_select(kept)});
-  return torch::sparse_coo_tensor(index, ring.weights_float.flatten().masked_select(kept), {ring.num_nodes, ring.num_nodes})
+  return torch::sparse_coo_tensor(index, ring.weights_float.flatten().masked_select(kept),
+                                  {ring.num_nodes, ring.num_nodes})
       .coalesce();
 }
 
@@ -98,7 +99,8 @@ std::vector<Tensor> both_ways(const Problem& p, const Tensor& output) {
 }
 
 void require_equal(const Problem& p) {
-  const auto expected = both_ways(p, einsum_sparse(p, false)), csr = both_ways(p, einsum_sparse(p, true)), found = both_ways(p, ours(p));
+  const auto expected = both_ways(p, einsum_sparse(p, false)), csr = both_ways(p, einsum_sparse(p, true)),
+             found = both_ways(p, ours(p));
   for (std::size_t i = 0; i < expected.size(); ++i)
     if (!torch::allclose(found[i], expected[i], 1e-4, 1e-4) || !torch::allclose(csr[i], expected[i], 1e-4, 1e-4)) {
       std::fprintf(stderr, "result %zu differs; nothing is timed\n", i);
@@ -122,13 +124,16 @@ void run(int64_t batch, int64_t inputs, int64_t outputs, int turns) {
                           {"doppel, node-major", [&] { both_ways(p, ours(p)); }}},
                          options);
   torch::NoGradGuard no_grad;
-  doppel::bench::compare(std::string("forward: ") + title, {{"einsum + sparse COO", [&] { einsum_sparse(p, false); }},
-                                                             {"einsum + sparse CSR", [&] { einsum_sparse(p, true); }},
-                                                             {"doppel, node-major", [&] { ours(p); }}},
+  doppel::bench::compare(std::string("forward: ") + title,
+                         {{"einsum + sparse COO", [&] { einsum_sparse(p, false); }},
+                          {"einsum + sparse CSR", [&] { einsum_sparse(p, true); }},
+                          {"doppel, node-major", [&] { ours(p); }}},
                          options);
-  const double sums = 2e-6 * p.ring.num_entries * batch * outputs, products = 2e-6 * p.ring.num_nodes * batch * inputs * outputs;
-  std::printf("  work: %.0f MFLOP of sums and %.0f of products forward, 2 and 3 times that with backward; kernels %.1f MB\n\n", sums,
-              products, 4e-6 * p.kernels.numel());
+  const double sums = 2e-6 * p.ring.num_entries * batch * outputs,
+               products = 2e-6 * p.ring.num_nodes * batch * inputs * outputs;
+  std::printf(
+      "  work: %.0f MFLOP of sums and %.0f of products forward, 2 and 3 times that with backward; kernels %.1f MB\n\n",
+      sums, products, 4e-6 * p.kernels.numel());
 }
 
 }  // namespace

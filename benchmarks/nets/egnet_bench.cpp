@@ -40,15 +40,16 @@ void run(int64_t batch) {
     (reference ? net->forward_reference(features) : net->forward(features)).backward(grad);
   };
   char title[100];
-  std::snprintf(title, sizeof(title), "SAGCN of EGNet, K %d, batch %lld, %d threads: ", kNodes, static_cast<long long>(batch),
-                at::get_num_threads());
+  std::snprintf(title, sizeof(title), "SAGCN of EGNet, K %d, batch %lld, %d threads: ", kNodes,
+                static_cast<long long>(batch), at::get_num_threads());
   doppel::bench::compare(std::string(title) + "forward + backward",
                          {{"plain tensor operations", [&] { step(true); }}, {"doppel", [&] { step(false); }}});
   {
     torch::NoGradGuard no_grad;
     net->eval();
-    doppel::bench::compare(std::string(title) + "forward, eval", {{"plain tensor operations", [&] { net->forward_reference(features); }},
-                                                                   {"doppel", [&] { net->forward(features); }}});
+    doppel::bench::compare(std::string(title) + "forward, eval",
+                           {{"plain tensor operations", [&] { net->forward_reference(features); }},
+                            {"doppel", [&] { net->forward(features); }}});
     net->train();
   }
   step(false);

@@ -16,8 +16,8 @@
 namespace doppel {
 namespace {
 
-using torch::Tensor;
 using ::testing::HasSubstr;
+using torch::Tensor;
 
 EgNetConfig small_config() {
   EgNetConfig config = EgNetConfig::preset("paper");
@@ -50,7 +50,8 @@ double largest(const Tensor& tensor) { return tensor.abs().max().item<double>();
 TEST(EgNetReference, SeesNothingInTheRestPose) {
   const Character character = make_test_character();
   EgNet net(character, small_config());
-  // Standing still in the rest pose, turned and moved: no node leaves its place but for the heading and root of the rest pose.
+  // Standing still in the rest pose, turned and moved: no node leaves its place but for the heading and root of the
+  // rest pose.
   Tensor dofs = torch::tensor(at::ArrayRef<double>(character.rest_dofs), torch::kFloat64);
   const auto root = character.skeleton.root();
   for (int i = 0; i < 3; ++i) dofs[root.translation[i]] = 0.0;

@@ -33,8 +33,8 @@ Tensor random_window(const Character& character, int64_t batch, int64_t frames) 
   return torch::randn({batch, frames, character.num_dofs()}, torch::kFloat64) * 0.5;
 }
 
-/// World transforms of the joints from the first rotation of the root on, [B,F+1,J-3,3,4]; those before it only slide, so no
-/// edit of DoFs turns them.
+/// World transforms of the joints from the first rotation of the root on, [B,F+1,J-3,3,4]; those before it only slide,
+/// so no edit of DoFs turns them.
 Tensor joints_of(const Character& character, const Tensor& window) {
   Kinematics kinematics(character);
   const Tensor joints = kinematics->joints(window.flatten(0, 1));
@@ -107,7 +107,7 @@ TEST(MotionWindowGradient, OfTheNormaliserMatchesCentralDifferences) {
   const Character character = character_with_root({'x', 'y', 'z'});
   const MotionWindow motion(character.skeleton);
   EXPECT_TRUE(test::gradients_match([&](const std::vector<Tensor>& x) { return motion.normaliser(x[0]); },
-                              {{"dofs", random_window(character, 2, 1).select(1, 0)}}));
+                                    {{"dofs", random_window(character, 2, 1).select(1, 0)}}));
 }
 
 TEST(MotionWindowRejects, EditingDofsWhenTheHeadingIsNotOutermost) {

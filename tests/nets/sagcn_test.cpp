@@ -14,8 +14,8 @@
 namespace doppel {
 namespace {
 
-using torch::Tensor;
 using ::testing::HasSubstr;
+using torch::Tensor;
 
 RingWeights ring_of(int nodes, int rings) {
   std::vector<std::array<int, 2>> edges;
@@ -57,7 +57,8 @@ TEST(SagcnAgrees, WithItsReferenceForEveryNormAndDenseBlock) {
         EXPECT_LT(largest(x.grad() - y.grad()), 1e-4);
         const auto found_parameters = fast->named_parameters(), expected_parameters = plain->named_parameters();
         for (const auto& item : expected_parameters)
-          EXPECT_LT(largest(found_parameters[item.key()].grad() - item.value().grad()), 1e-4 * (1.0 + largest(item.value().grad())))
+          EXPECT_LT(largest(found_parameters[item.key()].grad() - item.value().grad()),
+                    1e-4 * (1.0 + largest(item.value().grad())))
               << item.key();
         for (const auto& item : plain->named_buffers())
           EXPECT_LT(largest(fast->named_buffers()[item.key()] - item.value()), 1e-5) << item.key();
@@ -75,7 +76,8 @@ TEST(SagcnAgrees, BitForBitAtAnyNumberOfThreads) {
     Sagcn net(ring, 7, 3, small_config());
     const Tensor output = net->forward(features);
     output.square().sum().backward();
-    results.push_back(torch::cat({output.detach().flatten(), net->named_parameters()["stem.kernels"].grad().flatten()}));
+    results.push_back(
+        torch::cat({output.detach().flatten(), net->named_parameters()["stem.kernels"].grad().flatten()}));
   }
   at::set_num_threads(before);
   EXPECT_TRUE(torch::equal(results[0], results[1]));
@@ -95,7 +97,7 @@ TEST(SagcnGradient, MatchesCentralDifferences) {
   net->to(torch::kFloat64);
   torch::manual_seed(2);
   EXPECT_TRUE(test::gradients_match([&](const std::vector<Tensor>& x) { return net->forward(x[0]); },
-                              {{"features", torch::randn({3, 6, 2}, torch::kFloat64)}}));
+                                    {{"features", torch::randn({3, 6, 2}, torch::kFloat64)}}));
 }
 
 TEST(SagcnReference, HasTheSizeOfThePublishedNetwork) {
