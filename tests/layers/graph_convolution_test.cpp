@@ -17,9 +17,9 @@
 namespace doppel {
 namespace {
 
-using torch::Tensor;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using torch::Tensor;
 
 MeshTopology path_graph(int nodes) {
   std::vector<std::array<int, 2>> edges;
@@ -45,8 +45,8 @@ struct Problem {
 
 Problem random_problem(const RingWeights& ring, int64_t batch, int64_t inputs, int64_t outputs, at::ScalarType type) {
   torch::manual_seed(3);
-  return {torch::randn({ring.num_nodes, batch, inputs}, type), torch::randn({ring.num_nodes, inputs, outputs}, type) * 0.3,
-          torch::randn({ring.num_nodes, outputs}, type)};
+  return {torch::randn({ring.num_nodes, batch, inputs}, type),
+          torch::randn({ring.num_nodes, inputs, outputs}, type) * 0.3, torch::randn({ring.num_nodes, outputs}, type)};
 }
 
 NodeNorm random_norm(const RingWeights& ring, int64_t features, bool training, at::ScalarType type) {
@@ -69,8 +69,8 @@ NodeNorm copy_of(const NodeNorm& norm, at::ScalarType type) {
 }
 
 /// Results and all gradients of one call, as doubles.
-std::vector<Tensor> outcome(const Problem& problem, const NodeNorm& given_norm, const Tensor& skip, const RingWeights& ring,
-                            at::ScalarType type, const Tensor& grad_output) {
+std::vector<Tensor> outcome(const Problem& problem, const NodeNorm& given_norm, const Tensor& skip,
+                            const RingWeights& ring, at::ScalarType type, const Tensor& grad_output) {
   std::vector<Tensor> leaves;
   const auto leaf = [&](const Tensor& tensor) {
     leaves.push_back(tensor.detach().to(type).clone().set_requires_grad(true));
@@ -137,10 +137,11 @@ TEST(GraphConvolutionReference, DenseBlocksAreOneSumAndOneMatrix) {
   torch::manual_seed(5);
   const Tensor features = torch::randn({2, 4, 3}), kernels = torch::randn({4, 3, 2}), bias = torch::randn({4, 2});
   const Tensor sum = torch::einsum("blh,lho->bo", {features, kernels});
-  EXPECT_TRUE(torch::allclose(dense_broadcast(features, kernels, bias, 0.25), sum.unsqueeze(1) * 0.25 + bias, 1e-5, 1e-5));
+  EXPECT_TRUE(
+      torch::allclose(dense_broadcast(features, kernels, bias, 0.25), sum.unsqueeze(1) * 0.25 + bias, 1e-5, 1e-5));
   const Tensor matrix = torch::randn({4, 4}), wide = torch::randn({4, 3});
-  EXPECT_TRUE(torch::allclose(dense_matrix(features, matrix, wide), torch::einsum("kl,blh->bkh", {matrix, features}) + wide,
-                              1e-5, 1e-5));
+  EXPECT_TRUE(torch::allclose(dense_matrix(features, matrix, wide),
+                              torch::einsum("kl,blh->bkh", {matrix, features}) + wide, 1e-5, 1e-5));
 }
 
 TEST(GraphConvolutionReference, EverySchemaIsRegistered) {
@@ -161,11 +162,12 @@ TEST(GraphConvolutionAgrees, WithTheReferenceAtOddSizesAndThreadCounts) {
     const Tensor grad = torch::randn({ring.num_nodes, n.batch, n.outputs}, torch::kFloat64);
     for (const bool node_major : {true, false}) {
       std::vector<std::vector<Tensor>> all;
-      for (const auto& [type, threads] : {std::pair{torch::kFloat64, 1}, {torch::kFloat32, 1}, {torch::kFloat32, 2}, {torch::kFloat32, 3}}) {
+      for (const auto& [type, threads] :
+           {std::pair{torch::kFloat64, 1}, {torch::kFloat32, 1}, {torch::kFloat32, 2}, {torch::kFloat32, 3}}) {
         const Threads use(threads);
         const auto leaf = [t = type](const Tensor& x) { return x.to(t).clone().set_requires_grad(true); };
-        const Tensor f = leaf(node_major ? problem.features : problem.features.transpose(0, 1)), k = leaf(problem.kernels),
-                     b = leaf(problem.bias);
+        const Tensor f = leaf(node_major ? problem.features : problem.features.transpose(0, 1)),
+                     k = leaf(problem.kernels), b = leaf(problem.bias);
         const Tensor out = node_major ? graph_convolution_node_major(f, k, b, ring) : graph_convolution(f, k, b, ring);
         auto results = torch::autograd::grad({out}, {f, k, b}, {(node_major ? grad : grad.transpose(0, 1)).to(type)});
         results.push_back(out.detach());
@@ -203,7 +205,8 @@ TEST(EluGraphConvolutionAgrees, WithTheReferenceInEveryMode) {
 
 TEST(EluGraphConvolutionAgrees, FarIntoTheTailsOfTheExponential) {
   const RingWeights ring = RingWeights::from_topology(MeshTopology(4, {}), 1);
-  const Tensor features = torch::tensor({-200.0, -88.0, -20.0, -1.0, -1e-3, 0.0, 1e-3, 50.0}).to(torch::kFloat32).view({4, 2, 1});
+  const Tensor features =
+      torch::tensor({-200.0, -88.0, -20.0, -1.0, -1e-3, 0.0, 1e-3, 50.0}).to(torch::kFloat32).view({4, 2, 1});
   const Tensor kernels = torch::ones({4, 1, 1}), bias = torch::zeros({4, 1});
   const Tensor found = elu_graph_convolution_node_major(features, {}, kernels, bias, ring);
   EXPECT_TRUE(torch::allclose(found, torch::elu(features), 0.0, 2e-7)) << found;
@@ -228,8 +231,12 @@ TEST(EluGraphConvolutionGradient, OfTheReferenceMatchesCentralDifferences) {
         norm.bias = x[4];
         return elu_graph_convolution_node_major(x[0], norm, x[1], x[2], ring, x[5]);
       },
-      {{"features", problem.features}, {"kernels", problem.kernels}, {"bias", problem.bias}, {"norm.weight", given.weight},
-       {"norm.bias", given.bias}, {"skip", torch::randn({9, 4, 2}, torch::kFloat64)}}));
+      {{"features", problem.features},
+       {"kernels", problem.kernels},
+       {"bias", problem.bias},
+       {"norm.weight", given.weight},
+       {"norm.bias", given.bias},
+       {"skip", torch::randn({9, 4, 2}, torch::kFloat64)}}));
 }
 
 template <typename Call>
@@ -245,13 +252,18 @@ std::string message_of(Call call) {
 TEST(GraphConvolutionRejects, WrongShapesAndTypesByName) {
   const RingWeights ring = RingWeights::from_topology(path_graph(4), 2);
   const Tensor kernels = torch::zeros({4, 3, 2}), bias = torch::zeros({4, 2}), features = torch::zeros({2, 4, 3});
-  EXPECT_THAT(message_of([&] { graph_convolution(torch::zeros({2, 5, 3}), kernels, bias, ring); }),
+  EXPECT_THAT(message_of([&] {
+                graph_convolution(torch::zeros({2, 5, 3}), kernels, bias, ring);
+              }),
               AllOf(HasSubstr("features"), HasSubstr("[B,K,Hin]"), HasSubstr("[2,5,3]")));
-  EXPECT_THAT(message_of([&] { graph_convolution(features, torch::zeros({4, 2, 2}), bias, ring); }),
+  EXPECT_THAT(message_of([&] {
+                graph_convolution(features, torch::zeros({4, 2, 2}), bias, ring);
+              }),
               AllOf(HasSubstr("kernels"), HasSubstr("[4,2,2]")));
   EXPECT_THAT(message_of([&] { graph_convolution(features, kernels, torch::zeros({2}), ring); }),
               AllOf(HasSubstr("bias"), HasSubstr("[4,2]")));
-  EXPECT_THAT(message_of([&] { graph_convolution(features, kernels.to(torch::kFloat64), bias, ring); }), AllOf(HasSubstr("kernels"), HasSubstr("ouble")));
+  EXPECT_THAT(message_of([&] { graph_convolution(features, kernels.to(torch::kFloat64), bias, ring); }),
+              AllOf(HasSubstr("kernels"), HasSubstr("ouble")));
   EXPECT_THAT(message_of([&] { RingWeights::from_topology(path_graph(4), 0); }), HasSubstr("R = 0"));
 }
 
@@ -259,7 +271,8 @@ TEST(GraphConvolutionRejects, BatchStatisticsOfOneSample) {
   const RingWeights ring = RingWeights::from_topology(path_graph(4), 2);
   const NodeNorm norm = random_norm(ring, 3, true, torch::kFloat32);
   EXPECT_THAT(message_of([&] {
-                elu_graph_convolution_node_major(torch::zeros({4, 1, 3}), norm, torch::zeros({4, 3, 2}), torch::zeros({4, 2}), ring);
+                elu_graph_convolution_node_major(torch::zeros({4, 1, 3}), norm, torch::zeros({4, 3, 2}),
+                                                 torch::zeros({4, 2}), ring);
               }),
               HasSubstr("more than one sample"));
 }
@@ -310,9 +323,11 @@ TEST_F(RealGraphConvolution, OutputsMatch) {
   const Tensor raw = array("op_input_f32.npy"), input = raw.dim() == 2 ? raw.unsqueeze(0) : raw;
   for (const int rings : {2, 3}) {
     const RingWeights ring = RingWeights::from_graph(graph_, rings);
-    const Tensor expected = array("op_output_ring" + std::to_string(rings) + "_norm1_f64.npy").view({input.size(0), ring.num_nodes, -1});
+    const Tensor expected =
+        array("op_output_ring" + std::to_string(rings) + "_norm1_f64.npy").view({input.size(0), ring.num_nodes, -1});
     for (const auto type : {torch::kFloat64, torch::kFloat32}) {
-      const Tensor found = graph_convolution(input.to(type), kernels.to(type), bias.to(type).view({ring.num_nodes, -1}), ring);
+      const Tensor found =
+          graph_convolution(input.to(type), kernels.to(type), bias.to(type).view({ring.num_nodes, -1}), ring);
       EXPECT_LT((found - expected).abs().max().item<double>(), 1e-5) << "R = " << rings << " " << type;
     }
   }

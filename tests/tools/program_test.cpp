@@ -52,7 +52,7 @@ TEST(ProgramRejects, WrongUseWithTwo) {
 }
 
 TEST(ProgramRejects, MissingFilesWithOneAndTheirName) {
-  for (const std::string& line :
+  for (const char* line :
        {"info missing.character", "animate --character missing.character --motion m.motion --out x",
         "prepare missing_folder --out x", "train missing.yaml --out x", "evaluate --run missing_run",
         "export --run missing_run --out x.pt"}) {

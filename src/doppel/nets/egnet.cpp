@@ -43,7 +43,9 @@ EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
   EgNetConfig config = preset(reader.choice("preset", {"paper", "public_checkpoint"}, "paper"));
   config.sagcn = SagcnConfig::read(reader, config.sagcn);
   config.window = reader.get("window", config.window, between(0, 100));
-  const auto word = [](const std::vector<std::string>& words, auto value) { return words[static_cast<std::size_t>(value)]; };
+  const auto word = [](const std::vector<std::string>& words, auto value) {
+    return words[static_cast<std::size_t>(value)];
+  };
   config.node_features =
       reader.choice("node_features", kNodeFeatureWords, word(kNodeFeatureWords, config.node_features)) == "graph"
           ? NodeFeatures::graph
@@ -71,8 +73,8 @@ EgNetImpl::EgNetImpl(const Character& character, const EgNetConfig& config, std:
   config.check();
   kinematics_ = Kinematics(character);
   node_skinning_ = Skinning(node_skinning_weights(character), SkinningMode::dual_quaternion);
-  sagcn_ = register_module("sagcn", Sagcn(RingWeights::from_graph(character.graph, config.sagcn.rings), config.num_inputs(),
-                                          kOutputs, config.sagcn, std::move(generator)));
+  sagcn_ = register_module("sagcn", Sagcn(RingWeights::from_graph(character.graph, config.sagcn.rings),
+                                          config.num_inputs(), kOutputs, config.sagcn, std::move(generator)));
   input_mean_ = register_buffer("input_mean", torch::zeros({num_nodes_, config.num_inputs()}));
   input_std_ = register_buffer("input_std", torch::ones({num_nodes_, config.num_inputs()}));
   // Constants of the character, not of the model: neither buffers nor in a checkpoint.

@@ -45,7 +45,8 @@ struct EgNetConfig {
 class EgNetImpl : public torch::nn::Module {
  public:
   /// @param generator draws the initial kernels; by default a fresh one with a fixed seed
-  EgNetImpl(const Character& character, const EgNetConfig& config, std::optional<at::Generator> generator = std::nullopt);
+  EgNetImpl(const Character& character, const EgNetConfig& config,
+            std::optional<at::Generator> generator = std::nullopt);
 
   /// @param dof_window [B,F+1,D], oldest first, world DoFs as in a motion file
   /// @return A [B,K,3] Euler angles and T [B,K,3] metres, in canonical pose

@@ -28,7 +28,8 @@ Tensor axis_rotation(const Tensor& angle, int axis) {
       entries = {c, -s, zero, s, c, zero, zero, zero, one};
   }
   std::vector<Tensor> rows;
-  for (int row = 0; row < 3; ++row) rows.push_back(at::stack({entries[3 * row], entries[3 * row + 1], entries[3 * row + 2]}, -1));
+  for (int row = 0; row < 3; ++row)
+    rows.push_back(at::stack({entries[3 * row], entries[3 * row + 1], entries[3 * row + 2]}, -1));
   return at::stack(rows, -2);
 }
 
@@ -72,7 +73,8 @@ Tensor MotionWindow::heading(const Tensor& dofs) const {
 
 Tensor MotionWindow::translation(const Tensor& dofs) const {
   std::vector<Tensor> axes;
-  for (int axis = 0; axis < 3; ++axis) axes.push_back(column(dofs, root_.translation[axis], root_.translation_weight[axis]));
+  for (int axis = 0; axis < 3; ++axis)
+    axes.push_back(column(dofs, root_.translation[axis], root_.translation_weight[axis]));
   return at::stack(axes, -1);
 }
 
@@ -87,14 +89,16 @@ Tensor MotionWindow::normaliser(const Tensor& dofs) const {
 Tensor MotionWindow::normalise_dofs(const Tensor& window) const {
   check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
   if (!heading_is_outermost())
-    fail("the heading cannot be taken out of the DoFs of this skeleton: its outermost root rotation is about {}, not y; "
-         "normalise the transforms instead (MotionWindow::normaliser)",
-         "xyz"[root_.axes[0]]);
+    fail(
+        "the heading cannot be taken out of the DoFs of this skeleton: its outermost root rotation is about {}, not y; "
+        "normalise the transforms instead (MotionWindow::normaliser)",
+        "xyz"[root_.axes[0]]);
   const Tensor last = window.select(1, window.size(1) - 1);
   const Tensor turn = axis_rotation(-heading(last), kUp).unsqueeze(1);
   const Tensor relative = translation(window) - translation(last).unsqueeze(1);
   const Tensor moved = at::matmul(turn, relative.unsqueeze(-1)).squeeze(-1);
-  const Tensor turned = wrap_angle(column(window, root_.rotation[0], root_.rotation_weight[0]) - heading(last).unsqueeze(1));
+  const Tensor turned =
+      wrap_angle(column(window, root_.rotation[0], root_.rotation_weight[0]) - heading(last).unsqueeze(1));
 
   std::vector<Tensor> columns = window.unbind(-1);
   for (int axis = 0; axis < 3; ++axis)

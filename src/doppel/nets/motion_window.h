@@ -1,7 +1,7 @@
 #pragma once
 
-/// The motion window of 6.4: the last F+1 poses, seen from the root of the last one. Translation is relative to the last
-/// frame's root, and the whole window is turned about y so that the last frame faces along +z.
+/// The motion window of 6.4: the last F+1 poses, seen from the root of the last one. Translation is relative to the
+/// last frame's root, and the whole window is turned about y so that the last frame faces along +z.
 
 #include <torch/torch.h>
 

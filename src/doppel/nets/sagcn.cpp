@@ -17,7 +17,8 @@ namespace {
 constexpr uint64_t kDefaultSeed = 2021;
 
 template <typename Enum>
-Enum read_choice(const ConfigReader& reader, const std::string& key, const std::vector<std::string>& words, Enum fallback) {
+Enum read_choice(const ConfigReader& reader, const std::string& key, const std::vector<std::string>& words,
+                 Enum fallback) {
   const std::string word = reader.choice(key, words, words[static_cast<std::size_t>(fallback)]);
   for (std::size_t i = 0; i < words.size(); ++i)
     if (words[i] == word) return static_cast<Enum>(i);
@@ -64,7 +65,8 @@ void SagcnConfig::check() const {
   require(residual_blocks >= 0 && residual_blocks % 2 == 0,
           fmt::format("residual_blocks must be even and not negative, found {}", residual_blocks));
   require(rings >= 1, fmt::format("rings must be at least 1, found {}", rings));
-  require(norm_momentum >= 0.0 && norm_momentum <= 1.0, fmt::format("norm_momentum must lie in [0, 1], found {}", norm_momentum));
+  require(norm_momentum >= 0.0 && norm_momentum <= 1.0,
+          fmt::format("norm_momentum must lie in [0, 1], found {}", norm_momentum));
   require(norm_epsilon > 0.0, fmt::format("norm_epsilon must be positive, found {}", norm_epsilon));
   require(head_scale >= 0.0, fmt::format("head_scale must not be negative, found {}", head_scale));
   if (!faults.empty()) fail<UsageError>("the configuration of the graph network cannot be used:{}", faults);
@@ -75,7 +77,8 @@ void SagcnConfig::check() const {
 FeatureNormImpl::FeatureNormImpl(int64_t num_nodes, int features, const SagcnConfig& config)
     : kind_(config.norm), momentum_(config.norm_momentum), epsilon_(config.norm_epsilon) {
   if (kind_ == SagcnNorm::none) return;
-  const std::vector<int64_t> shape = kind_ == SagcnNorm::node ? std::vector<int64_t>{num_nodes, features} : std::vector<int64_t>{features};
+  const std::vector<int64_t> shape =
+      kind_ == SagcnNorm::node ? std::vector<int64_t>{num_nodes, features} : std::vector<int64_t>{features};
   weight = register_parameter("weight", torch::ones(shape));
   bias = register_parameter("bias", torch::zeros(shape));
   running_mean = register_buffer("running_mean", torch::zeros(shape));
@@ -90,8 +93,8 @@ NodeNorm FeatureNormImpl::node_norm() const {
 Tensor FeatureNormImpl::forward(const Tensor& features) {
   if (kind_ == SagcnNorm::none || features.numel() == 0) return features;
   if (kind_ == SagcnNorm::node) return node_norm_reference(features, node_norm());
-  return at::batch_norm(features.flatten(0, 1), weight, bias, running_mean, running_var, is_training(), momentum_, epsilon_,
-                        false)
+  return at::batch_norm(features.flatten(0, 1), weight, bias, running_mean, running_var, is_training(), momentum_,
+                        epsilon_, false)
       .view({-1, features.size(1), features.size(2)});
 }
 
@@ -103,7 +106,8 @@ SagcnUnitImpl::SagcnUnitImpl(const RingWeights& ring, int inputs, int outputs, c
 }
 
 Tensor SagcnUnitImpl::forward_node_major(const Tensor& features, const Tensor& skip) {
-  const Tensor input = norm->kind() == SagcnNorm::channel ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
+  const Tensor input =
+      norm->kind() == SagcnNorm::channel ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
   return elu_graph_convolution_node_major(input, norm->node_norm(), convolution->kernels, convolution->bias,
                                           convolution->ring(), skip);
 }

@@ -22,16 +22,16 @@ enum class DenseBlock { none, broadcast, matrix };
 enum class SagcnInitialisation { glorot, public_code };
 
 struct SagcnConfig {
-  int features = 16;         ///< H_1
-  int residual_blocks = 8;   ///< L, even
-  int rings = 3;             ///< R of 6.6
+  int features = 16;        ///< H_1
+  int residual_blocks = 8;  ///< L, even
+  int rings = 3;            ///< R of 6.6
   SagcnNorm norm = SagcnNorm::node;
   double norm_momentum = 0.003;
   double norm_epsilon = 1e-5;
   DenseBlock dense = DenseBlock::none;
   bool dense_normalised = true;  ///< broadcast: divide the sum by K (1/K is 6.6 for equal weights)
   SagcnInitialisation initialisation = SagcnInitialisation::glorot;
-  double head_scale = 1e-3;      ///< bound of the uniform head kernels: first outputs are about 0
+  double head_scale = 1e-3;  ///< bound of the uniform head kernels: first outputs are about 0
 
   /// Reads the keys above over `defaults`. @throws FileError at the key
   static SagcnConfig read(const ConfigReader& reader, const SagcnConfig& defaults);
