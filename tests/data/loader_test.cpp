@@ -158,7 +158,7 @@ TEST_F(LoaderReference, ProjectionAndDistanceFitTogether) {
   }
 }
 
-TEST_F(LoaderReference, ContourPointsLieOnTheZeroLevelOfTheDistance) {
+TEST_F(LoaderReference, ContourPixelsLieOnTheInnerSideOfTheOutline) {
   Loader loader(*dataset_, options());
   const Batch batch = loader.next();
   for (int i = 0; i < 10; ++i) {
@@ -166,12 +166,11 @@ TEST_F(LoaderReference, ContourPointsLieOnTheZeroLevelOfTheDistance) {
                end = batch.contour_offsets[i + 1].item<std::int64_t>();
     ASSERT_GT(end, begin + 20);
     const torch::Tensor points = batch.contour.slice(0, begin, end);
-    // Bilinear samples; pixel centres lie at +0.5, which is what align_corners = false means.
-    const torch::Tensor distance = torch::nn::functional::grid_sample(
-        batch.distance[i / 2][i % 2].view({1, 1, 64, 64}), (points / 32 - 1).view({1, 1, -1, 2}),
-        torch::nn::functional::GridSampleFuncOptions().padding_mode(torch::kBorder).align_corners(false));
-    EXPECT_LT(distance.abs().mean().item<float>(), 0.1f) << "the centres of the pixels would give 0.5";
-    EXPECT_LT(distance.abs().max().item<float>(), 0.51f);
+    EXPECT_TRUE(((points - points.floor()) == 0.5f).all().item<bool>());
+    const torch::Tensor pixel = points.floor().to(torch::kInt64);
+    const torch::Tensor distance =
+        batch.distance[i / 2][i % 2].flatten().index_select(0, pixel.select(1, 1) * 64 + pixel.select(1, 0));
+    EXPECT_TRUE((distance == -0.5f).all().item<bool>());
   }
 }
 

@@ -15,7 +15,7 @@ struct Batch {
   torch::Tensor distance;         ///< float32 [B,C,S,S] signed distance to the outline, crop pixels, + outside
   torch::Tensor pixel_scale;      ///< float32 [B,C] image pixels per crop pixel
   torch::Tensor valid;            ///< bool [B,C] false where the camera sees nothing of the person
-  torch::Tensor contour;          ///< float32 [P,2] points (x, y) of the outline, one a contour pixel, crop pixels
+  torch::Tensor contour;          ///< float32 [P,2] centres (x, y) of the outline's pixels, crop pixels
   torch::Tensor contour_offsets;  ///< int64 [B*C+1] rows of `contour` per (sample, camera)
 };
 

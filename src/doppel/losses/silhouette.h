@@ -10,7 +10,7 @@ struct SilhouetteTarget {
   torch::Tensor distance;         ///< [B,C,S,S], signed distance to the outline, crop pixels: + outside, - inside
   torch::Tensor pixel_scale;      ///< [B,C], image pixels per crop pixel (used with SilhouetteUnit::image_pixels only)
   torch::Tensor valid;            ///< bool [B,C]: cameras that see the person
-  torch::Tensor contour;          ///< [P,2], points (x,y) of the outline, one a contour pixel, crop pixels
+  torch::Tensor contour;          ///< [P,2], centres (x,y) of the contour pixels, crop pixels
   torch::Tensor contour_offsets;  ///< int64 [B*C+1]: contour of (b,c) = rows offsets[b*C+c] .. offsets[b*C+c+1]
 };
 
