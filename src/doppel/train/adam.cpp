@@ -107,6 +107,8 @@ void Adam::step(double learning_rate, double norm) {
     p.shrink = options_.decoupled ? static_cast<float>(1.0 - rate * decay) : 1.0f;
     p.beta1 = static_cast<float>(options_.beta1);
     p.beta2 = static_cast<float>(options_.beta2);
+    p.keep1 = static_cast<float>(1.0 - options_.beta1);
+    p.keep2 = static_cast<float>(1.0 - options_.beta2);
     p.step_size = static_cast<float>(rate / (1.0 - std::pow(options_.beta1, t)));
     p.inverse_root = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(options_.beta2, t)));
     p.epsilon = static_cast<float>(options_.epsilon);

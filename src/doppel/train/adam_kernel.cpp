@@ -9,11 +9,10 @@ void adam_step(const AdamParams& p, std::int64_t begin, std::int64_t end) {
   const float* __restrict gradient = p.gradient;
   float* __restrict first = p.first_moment;
   float* __restrict second = p.second_moment;
-  const float keep1 = 1.0f - p.beta1, keep2 = 1.0f - p.beta2;
   for (std::int64_t i = begin; i < end; ++i) {
     const float g = gradient[i] * p.gradient_scale + p.l2 * parameter[i];
-    const float m = p.beta1 * first[i] + keep1 * g;
-    const float v = p.beta2 * second[i] + keep2 * g * g;
+    const float m = p.beta1 * first[i] + p.keep1 * g;
+    const float v = p.beta2 * second[i] + p.keep2 * g * g;
     first[i] = m;
     second[i] = v;
     parameter[i] = parameter[i] * p.shrink - p.step_size * m / (std::sqrt(v) * p.inverse_root + p.epsilon);
