@@ -12,6 +12,8 @@ find_package(Protobuf REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(LMDB REQUIRED IMPORTED_TARGET lmdb)
 find_package(Torch 1.13 REQUIRED)
+# at::parallel_for is a template: compiled without OpenMP it runs on one thread, and says nothing.
+find_package(OpenMP REQUIRED COMPONENTS CXX)
 
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)

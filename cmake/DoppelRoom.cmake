@@ -22,7 +22,7 @@ endif()
 # LibTorch's headers as system headers, so that our warnings are ours alone.
 add_library(doppel_torch INTERFACE)
 target_include_directories(doppel_torch SYSTEM INTERFACE "$<BUILD_INTERFACE:${TORCH_INCLUDE_DIRS}>")
-target_link_libraries(doppel_torch INTERFACE ${TORCH_LIBRARIES})
+target_link_libraries(doppel_torch INTERFACE ${TORCH_LIBRARIES} OpenMP::OpenMP_CXX)
 separate_arguments(doppel_torch_flags UNIX_COMMAND "${TORCH_CXX_FLAGS}")
 target_compile_options(doppel_torch INTERFACE ${doppel_torch_flags})
 
