@@ -42,8 +42,8 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
                                 {"out", options.out}}
               << "\n";
   else
-    std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to " << options.out
-              << "\n";
+    std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
+              << options.out << "\n";
   return 0;
 }
 
@@ -68,8 +68,9 @@ Command add_animate(CLI::App& program) {
       ->capture_default_str();
   app->add_option("--turns-per-second", options->turntable.turns_per_second, "How fast the video's camera circles")
       ->capture_default_str();
-  app->footer("Example: doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt "
-              "--format npy,mp4 --out walk");
+  app->footer(
+      "Example: doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt "
+      "--format npy,mp4 --out walk");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }
 

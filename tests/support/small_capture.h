@@ -72,7 +72,8 @@ inline torch::Tensor true_surface(const Character& character, const Motion& moti
   for (int f = 0; f < motion.num_frames(); ++f) {
     const torch::Tensor frame = vertices[f];
     auto rows = frame.accessor<float, 2>();
-    for (int v = 0; v < mesh.num_vertices(); ++v) mesh.vertices[v] = Eigen::Vector3d(rows[v][0], rows[v][1], rows[v][2]);
+    for (int v = 0; v < mesh.num_vertices(); ++v)
+      mesh.vertices[v] = Eigen::Vector3d(rows[v][0], rows[v][1], rows[v][2]);
     const auto normals = vertex_normals(mesh);
     for (int v = 0; v < mesh.num_vertices(); ++v)
       for (int k = 0; k < 3; ++k) rows[v][k] += static_cast<float>(thickness * normals[v][k]);

@@ -52,10 +52,9 @@ TEST(ProgramRejects, WrongUseWithTwo) {
 }
 
 TEST(ProgramRejects, MissingFilesWithOneAndTheirName) {
-  for (const char* line :
-       {"info missing.character", "animate --character missing.character --motion m.motion --out x",
-        "prepare missing_folder --out x", "train missing.yaml --out x", "evaluate --run missing_run",
-        "export --run missing_run --out x.pt"}) {
+  for (const char* line : {"info missing.character", "animate --character missing.character --motion m.motion --out x",
+                           "prepare missing_folder --out x", "train missing.yaml --out x", "evaluate --run missing_run",
+                           "export --run missing_run --out x.pt"}) {
     const Outcome outcome = run(line);
     EXPECT_EQ(outcome.code, 1) << line << "\n" << outcome.err;
     EXPECT_NE(outcome.err.find("missing"), std::string::npos) << line << " does not name what is missing:\n"

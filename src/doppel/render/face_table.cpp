@@ -31,7 +31,8 @@ FaceTable make_face_table(const torch::Tensor& faces, const char* caller) {
     fail<UsageError>("{}: faces are {}; they must be int32 or int64 [F,3] on the CPU", caller, describe(faces));
   }
   if (faces.size(0) > std::numeric_limits<std::int32_t>::max() / 4) {
-    fail<UsageError>("{}: {} faces; at most {} can be drawn", caller, faces.size(0), std::numeric_limits<std::int32_t>::max() / 4);
+    fail<UsageError>("{}: {} faces; at most {} can be drawn", caller, faces.size(0),
+                     std::numeric_limits<std::int32_t>::max() / 4);
   }
   const torch::Tensor wide = faces.to(torch::kInt64).contiguous();
   const std::int64_t* in = wide.data_ptr<std::int64_t>();
@@ -62,7 +63,8 @@ void check_floats(const torch::Tensor& t, const char* caller, const char* name, 
 
 void check_image_size(std::int64_t height, std::int64_t width, const char* caller) {
   if (height < 1 || width < 1 || height > kernels::kMaxImage || width > kernels::kMaxImage) {
-    fail<UsageError>("{}: an image of {} x {} pixels; width and height must be 1 to {}", caller, width, height, kernels::kMaxImage);
+    fail<UsageError>("{}: an image of {} x {} pixels; width and height must be 1 to {}", caller, width, height,
+                     kernels::kMaxImage);
   }
 }
 

@@ -23,7 +23,8 @@ std::string shape_of(const Tensor& t) {
 }  // namespace
 
 Tensor project(const Tensor& points, const Tensor& projection) {
-  if (points.dim() != 3 || points.size(2) != 3) fail<UsageError>("project: points are {}; they must be [B,N,3]", shape_of(points));
+  if (points.dim() != 3 || points.size(2) != 3)
+    fail<UsageError>("project: points are {}; they must be [B,N,3]", shape_of(points));
   if (projection.dim() != 4 || projection.size(2) != 3 || projection.size(3) != 4 ||
       projection.size(0) != points.size(0)) {
     fail<UsageError>("project: projection is {}; it must be [{},C,3,4]", shape_of(projection), points.size(0));
@@ -50,8 +51,9 @@ Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType d
   double* data = out.data_ptr<double>();
   for (const Camera& camera : cameras) {
     if (camera.K(0, 1) != 0) {
-      fail<UsageError>("camera '{}' has a skew of {} pixels; intrinsics as fx fy cx cy cannot hold it, use its projection matrix",
-           camera.name, camera.K(0, 1));
+      fail<UsageError>(
+          "camera '{}' has a skew of {} pixels; intrinsics as fx fy cx cy cannot hold it, use its projection matrix",
+          camera.name, camera.K(0, 1));
     }
     for (const double value : {camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2)}) *data++ = value;
   }

@@ -37,11 +37,13 @@ void check_views(const Tensor& vertices, const Tensor& intrinsics, const render:
   render::check_floats(vertices, "rasterize", "vertices", {-1, -1, 3});
   render::check_floats(intrinsics, "rasterize", "intrinsics", {-1, 4});
   if (intrinsics.size(0) != vertices.size(0) && intrinsics.size(0) != 1) {
-    fail<UsageError>("rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or one of intrinsics",
-         vertices.size(0), intrinsics.size(0));
+    fail<UsageError>(
+        "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or one of intrinsics",
+        vertices.size(0), intrinsics.size(0));
   }
   if (faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("rasterize: a face names vertex {}, and there are only {}", faces.num_vertices - 1, vertices.size(1));
+    fail<UsageError>("rasterize: a face names vertex {}, and there are only {}", faces.num_vertices - 1,
+                     vertices.size(1));
   }
   render::check_image_size(height, width, "rasterize");
 }
@@ -186,7 +188,8 @@ Tensor Rasterizer::coverage_projected(const Tensor& vertices, const Tensor& proj
   render::check_floats(projection, "coverage", "projection", {vertices.size(0), -1, 3, 4});
   render::check_image_size(height, width, "coverage");
   if (s.faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("coverage: a face names vertex {}, and there are only {}", s.faces.num_vertices - 1, vertices.size(1));
+    fail<UsageError>("coverage: a face names vertex {}, and there are only {}", s.faces.num_vertices - 1,
+                     vertices.size(1));
   }
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
   const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1), pixels = height * width;

@@ -1,4 +1,5 @@
-// A stranger's program: a two-joint arm, posed by the installed package in double and through the tensor layer's conventions.
+// A stranger's program: a two-joint arm, posed by the installed package in double and through the tensor layer's
+// conventions.
 #include <doppel/character/skeleton.h>
 #include <doppel/layers/embedded_deformation/embedded_deformation.h>
 
