@@ -28,6 +28,7 @@ TEST(OverlapReference, TwoRectangles) {
   const Overlap o = overlap(a.data(), b.data(), 1200);
   EXPECT_EQ(o.intersection, 25);
   EXPECT_EQ(o.united, 175);
+  EXPECT_EQ(o.only_b, 75);
   EXPECT_DOUBLE_EQ(o.iou().value(), 1.0 / 7.0);
 }
 
@@ -108,6 +109,8 @@ TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {
   // The tube's radius is about 0.08 m (0.064 the other way), the truth 0.02 thicker: the drawn share is about 0.78.
   EXPECT_GT(result.AMVIoU, 0.70);
   EXPECT_LT(result.AMVIoU, 0.85);
+  EXPECT_LT(result.outside, 0.01);
+  EXPECT_NEAR(result.missing, 1 - result.AMVIoU, 0.02);
 }
 
 TEST_F(SurfaceOverlapReference, ChosenCamerasAndFrames) {

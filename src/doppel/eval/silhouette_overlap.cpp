@@ -74,10 +74,6 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
     std::vector<Camera> cameras;
     for (int index : group.cameras) cameras.push_back(dataset.camera(index));
     group.projection = projection_tensor(cameras);
-    if (getenv("SX")) {
-      group.projection.select(1, 0) += atof(getenv("SX")) * group.projection.select(1, 2);
-      group.projection.select(1, 1) += atof(getenv("SY")) * group.projection.select(1, 2);
-    }
     out.push_back(std::move(group));
   }
   return out;
@@ -129,6 +125,7 @@ Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count
     const bool in_a = a[i] != 0, in_b = b[i] != 0;
     result.intersection += in_a && in_b;
     result.united += in_a || in_b;
+    result.only_b += in_b && !in_a;
   }
   return result;
 }
@@ -137,6 +134,8 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   nlohmann::ordered_json json;
   json["AMVIoU"] = AMVIoU;
   if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
+  json["outside"] = outside;
+  json["missing"] = missing;
   for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
   return json;
 }
@@ -152,6 +151,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   GroundTruth truth(dataset);
   std::map<int, Mean> per_camera;
   Mean error;
+  Overlap total;
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
     const std::size_t last = std::min(first + kFramesAtOnce, samples.size());
@@ -161,8 +161,10 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     for (const CameraGroup& group : groups) {
       const auto result = overlaps(dataset, group, rasterizer, part, vertices);
       for (const auto& frame : result)
-        for (std::size_t c = 0; c < group.cameras.size(); ++c)
+        for (std::size_t c = 0; c < group.cameras.size(); ++c) {
           if (const auto iou = frame[c].iou()) per_camera[group.cameras[c]].add(*iou);
+          total += frame[c];
+        }
     }
     for (std::size_t b = 0; b < part.size(); ++b) {
       const torch::Tensor expected = truth.at(part[b], vertices.size(1));
@@ -176,6 +178,9 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     if (per_camera.count(camera)) result.cameras.emplace_back(dataset.camera(camera).name, per_camera[camera].value());
   if (result.cameras.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
   for (const auto& [name, iou] : result.cameras) result.AMVIoU += iou / static_cast<double>(result.cameras.size());
+  result.outside = static_cast<double>(total.only_b) / static_cast<double>(total.united);
+  result.missing =
+      static_cast<double>(total.united - total.intersection - total.only_b) / static_cast<double>(total.united);
   if (error.count > 0) result.vertex_error_mm = 1000.0 * error.value();
   return result;
 }
@@ -207,6 +212,8 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
                        protocol.at("cameras").size());
     for (const auto& [method, result] : methods.items()) {
       out += fmt::format("  {:<10} AMVIoU {:.4f}", method, result.at("AMVIoU").get<double>());
+      out += fmt::format("  outside {:.2f} %  missing {:.2f} %", 100 * result.at("outside").get<double>(),
+                         100 * result.at("missing").get<double>());
       if (result.contains("vertex_error_mm"))
         out += fmt::format("  vertex error {:.2f} mm", result.at("vertex_error_mm").get<double>());
       out += "  |";

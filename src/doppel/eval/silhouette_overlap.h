@@ -12,13 +12,20 @@
 
 namespace doppel {
 
-/// Pixels of two masks (non-zero = inside).
+/// Pixels of two masks a and b (non-zero = inside).
 struct Overlap {
   std::int64_t intersection = 0, united = 0;
+  std::int64_t only_b = 0;  ///< in b, not in a
   /// Intersection over union; nothing when both masks are empty.
   std::optional<double> iou() const {
     if (united == 0) return std::nullopt;
     return static_cast<double>(intersection) / static_cast<double>(united);
+  }
+  Overlap& operator+=(const Overlap& other) {
+    intersection += other.intersection;
+    united += other.united;
+    only_b += other.only_b;
+    return *this;
   }
 };
 Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count);
@@ -36,7 +43,10 @@ using SurfaceFunction = std::function<torch::Tensor(const std::vector<SampleId>&
 struct SurfaceResult {
   std::vector<std::pair<std::string, double>> cameras;  ///< IoU per camera, mean over its frames
   double AMVIoU = 0.0;                                  ///< mean over cameras
-  std::optional<double> vertex_error_mm;                ///< mean distance to the true vertices, where they are known
+  /// Pixels that the surface covers outside the mask, and those of the mask that it misses, of all pixels of the
+  /// unions. A surface that is too fat has more of the first, a thin one of the second.
+  double outside = 0.0, missing = 0.0;
+  std::optional<double> vertex_error_mm;  ///< mean distance to the true vertices, where they are known
 
   nlohmann::ordered_json to_json() const;
 };
