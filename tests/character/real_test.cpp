@@ -1,62 +1,52 @@
 #include <gmock/gmock.h>
 
-#include <cstdlib>
 #include <fstream>
 
 #include "doppel/character/character.h"
-#include "support/npy.h"
+#include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
 namespace {
 
-namespace fs = std::filesystem;
-
 /// A real, published character against the numbers of an independent implementation.
-class RealOracle : public ::testing::Test {
+class RealOracle : public support::SharedFolderTest {
  protected:
-  void SetUp() override {
-    const char* shared = std::getenv("DOPPEL_SHARED");
-    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: it names the folder with captures/ and oracle/";
-    oracle_ = fs::path(shared) / "oracle";
-    file_ = fs::path(shared) / "captures/s22/character/ddc.character";
-  }
-
   Character load(bool adaptive_radius = true) const {
     CharacterOptions options;
     options.graph.adaptive_radius = adaptive_radius;
-    return load_character(file_, options);
+    return load_character(character_file(), options);
   }
 
   /// The graph's weights against (vertex, node) pairs and values listed in any order.
   void expect_weights(const EmbeddedGraph& graph, const std::string& name) const {
-    const std::vector<int> pairs = read_ints(oracle_ / (name + "_vertex_node.npy"));
-    const DoubleArray values = read_doubles(oracle_ / (name + "_value_f64.npy"));
+    const std::vector<int> pairs = oracle(name + "_vertex_node").as<int>();
+    const std::vector<double> values = oracle(name + "_value_f64").as<double>();
     ASSERT_EQ(pairs.size(), 2 * graph.weights.size());
     double largest = 0.0;
-    for (std::size_t i = 0; i < values.values.size(); ++i) {
+    for (std::size_t i = 0; i < values.size(); ++i) {
       const int vertex = pairs[2 * i], node = pairs[2 * i + 1];
       const int* const begin = graph.vertex_nodes.begin(vertex);
       const int* const found = std::find(begin, graph.vertex_nodes.end(vertex), node);
       ASSERT_NE(found, graph.vertex_nodes.end(vertex)) << "vertex " << vertex << ", node " << node;
       const double ours = graph.weights[graph.vertex_nodes.offsets[vertex] + (found - begin)];
-      largest = std::max(largest, std::abs(ours - values.values[i]));
+      largest = std::max(largest, std::abs(ours - values[i]));
     }
     EXPECT_LT(largest, 1e-6);
   }
-
-  fs::path oracle_, file_;
 };
 
 TEST_F(RealOracle, JointTransformsOfAllPoses) {
   const Skeleton skeleton = load().skeleton;
-  const DoubleArray dofs = read_doubles(oracle_ / "dofs_f64.npy");
-  const DoubleArray expected = read_doubles(oracle_ / "joint_global_f64.npy");
-  ASSERT_EQ(dofs.shape[1], skeleton.num_dofs());
-  ASSERT_EQ(expected.shape, (std::vector<std::int64_t>{dofs.shape[0], skeleton.num_joints(), 4, 4}));
+  const NpyArray dofs_array = oracle("dofs_f64");
+  const std::vector<double> dofs = dofs_array.as<double>();
+  const NpyArray expected_array = oracle("joint_global_f64");
+  const std::vector<double> expected = expected_array.as<double>();
+  ASSERT_EQ(dofs_array.shape[1], skeleton.num_dofs());
+  ASSERT_EQ(expected_array.shape, (std::vector<std::int64_t>{dofs_array.shape[0], skeleton.num_joints(), 4, 4}));
   double largest = 0.0;
-  for (int p = 0; p < dofs.shape[0]; ++p) {
-    const auto begin = dofs.values.begin() + p * skeleton.num_dofs();
+  for (int p = 0; p < dofs_array.shape[0]; ++p) {
+    const auto begin = dofs.begin() + p * skeleton.num_dofs();
     const auto transforms = skeleton.pose(std::vector<double>(begin, begin + skeleton.num_dofs()));
     for (int j = 0; j < skeleton.num_joints(); ++j)
       for (int r = 0; r < 3; ++r)
@@ -72,22 +62,23 @@ TEST_F(RealOracle, JointTransformsOfAllPoses) {
 
 TEST_F(RealOracle, JointsInFileOrderAndTheRestPose) {
   const Character character = load();
-  std::ifstream names(oracle_ / "joint_names.txt");
+  std::ifstream names(shared_ / "oracle" / "joint_names.txt");
   std::string name;
   for (const Joint& joint : character.skeleton.joints) {
     ASSERT_TRUE(names >> name);
     EXPECT_EQ(joint.name, name);
   }
-  const DoubleArray dofs = read_doubles(oracle_ / "dofs_f64.npy");
+  const NpyArray dofs_array = oracle("dofs_f64");
+  const std::vector<double> dofs = dofs_array.as<double>();
   for (int d = 0; d < character.num_dofs(); ++d) EXPECT_DOUBLE_EQ(character.rest_dofs[d], dofs.at(d));
 }
 
 TEST_F(RealOracle, BonesAndSkinWeights) {
   const Character character = load();
-  EXPECT_EQ(character.bone_joint, read_ints(oracle_ / "bone_joint_index.npy"));
+  EXPECT_EQ(character.bone_joint, oracle("bone_joint_index").as<int>());
   EXPECT_TRUE(character.skin.repaired);
-  const std::vector<int> pairs = read_ints(oracle_ / "skin_vertex_bone.npy");
-  const DoubleArray weights = read_doubles(oracle_ / "skin_weight_repaired_f64.npy");
+  const std::vector<int> pairs = oracle("skin_vertex_bone").as<int>();
+  const std::vector<double> weights = oracle("skin_weight_repaired_f64").as<double>();
   ASSERT_EQ(pairs.size(), 2 * character.skin.weights.size());
   std::size_t i = 0;
   double largest = 0.0;
@@ -96,26 +87,26 @@ TEST_F(RealOracle, BonesAndSkinWeights) {
          ++bone, ++i) {
       ASSERT_EQ(pairs[2 * i], v);
       ASSERT_EQ(pairs[2 * i + 1], *bone);
-      largest = std::max(largest, std::abs(character.skin.weights[i] - weights.at(static_cast<std::int64_t>(i))));
+      largest = std::max(largest, std::abs(character.skin.weights[i] - weights.at(i)));
     }
   EXPECT_LT(largest, 2e-6);  // the published weights sum to 1 within 1e-6; ours exactly
 }
 
 TEST_F(RealOracle, GraphWithTheSameRadiusEverywhere) {
   const EmbeddedGraph graph = load(false).graph;
-  EXPECT_EQ(graph.node_vertex, read_ints(oracle_ / "node_vertex_index.npy"));
+  EXPECT_EQ(graph.node_vertex, oracle("node_vertex_index").as<int>());
   expect_weights(graph, "graph_weight");
 }
 
 TEST_F(RealOracle, GraphWithTheRadiusOfTheFarthestNeighbour) {
   const EmbeddedGraph graph = load().graph;
-  EXPECT_EQ(graph.radius, read_doubles(oracle_ / "graphdef_radius.npy").values);
+  EXPECT_EQ(graph.radius, oracle("graphdef_radius").as<double>());
   expect_weights(graph, "graphdef_weight");
 }
 
 TEST_F(RealOracle, Rigidity) {
   const Character character = load();
-  const std::vector<double> expected = read_doubles(oracle_ / "vertex_rigidity_f64.npy").values;
+  const std::vector<double> expected = oracle("vertex_rigidity_f64").as<double>();
   EXPECT_EQ(vertex_rigidity(character.labels, character.num_vertices(), RigidityPreset::laplacian), expected);
 }
 

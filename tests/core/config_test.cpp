@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -33,15 +35,6 @@ constexpr const char* kText =
 
 ConfigDocument document(const std::vector<std::string>& overrides = {}) {
   return ConfigDocument::parse(kText, "egnet.yaml", overrides);
-}
-
-std::string message_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(ConfigReference, ReadsEveryType) {
@@ -98,16 +91,17 @@ TEST(ConfigReference, PathsStartWhereTheyWereWritten) {
 
 TEST(ConfigRejects, WrongTypesAndRangesNameEverything) {
   const ConfigReader train = document().root().section("train");
-  EXPECT_THAT(message_of([&] { train.get<int>("shuffle"); }),
+  EXPECT_THAT(message_of<Error>([&] { train.get<int>("shuffle"); }),
               AllOf(StartsWith("egnet.yaml:6: train.shuffle"), HasSubstr("\"true\""), HasSubstr("an integer")));
-  EXPECT_THAT(message_of([&] { train.get<int>("learning_rate"); }), HasSubstr("an integer"));
-  EXPECT_THAT(message_of([&] { train.get<double>("schedule"); }), HasSubstr("a list of 3"));
-  EXPECT_THAT(message_of([&] { train.get("batch_size", 1, between(1, 32)); }),
+  EXPECT_THAT(message_of<Error>([&] { train.get<int>("learning_rate"); }), HasSubstr("an integer"));
+  EXPECT_THAT(message_of<Error>([&] { train.get<double>("schedule"); }), HasSubstr("a list of 3"));
+  EXPECT_THAT(message_of<Error>([&] { train.get("batch_size", 1, between(1, 32)); }),
               AllOf(StartsWith("egnet.yaml:4: train.batch_size"), HasSubstr("40"), HasSubstr("between 1 and 32")));
-  EXPECT_THAT(message_of([&] { train.get<double>("absent"); }), AllOf(HasSubstr("train.absent"), HasSubstr("missing")));
-  EXPECT_THAT(message_of([&] { document().root().section("name"); }), HasSubstr("a mapping"));
-  EXPECT_THAT(message_of([&] { document().root().sections("train"); }), HasSubstr("a list of mappings"));
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] { train.get<double>("absent"); }),
+              AllOf(HasSubstr("train.absent"), HasSubstr("missing")));
+  EXPECT_THAT(message_of<Error>([&] { document().root().section("name"); }), HasSubstr("a mapping"));
+  EXPECT_THAT(message_of<Error>([&] { document().root().sections("train"); }), HasSubstr("a list of mappings"));
+  EXPECT_THAT(message_of<Error>([&] {
                 document().root().sections("stages")[0].choice("kind", {"worm", "full"});
               }),
               AllOf(HasSubstr("stages[0].kind"), HasSubstr("did you mean worm?")));
@@ -127,25 +121,26 @@ TEST(ConfigRejects, UnknownKeysNamingTheNearest) {
   const ConfigDocument slip = ConfigDocument::parse("train:\n  bacth_size: 3\n", "slip.yaml");
   const ConfigReader root = slip.root();
   root.section("train").get("batch_size", 40);
-  EXPECT_THAT(message_of([&] { root.finish(); }),
+  EXPECT_THAT(message_of<Error>([&] { root.finish(); }),
               AllOf(StartsWith("slip.yaml:2: train.bacth_size"), HasSubstr("did you mean batch_size?")));
 
   const ConfigReader untouched = document().root();
   untouched.get<std::string>("name");
-  EXPECT_THAT(message_of([&] { untouched.finish(); }), AllOf(StartsWith("egnet.yaml:"), HasSubstr("known are name")));
+  EXPECT_THAT(message_of<Error>([&] { untouched.finish(); }),
+              AllOf(StartsWith("egnet.yaml:"), HasSubstr("known are name")));
 }
 
 TEST(ConfigRejects, UnknownKeysInItemsOfAList) {
   const ConfigReader root = document().root();
   for (const ConfigReader& stage : root.sections("stages")) stage.get<int>("steps");
-  EXPECT_THAT(message_of([&] { root.sections("stages")[0].finish(); }), HasSubstr("stages[0].kind"));
+  EXPECT_THAT(message_of<Error>([&] { root.sections("stages")[0].finish(); }), HasSubstr("stages[0].kind"));
 }
 
 TEST(ConfigRejects, TheSameKeyTwice) {
   const ConfigReader root = ConfigDocument::parse("a: 1\nb: 2\na: 3\n", "twice.yaml").root();
   root.get<int>("a");
   root.get<int>("b");
-  EXPECT_THAT(message_of([&] { root.finish(); }), AllOf(StartsWith("twice.yaml:3"), HasSubstr("twice")));
+  EXPECT_THAT(message_of<Error>([&] { root.finish(); }), AllOf(StartsWith("twice.yaml:3"), HasSubstr("twice")));
 }
 
 TEST(ConfigRejects, BadOverrides) {
@@ -156,7 +151,7 @@ TEST(ConfigRejects, BadOverrides) {
   EXPECT_THROW(document({"stages.7.steps=3"}), UsageError);
   EXPECT_THROW(document({"name=[1"}), UsageError);
   const ConfigDocument changed = document({"train.batch_size=many"});
-  EXPECT_THAT(message_of([&] { changed.root().section("train").get<int>("batch_size"); }),
+  EXPECT_THAT(message_of<Error>([&] { changed.root().section("train").get<int>("batch_size"); }),
               StartsWith("--set train.batch_size=many: train.batch_size"));
 }
 

@@ -4,24 +4,17 @@
 #include <gtest/gtest.h>
 
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-std::string message_of(const std::function<void()>& action) {
-  try {
-    action();
-  } catch (const FileError& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
-}
 
 class TextReaderFile {
  public:
@@ -71,9 +64,9 @@ TEST(TextReaderRejects, TokensThatAreNoNumbers) {
     EXPECT_THROW(reader.number(i, "x"), FileError) << reader.tokens()[i];
     EXPECT_THROW(reader.integer(i, "x", -100, 100), FileError) << reader.tokens()[i];
   }
-  EXPECT_THAT(message_of([&] { reader.number(2, "the weight"); }),
+  EXPECT_THAT(message_of<FileError>([&] { reader.number(2, "the weight"); }),
               AllOf(HasSubstr("t.txt:2: "), HasSubstr("a test file"), HasSubstr("the weight"), HasSubstr("\"1.5x\"")));
-  EXPECT_THAT(message_of([&] { reader.number(7, "the weight"); }), HasSubstr("missing"));
+  EXPECT_THAT(message_of<FileError>([&] { reader.number(7, "the weight"); }), HasSubstr("missing"));
 }
 
 TEST(TextReaderRejects, CountsThatCannotBe) {
@@ -82,7 +75,8 @@ TEST(TextReaderRejects, CountsThatCannotBe) {
   reader.next_line();
   EXPECT_EQ(reader.count(0, "items"), 3u);
   for (std::size_t token = 1; token < 5; ++token) EXPECT_THROW(reader.count(token, "items"), FileError) << token;
-  EXPECT_THAT(message_of([&] { reader.count(2, "items"); }), AllOf(HasSubstr("99999"), HasSubstr("bytes are left")));
+  EXPECT_THAT(message_of<FileError>([&] { reader.count(2, "items"); }),
+              AllOf(HasSubstr("99999"), HasSubstr("bytes are left")));
 }
 
 TEST(TextReaderRejects, FilesThatAreNoText) {
@@ -90,7 +84,7 @@ TEST(TextReaderRejects, FilesThatAreNoText) {
   EXPECT_THROW(file.read(""), FileError);
   EXPECT_THROW(file.read(" \r\n\t\n"), FileError);
   EXPECT_THROW(file.read("\xEF\xBB\xBF"), FileError);
-  EXPECT_THAT(message_of([&] { file.read(std::string("a\nb\0c\n", 6)); }), HasSubstr("t.txt:2: "));
+  EXPECT_THAT(message_of<FileError>([&] { file.read(std::string("a\nb\0c\n", 6)); }), HasSubstr("t.txt:2: "));
   const TemporaryFolder folder;
   EXPECT_THROW(TextReader(folder / "absent.txt", "a test file"), FileError);
   EXPECT_THROW(TextReader(folder.path(), "a test file"), FileError);
@@ -100,7 +94,8 @@ TEST(TextReaderRejects, AnEarlyEnd) {
   TextReaderFile file;
   TextReader reader = file.read("only\n");
   reader.next_line();
-  EXPECT_THAT(message_of([&] { reader.require_line("the bones"); }), HasSubstr("ends where the bones should stand"));
+  EXPECT_THAT(message_of<FileError>([&] { reader.require_line("the bones"); }),
+              HasSubstr("ends where the bones should stand"));
 }
 
 TEST(TextReaderReference, PathsOfOtherSystems) {

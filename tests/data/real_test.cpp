@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
@@ -9,6 +8,7 @@
 #include "doppel/data/keypoints.h"
 #include "doppel/data/prepare.h"
 #include "doppel/data/video.h"
+#include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
@@ -16,19 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class RealData : public ::testing::Test {
- protected:
-  void SetUp() override {
-    const char* shared = std::getenv("DOPPEL_SHARED");
-    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: the folder with captures/s22 is needed";
-    capture_ = fs::path(shared) / "captures/s22";
-  }
-  fs::path capture_;
-};
+class RealData : public support::SharedFolderTest {};
 
 TEST_F(RealData, RecognisesAndPreparesTheCapture) {
   const support::TemporaryFolder folder;
-  Capture capture = find_capture(capture_);
+  Capture capture = find_capture(capture_folder());
   ASSERT_EQ(capture.sequences.size(), 2u);
   EXPECT_EQ(capture.sequences[0].cuts, (std::vector<long>{80}));
   EXPECT_EQ(capture.character, "character/ddc.character");
@@ -53,10 +45,10 @@ TEST_F(RealData, RecognisesAndPreparesTheCapture) {
 
 // The studio is green and its empty pictures are given: both ways of keying must come near the true masks.
 TEST_F(RealData, ChromaKeyComesNearTheTrueMasks) {
-  const auto videos = open_frames((capture_ / "training/videos/stream003.mp4").string(), PixelFormat::colour);
+  const auto videos = open_frames((capture_folder() / "training/videos/stream003.mp4").string(), PixelFormat::colour);
   const auto masks =
-      open_frames((capture_ / "training/foregroundSegmentation/stream003.mkv").string(), PixelFormat::grey);
-  const cv::Mat background = cv::imread((capture_ / "background/003.png").string());
+      open_frames((capture_folder() / "training/foregroundSegmentation/stream003.mkv").string(), PixelFormat::grey);
+  const cv::Mat background = cv::imread((capture_folder() / "background/003.png").string());
   for (const long frame : {0L, 40L}) {
     const cv::Mat picture = videos->read(frame), truth = threshold_mask(masks->read(frame), 128);
     for (const auto space : {ChromaKey::Space::hsv, ChromaKey::Space::ycrcb}) {

@@ -1,30 +1,20 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
 
 #include "doppel/geometry/calibration.h"
 #include "doppel/geometry/topology.h"
+#include "support/shared_folder.h"
 
 namespace doppel {
 namespace {
 
-namespace fs = std::filesystem;
-
-class RealGeometry : public ::testing::Test {
- protected:
-  void SetUp() override {
-    const char* shared = std::getenv("DOPPEL_SHARED");
-    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: the example capture is looked for there";
-    capture_ = fs::path(shared) / "captures/s22";
-  }
-  fs::path capture_;
-};
+class RealGeometry : public support::SharedFolderTest {};
 
 TEST_F(RealGeometry, BothCalibrationFilesAgree) {
-  const std::vector<Camera> a = read_calibration(capture_ / "calibration/cameras.calibration");
-  const std::vector<Camera> b = read_calibration(capture_ / "calibration/cameras.yml");
+  const std::vector<Camera> a = read_calibration(capture_folder() / "calibration/cameras.calibration");
+  const std::vector<Camera> b = read_calibration(capture_folder() / "calibration/cameras.yml");
   ASSERT_EQ(a.size(), 8u);
   ASSERT_EQ(b.size(), 8u);
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -42,7 +32,7 @@ TEST_F(RealGeometry, BothCalibrationFilesAgree) {
 
 TEST_F(RealGeometry, TheTemplateIsOneClosedSurface) {
   const auto start = std::chrono::steady_clock::now();
-  const TriangleMesh mesh = read_obj(capture_ / "character/ddc.obj", 0.001);
+  const TriangleMesh mesh = read_obj(capture_folder() / "character/ddc.obj", 0.001);
   RecordProperty(
       "milliseconds",
       static_cast<int>(1000 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()));
@@ -66,7 +56,7 @@ TEST_F(RealGeometry, TheTemplateIsOneClosedSurface) {
 }
 
 TEST_F(RealGeometry, TheTemplateDecimatesToAGraph) {
-  const TriangleMesh coarse = decimate(read_obj(capture_ / "character/ddc.obj", 0.001), 500);
+  const TriangleMesh coarse = decimate(read_obj(capture_folder() / "character/ddc.obj", 0.001), 500);
   EXPECT_EQ(coarse.num_vertices(), 500);
   const MeshReport report = inspect_mesh(coarse);
   EXPECT_TRUE(report.closed());

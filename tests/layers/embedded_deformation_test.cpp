@@ -8,11 +8,13 @@
 #include "doppel/layers/surface.h"
 #include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using test::gradients_match;
 using test::is_near;
 using test::leaf;
@@ -234,15 +236,6 @@ TEST(SurfaceAgrees, KernelGradientToThePoseEqualsReference) {
   const auto expected =
       test::gradients_of(surface->deformed(b, exact.tensors[0], exact.tensors[1], exact.tensors[2]), probe, {b});
   EXPECT_TRUE(is_near(found[0], expected[0], 1e-3, 1e-4));
-}
-
-std::string message_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(EmbeddedDeformationRejects, ShapesAndTypesWithTheShapeFound) {

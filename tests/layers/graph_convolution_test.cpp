@@ -5,18 +5,17 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-#include <cstdlib>
-#include <filesystem>
-
 #include "doppel/character/character.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 #include "support/gradient_check.h"
-#include "support/npy.h"
+#include "support/message_of.h"
+#include "support/shared_folder.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using torch::Tensor;
@@ -239,38 +238,28 @@ TEST(EluGraphConvolutionGradient, OfTheReferenceMatchesCentralDifferences) {
        {"skip", torch::randn({9, 4, 2}, torch::kFloat64)}}));
 }
 
-template <typename Call>
-std::string message_of(Call call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
-}
-
 TEST(GraphConvolutionRejects, WrongShapesAndTypesByName) {
   const RingWeights ring = RingWeights::from_topology(path_graph(4), 2);
   const Tensor kernels = torch::zeros({4, 3, 2}), bias = torch::zeros({4, 2}), features = torch::zeros({2, 4, 3});
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] {
                 graph_convolution(torch::zeros({2, 5, 3}), kernels, bias, ring);
               }),
               AllOf(HasSubstr("features"), HasSubstr("[B,K,Hin]"), HasSubstr("[2,5,3]")));
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] {
                 graph_convolution(features, torch::zeros({4, 2, 2}), bias, ring);
               }),
               AllOf(HasSubstr("kernels"), HasSubstr("[4,2,2]")));
-  EXPECT_THAT(message_of([&] { graph_convolution(features, kernels, torch::zeros({2}), ring); }),
+  EXPECT_THAT(message_of<Error>([&] { graph_convolution(features, kernels, torch::zeros({2}), ring); }),
               AllOf(HasSubstr("bias"), HasSubstr("[4,2]")));
-  EXPECT_THAT(message_of([&] { graph_convolution(features, kernels.to(torch::kFloat64), bias, ring); }),
+  EXPECT_THAT(message_of<Error>([&] { graph_convolution(features, kernels.to(torch::kFloat64), bias, ring); }),
               AllOf(HasSubstr("kernels"), HasSubstr("ouble")));
-  EXPECT_THAT(message_of([&] { RingWeights::from_topology(path_graph(4), 0); }), HasSubstr("R = 0"));
+  EXPECT_THAT(message_of<Error>([&] { RingWeights::from_topology(path_graph(4), 0); }), HasSubstr("R = 0"));
 }
 
 TEST(GraphConvolutionRejects, BatchStatisticsOfOneSample) {
   const RingWeights ring = RingWeights::from_topology(path_graph(4), 2);
   const NodeNorm norm = random_norm(ring, 3, true, torch::kFloat32);
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(message_of<Error>([&] {
                 elu_graph_convolution_node_major(torch::zeros({4, 1, 3}), norm, torch::zeros({4, 3, 2}),
                                                  torch::zeros({4, 2}), ring);
               }),
@@ -291,25 +280,22 @@ TEST(GraphConvolutionRejects, SecondDerivativesThroughTheKernel) {
 }
 
 /// Independent outputs on the public example character.
-class RealGraphConvolution : public ::testing::Test {
+class RealGraphConvolution : public support::SharedFolderTest {
  protected:
   void SetUp() override {
-    const char* shared = std::getenv("DOPPEL_SHARED");
-    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: the folder with captures/ and oracle/";
-    root_ = shared;
-    graph_ = load_character(root_ / "captures/s22/character/ddc.character").graph;
+    SharedFolderTest::SetUp();
+    if (!IsSkipped()) graph_ = load_character(character_file()).graph;
   }
   Tensor array(const std::string& name) const {
-    const DoubleArray data = read_doubles(root_ / "oracle/gcn" / name);
-    return torch::tensor(at::ArrayRef<double>(data.values), torch::kFloat64).view(data.shape);
+    const NpyArray data = oracle("gcn/" + name);
+    return torch::tensor(data.as<double>(), torch::kFloat64).view(data.shape);
   }
-  std::filesystem::path root_;
   EmbeddedGraph graph_;
 };
 
 TEST_F(RealGraphConvolution, AdjacencyMatches) {
   const RingWeights ring = RingWeights::from_graph(graph_, 3);
-  const Tensor pairs = array("adj_ring3_kl.npy").to(torch::kInt64), values = array("adj_ring3_norm1_value_f64.npy");
+  const Tensor pairs = array("adj_ring3_kl").to(torch::kInt64), values = array("adj_ring3_norm1_value_f64");
   ASSERT_EQ(ring.num_entries, values.numel());
   Tensor expected = torch::zeros({ring.num_nodes, ring.num_nodes}, torch::kFloat64);
   const Tensor by_row = pairs.size(0) == 2 && pairs.size(1) != 2 ? pairs.t() : pairs;
@@ -319,12 +305,12 @@ TEST_F(RealGraphConvolution, AdjacencyMatches) {
 }
 
 TEST_F(RealGraphConvolution, OutputsMatch) {
-  const Tensor kernels = array("op_kernel_f32.npy"), bias = array("op_bias_f32.npy");
-  const Tensor raw = array("op_input_f32.npy"), input = raw.dim() == 2 ? raw.unsqueeze(0) : raw;
+  const Tensor kernels = array("op_kernel_f32"), bias = array("op_bias_f32");
+  const Tensor raw = array("op_input_f32"), input = raw.dim() == 2 ? raw.unsqueeze(0) : raw;
   for (const int rings : {2, 3}) {
     const RingWeights ring = RingWeights::from_graph(graph_, rings);
     const Tensor expected =
-        array("op_output_ring" + std::to_string(rings) + "_norm1_f64.npy").view({input.size(0), ring.num_nodes, -1});
+        array("op_output_ring" + std::to_string(rings) + "_norm1_f64").view({input.size(0), ring.num_nodes, -1});
     for (const auto type : {torch::kFloat64, torch::kFloat32}) {
       const Tensor found =
           graph_convolution(input.to(type), kernels.to(type), bias.to(type).view({ring.num_nodes, -1}), ring);

@@ -7,11 +7,13 @@
 #include "doppel/layers/reference_scope.h"
 #include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using test::gradients_match;
 using test::is_near;
 using test::leaf;
@@ -125,15 +127,6 @@ TEST(KinematicsGradient, ADofThatDrivesNothingHasNone) {
   const int64_t idle = *actor().skeleton.find_dof("idle");
   EXPECT_EQ(dofs.grad().select(1, idle).abs().max().item<float>(), 0.0f);
   EXPECT_GT(dofs.grad().abs().max().item<float>(), 0.0f);
-}
-
-std::string message_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(KinematicsRejects, AnotherNumberOfDofs) {

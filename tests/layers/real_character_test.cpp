@@ -1,13 +1,10 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-#include <cstdlib>
-#include <filesystem>
-
 #include "doppel/layers/surface.h"
 #include "layers/random_transforms.h"
 #include "support/gradient_check.h"
-#include "support/npy.h"
+#include "support/shared_folder.h"
 
 // The numbers of an independent implementation on a real character (millimetres in its files, metres here).
 
@@ -19,19 +16,17 @@ using torch::Tensor;
 
 constexpr double kMillimetre = 1e-3;
 
-class RealCharacter : public testing::Test {
+class RealCharacter : public support::SharedFolderTest {
  protected:
   void SetUp() override {
-    const char* shared = std::getenv("DOPPEL_SHARED");
-    if (!shared) GTEST_SKIP() << "DOPPEL_SHARED is not set: it names the folder with captures/s22 and oracle";
-    folder_ = shared;
-    dofs_ = oracle("dofs_f64", 1.0);
+    SharedFolderTest::SetUp();
+    if (!IsSkipped()) dofs_ = oracle("dofs_f64", 1.0);
   }
 
   /// An array of the oracle times `scale`.
   Tensor oracle(const std::string& name, double scale) const {
-    const DoubleArray array = read_doubles(folder_ / "oracle" / (name + ".npy"));
-    return torch::from_blob(const_cast<double*>(array.values.data()), array.shape, torch::kFloat64) * scale;
+    const NpyArray array = SharedFolderTest::oracle(name);
+    return torch::tensor(array.as<double>(), torch::kFloat64).view(array.shape) * scale;
   }
   /// [...,4,4] transforms in millimetres as [...,3,4] in metres.
   Tensor oracle_transforms(const std::string& name) const {
@@ -44,7 +39,7 @@ class RealCharacter : public testing::Test {
     static const Character character = [this] {
       CharacterOptions options;
       options.graph.adaptive_radius = false;  // the oracle's deformations have radius 3 for all nodes
-      return load_character(folder_ / "captures" / "s22" / "character" / "ddc.character", options);
+      return load_character(character_file(), options);
     }();
     return character;
   }
@@ -56,7 +51,6 @@ class RealCharacter : public testing::Test {
     return dofs;
   }
 
-  std::filesystem::path folder_;
   Tensor dofs_;
 };
 

@@ -9,11 +9,13 @@
 #include "doppel/layers/reference_scope.h"
 #include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using test::gradients_match;
 using test::is_near;
 using test::leaf;
@@ -216,15 +218,6 @@ TEST(SkinningGradient, ReferenceEqualsCentralDifferences) {
     EXPECT_TRUE(gradients_match([&](const auto& x) { return skinning->blend(x[0]); }, {{"bones", bones}},
                                 {1e-6, 1e-6, 1e-5, 60}));
   }
-}
-
-std::string message_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-  return "no error";
 }
 
 TEST(SkinningRejects, ShapesAndTypesWithTheShapeFound) {

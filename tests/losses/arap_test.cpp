@@ -7,11 +7,13 @@
 
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "support/gradient_check.h"
+#include "support/message_of.h"
 #include "support/test_character.h"
 
 namespace doppel {
 namespace {
 
+using support::message_of;
 using test::gradients_match;
 using test::is_near;
 using torch::Tensor;
@@ -91,14 +93,6 @@ TEST(ArapGradient, ReferenceEqualsCentralDifferences) {
 }
 
 TEST(ArapRejects, BadShapesAndEdges) {
-  const auto message_of = [](const std::function<void()>& call) -> std::string {
-    try {
-      call();
-    } catch (const std::exception& error) {
-      return error.what();
-    }
-    return "no error";
-  };
   const ArapGraph graph(actor());
   const Tensor good = torch::zeros({2, actor().num_nodes(), 3});
   EXPECT_THAT(message_of([&] { arap_loss(torch::zeros({2, 3, 3}), good, graph); }), testing::HasSubstr("A must be"));

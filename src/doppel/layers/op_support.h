@@ -46,6 +46,12 @@ inline void check_same_kind(const char* op, const char* argument, const torch::T
   }
 }
 
+/// A tensor that an op can go without. `Function::apply` takes no undefined tensors, so they travel like this.
+using OptionalTensor = c10::optional<torch::Tensor>;
+inline OptionalTensor optional_of(const torch::Tensor& tensor) {
+  return tensor.defined() ? OptionalTensor(tensor) : c10::nullopt;
+}
+
 /// Gradients that may be used but not differentiated again: doing so throws an error that names the op.
 torch::autograd::variable_list once_differentiable(torch::autograd::variable_list gradients, const char* op);
 

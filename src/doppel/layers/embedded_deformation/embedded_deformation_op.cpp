@@ -15,7 +15,6 @@ namespace {
 using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
-using OptionalTensor = c10::optional<Tensor>;
 
 const char* const kOp = "doppel::embedded_deformation";
 constexpr int64_t kBlock = 16;
@@ -184,8 +183,6 @@ std::tuple<Tensor, Tensor, Tensor, Tensor> backward_cpu(const Tensor& grad_in, c
   });
   return {grad_A, grad_T, grad_D, grad_M};
 }
-
-OptionalTensor optional_of(const Tensor& tensor) { return tensor.defined() ? OptionalTensor(tensor) : c10::nullopt; }
 
 Tensor call_forward(const Tensor& A, const Tensor& T, const Tensor& D, const Tensor& M, at::TensorList graph) {
   static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();

@@ -15,7 +15,6 @@ namespace {
 using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
-using OptionalTensor = c10::optional<Tensor>;
 
 const char* const kOp = "doppel::skinning";
 // The points are cut into this many parts whatever the number of threads, so that sums over them have the same bits.
@@ -141,8 +140,6 @@ std::tuple<Tensor, Tensor> backward_cpu(const Tensor& grad, const OptionalTensor
                                         at::TensorList rows, int64_t mode, bool wants_points, bool wants_bones) {
   return run_backward(grad, points.value_or(Tensor()), bones, rows, mode, wants_points, wants_bones);
 }
-
-OptionalTensor optional_of(const Tensor& tensor) { return tensor.defined() ? OptionalTensor(tensor) : c10::nullopt; }
 
 Tensor call_forward(const Tensor& points, const Tensor& bones, at::TensorList rows, int64_t mode) {
   static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();
