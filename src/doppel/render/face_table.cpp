@@ -1,12 +1,14 @@
 #include "doppel/render/face_table.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <limits>
 #include <sstream>
 
 #include "doppel/core/error.h"
 
 namespace doppel::render {
-namespace {
 
 std::string describe(const torch::Tensor& t) {
   if (!t.defined()) return "no tensor";
@@ -14,6 +16,10 @@ std::string describe(const torch::Tensor& t) {
   text << t.dtype().name() << " " << t.sizes() << " on " << t.device();
   return text.str();
 }
+
+std::string describe_sizes(torch::IntArrayRef sizes) { return fmt::format("[{}]", fmt::join(sizes, ",")); }
+
+namespace {
 
 std::string wanted(torch::IntArrayRef sizes) {
   std::string text = "[";

@@ -2,9 +2,15 @@
 
 #include <torch/types.h>
 
+#include <string>
+
 #include "doppel/render/view_pass.h"
 
 namespace doppel::render {
+
+/// A tensor, or sizes, as messages show them: `float [4,70,3,4] on cpu`, `[-1,3]`.
+std::string describe(const torch::Tensor& t);
+std::string describe_sizes(torch::IntArrayRef sizes);
 
 /// @param faces int32 or int64 [F,3]; @param caller named in messages
 /// @throws Error for another shape or type, or an index that is negative or beyond int32

@@ -46,6 +46,16 @@ Tensor projection_tensor(const std::vector<Camera>& cameras, torch::ScalarType d
   return out.to(dtype);
 }
 
+CameraPlacement camera_placement(const Tensor& projection) {
+  const Tensor p = projection.to(torch::kFloat64);
+  const Tensor M = p.index({Ellipsis, Slice(0, 3)}), offset = p.index({Ellipsis, Slice(3, 4)});
+  const Tensor centre = -torch::matmul(torch::inverse(M), offset).squeeze(-1);
+  const Tensor axis = M.select(-2, 2);
+  // A matrix scaled by a negative number is the same camera.
+  const Tensor forward = axis * torch::det(M).sign().unsqueeze(-1) / axis.norm(2, {-1}, true);
+  return {centre.to(projection.scalar_type()), forward.to(projection.scalar_type())};
+}
+
 Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype) {
   Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 4}, torch::kFloat64);
   double* data = out.data_ptr<double>();

@@ -18,6 +18,14 @@ torch::Tensor project(const torch::Tensor& points, const torch::Tensor& projecti
 /// Projection matrices K [R|t] of pinhole cameras, distortion ignored. @return [C,3,4] of `dtype`
 torch::Tensor projection_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype = torch::kFloat32);
 
+/// Where cameras stand and what they look along, from their projection matrices alone.
+struct CameraPlacement {
+  torch::Tensor centre;   ///< [...,3] world, metres
+  torch::Tensor forward;  ///< [...,3] unit vector along the optical axis, world axes
+};
+/// @param projection [...,3,4] pixels from world metres, of any scale; plain tensor operations
+CameraPlacement camera_placement(const torch::Tensor& projection);
+
 /// fx fy cx cy of each camera, as Rasterizer takes them. @return [C,4] of `dtype`
 /// @throws Error for a camera with skew
 torch::Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype = torch::kFloat32);

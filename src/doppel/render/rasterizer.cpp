@@ -1,15 +1,14 @@
 #include "doppel/render/rasterizer.h"
 
-#include <ATen/Parallel.h>
 #include <torch/library.h>
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <limits>
 
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
+#include "doppel/render/view_workers.h"
 
 namespace doppel {
 
@@ -32,6 +31,12 @@ std::vector<Matrix> matrices_of_intrinsics(const Tensor& intrinsics, std::int64_
   return matrices;
 }
 
+void check_faces(const render::FaceTable& faces, std::int64_t num_vertices, const char* caller) {
+  if (faces.num_vertices > num_vertices) {
+    fail<UsageError>("{}: a face names vertex {}, and there are only {}", caller, faces.num_vertices - 1, num_vertices);
+  }
+}
+
 void check_views(const Tensor& vertices, const Tensor& intrinsics, const render::FaceTable& faces, std::int64_t height,
                  std::int64_t width) {
   render::check_floats(vertices, "rasterize", "vertices", {-1, -1, 3});
@@ -41,10 +46,7 @@ void check_views(const Tensor& vertices, const Tensor& intrinsics, const render:
         "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or one of intrinsics",
         vertices.size(0), intrinsics.size(0));
   }
-  if (faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("rasterize: a face names vertex {}, and there are only {}", faces.num_vertices - 1,
-                     vertices.size(1));
-  }
+  check_faces(faces, vertices.size(1), "rasterize");
   render::check_image_size(height, width, "rasterize");
 }
 
@@ -70,17 +72,12 @@ struct Rasterizer::State {
   RasterizerOptions options;
   RasterImage image;
   std::vector<std::vector<kernels::TileRect>> dirty;  ///< [V][tiles] what of the images is not background
-  std::vector<ViewPass> passes;                       ///< one per thread
-  std::vector<kernels::TileBuffer> buffers;
+  render::ViewWorkers workers;
 
   void shape_outputs(std::int64_t views, std::int64_t height, std::int64_t width);
-
-  /// Calls begin(pass, view, chunks) for every view and draw(pass, view, tile, thread) for every tile of it. Views go
-  /// to threads whole if there are enough of them; otherwise the steps of a view are shared out.
-  template <typename Begin, typename Draw>
-  void run(std::int64_t views, const Begin& begin, const Draw& draw);
-  template <typename Begin, typename Draw>
-  void share_out(std::int64_t view, int threads, const Begin& begin, const Draw& draw);
+  /// Draws all views into `image`; begin(pass, view, chunks) starts one.
+  template <typename Begin>
+  void draw(std::int64_t height, std::int64_t width, const Begin& begin);
 };
 
 void Rasterizer::State::shape_outputs(std::int64_t views, std::int64_t height, std::int64_t width) {
@@ -94,43 +91,16 @@ void Rasterizer::State::shape_outputs(std::int64_t views, std::int64_t height, s
   dirty.assign(static_cast<std::size_t>(views), std::vector<kernels::TileRect>(static_cast<std::size_t>(tiles)));
 }
 
-template <typename Begin, typename Draw>
-void Rasterizer::State::run(std::int64_t views, const Begin& begin, const Draw& draw) {
-  const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
-  if (passes.size() < static_cast<std::size_t>(threads)) passes.resize(static_cast<std::size_t>(threads));
-  while (buffers.size() < static_cast<std::size_t>(threads)) render::reset(buffers.emplace_back());
-  if (views < threads) {
-    for (std::int64_t v = 0; v < views; ++v) share_out(v, threads, begin, draw);
-    return;
-  }
-  std::atomic<std::int64_t> next{0};
-  at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
-    for (std::int64_t thread = first; thread < last; ++thread) {
-      ViewPass& pass = passes[static_cast<std::size_t>(thread)];
-      for (std::int64_t v = next++; v < views; v = next++) {
-        begin(pass, v, 1);
-        pass.prepare();
-        for (int tile = 0; tile < pass.num_tiles(); ++tile) draw(pass, v, tile, thread);
-      }
-    }
-  });
-}
-
-template <typename Begin, typename Draw>
-void Rasterizer::State::share_out(std::int64_t view, int threads, const Begin& begin, const Draw& draw) {
-  constexpr std::int64_t kVerticesPerThread = 16384;  // fewer are projected faster than a thread is woken
-  ViewPass& pass = passes[0];
-  begin(pass, view, threads);
-  at::parallel_for(0, pass.num_vertices(), kVerticesPerThread,
-                   [&](std::int64_t first, std::int64_t last) { pass.project(first, last); });
-  at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
-    for (std::int64_t chunk = first; chunk < last; ++chunk) pass.bin(static_cast<int>(chunk));
-  });
-  std::atomic<int> next{0};
-  at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
-    for (std::int64_t thread = first; thread < last; ++thread) {
-      for (int tile = next++; tile < pass.num_tiles(); tile = next++) draw(pass, view, tile, thread);
-    }
+template <typename Begin>
+void Rasterizer::State::draw(std::int64_t height, std::int64_t width, const Begin& begin) {
+  const std::int64_t pixels = height * width;
+  std::int32_t* face_id = image.face_id.data_ptr<std::int32_t>();
+  float* depth = image.depth.data_ptr<float>();
+  float* barycentrics = image.barycentrics.data_ptr<float>();
+  workers.run(image.depth.size(0), begin, [&](const ViewPass& pass, std::int64_t v, int tile, std::int64_t thread) {
+    const kernels::RasterOutput out{face_id + pixels * v, depth + pixels * v, barycentrics + 3 * pixels * v};
+    pass.draw_tile(tile, workers.buffer(thread), dirty[static_cast<std::size_t>(v)][static_cast<std::size_t>(tile)],
+                   out);
   });
 }
 
@@ -149,24 +119,32 @@ const RasterImage& Rasterizer::rasterize(const Tensor& vertices_in_camera, const
   State& s = *state_;
   check_views(vertices_in_camera, intrinsics, s.faces, height, width);
   const Tensor vertices = vertices_in_camera.contiguous();
-  const std::int64_t views = vertices.size(0), num_vertices = vertices.size(1), pixels = height * width;
+  const std::int64_t views = vertices.size(0), num_vertices = vertices.size(1);
   const std::vector<Matrix> matrices = matrices_of_intrinsics(intrinsics, views);
   s.shape_outputs(views, height, width);
   const float* points = vertices.data_ptr<float>();
-  std::int32_t* face_id = s.image.face_id.data_ptr<std::int32_t>();
-  float* depth = s.image.depth.data_ptr<float>();
-  float* barycentrics = s.image.barycentrics.data_ptr<float>();
-  s.run(
-      views,
-      [&](ViewPass& pass, std::int64_t v, int chunks) {
-        pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[static_cast<std::size_t>(v)].data(),
-                   static_cast<int>(width), static_cast<int>(height), s.options.z_near, s.options.cull, chunks);
-      },
-      [&](const ViewPass& pass, std::int64_t v, int tile, std::int64_t thread) {
-        const kernels::RasterOutput out{face_id + pixels * v, depth + pixels * v, barycentrics + 3 * pixels * v};
-        pass.draw_tile(tile, s.buffers[static_cast<std::size_t>(thread)],
-                       s.dirty[static_cast<std::size_t>(v)][static_cast<std::size_t>(tile)], out);
-      });
+  s.draw(height, width, [&](ViewPass& pass, std::int64_t v, int chunks) {
+    pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[static_cast<std::size_t>(v)].data(),
+               static_cast<int>(width), static_cast<int>(height), s.options.z_near, s.options.cull, chunks);
+  });
+  return s.image;
+}
+
+const RasterImage& Rasterizer::rasterize_projected(const Tensor& vertices, const Tensor& projection,
+                                                   std::int64_t height, std::int64_t width) {
+  State& s = *state_;
+  render::check_floats(vertices, "rasterize", "vertices", {-1, -1, 3});
+  render::check_floats(projection, "rasterize", "projection", {vertices.size(0), -1, 3, 4});
+  render::check_image_size(height, width, "rasterize");
+  check_faces(s.faces, vertices.size(1), "rasterize");
+  const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
+  const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1);
+  s.shape_outputs(vertices.size(0) * cameras, height, width);
+  s.draw(height, width, [&](ViewPass& pass, std::int64_t v, int chunks) {
+    pass.begin(s.faces, points.data_ptr<float>() + 3 * num_vertices * (v / cameras), num_vertices,
+               matrices.data_ptr<float>() + 12 * v, static_cast<int>(width), static_cast<int>(height), s.options.z_near,
+               s.options.cull, chunks);
+  });
   return s.image;
 }
 
@@ -187,17 +165,14 @@ Tensor Rasterizer::coverage_projected(const Tensor& vertices, const Tensor& proj
   render::check_floats(vertices, "coverage", "vertices", {-1, -1, 3});
   render::check_floats(projection, "coverage", "projection", {vertices.size(0), -1, 3, 4});
   render::check_image_size(height, width, "coverage");
-  if (s.faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("coverage: a face names vertex {}, and there are only {}", s.faces.num_vertices - 1,
-                     vertices.size(1));
-  }
+  check_faces(s.faces, vertices.size(1), "coverage");
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
   const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1), pixels = height * width;
   Tensor mask = torch::zeros({vertices.size(0), cameras, height, width}, torch::kUInt8);
   std::uint8_t* out = mask.data_ptr<std::uint8_t>();
   const float* x = points.data_ptr<float>();
   const float* p = matrices.data_ptr<float>();
-  s.run(
+  s.workers.run(
       vertices.size(0) * cameras,
       [&](ViewPass& pass, std::int64_t v, int chunks) {
         pass.begin(s.faces, x + 3 * num_vertices * (v / cameras), num_vertices, p + 12 * v, static_cast<int>(width),

@@ -43,6 +43,12 @@ class Rasterizer {
   const RasterImage& rasterize(const torch::Tensor& vertices_in_camera, const torch::Tensor& intrinsics,
                                std::int64_t height, std::int64_t width);
 
+  /// The same for world vertices and projection matrices, the cameras of each batch item its own.
+  /// @param vertices float32 [B,N,3], metres; @param projection float32 [B,C,3,4] pixels from world metres
+  /// @return as `rasterize`, of V = B*C views
+  const RasterImage& rasterize_projected(const torch::Tensor& vertices, const torch::Tensor& projection,
+                                         std::int64_t height, std::int64_t width);
+
   /// Whether any face covers the pixel. @return uint8 [V,H,W], 1 covered, 0 not; fresh at each call.
   torch::Tensor coverage(const torch::Tensor& vertices_in_camera, const torch::Tensor& intrinsics, std::int64_t height,
                          std::int64_t width);

@@ -102,16 +102,16 @@ static inline Int choose(Mask m, Int a, Int b) { return m ? a : b; }
 
 // --- gathers of records of four floats -------------------------------------------------------------------------------
 
-/// Components 0..3 of the records `index[lane]`, one vector each.
-static inline void load_records(const float* records, const std::int32_t* index, Float& a, Float& b, Float& c,
-                                Float& d) {
+/// Four floats from each place `kStride * index[lane]`, one vector for each of the four.
+template <int kStride>
+static inline void load_quads(const float* records, const std::int32_t* index, Float& a, Float& b, Float& c, Float& d) {
 #if defined(__AVX512F__)
   __m512 r[4];
   for (int i = 0; i < 4; ++i) {
-    __m512 v = _mm512_castps128_ps512(_mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[i])));
-    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[4 + i])), 1);
-    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[8 + i])), 2);
-    r[i] = _mm512_insertf32x4(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[12 + i])), 3);
+    __m512 v = _mm512_castps128_ps512(_mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[i])));
+    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[4 + i])), 1);
+    v = _mm512_insertf32x4(v, _mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[8 + i])), 2);
+    r[i] = _mm512_insertf32x4(v, _mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[12 + i])), 3);
   }
   const __m512 ab01 = _mm512_unpacklo_ps(r[0], r[1]), cd01 = _mm512_unpackhi_ps(r[0], r[1]);
   const __m512 ab23 = _mm512_unpacklo_ps(r[2], r[3]), cd23 = _mm512_unpackhi_ps(r[2], r[3]);
@@ -122,8 +122,8 @@ static inline void load_records(const float* records, const std::int32_t* index,
 #elif defined(__AVX2__)
   __m256 r[4];
   for (int i = 0; i < 4; ++i) {
-    const __m256 v = _mm256_castps128_ps256(_mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[i])));
-    r[i] = _mm256_insertf128_ps(v, _mm_loadu_ps(records + 4 * static_cast<std::int64_t>(index[4 + i])), 1);
+    const __m256 v = _mm256_castps128_ps256(_mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[i])));
+    r[i] = _mm256_insertf128_ps(v, _mm_loadu_ps(records + kStride * static_cast<std::int64_t>(index[4 + i])), 1);
   }
   const __m256 ab01 = _mm256_unpacklo_ps(r[0], r[1]), cd01 = _mm256_unpackhi_ps(r[0], r[1]);
   const __m256 ab23 = _mm256_unpacklo_ps(r[2], r[3]), cd23 = _mm256_unpackhi_ps(r[2], r[3]);
@@ -133,11 +133,49 @@ static inline void load_records(const float* records, const std::int32_t* index,
   d = (Float)_mm256_shuffle_ps(cd01, cd23, 0xEE);
 #else
   for (int i = 0; i < kLanes; ++i) {
-    const float* r = records + 4 * static_cast<std::int64_t>(index[i]);
+    const float* r = records + kStride * static_cast<std::int64_t>(index[i]);
     a[i] = r[0];
     b[i] = r[1];
     c[i] = r[2];
     d[i] = r[3];
+  }
+#endif
+}
+
+/// Components 0..3 of the records `index[lane]`, one vector each.
+static inline void load_records(const float* records, const std::int32_t* index, Float& a, Float& b, Float& c,
+                                Float& d) {
+  load_quads<4>(records, index, a, b, c, d);
+}
+
+/// The way back: a..d of lane 0, of lane 1, ... `out` [kLanes,4].
+static inline void store_quads(float* out, Float a, Float b, Float c, Float d) {
+#if defined(__AVX512F__)
+  const __m512 ab01 = _mm512_unpacklo_ps((__m512)a, (__m512)b), ab23 = _mm512_unpackhi_ps((__m512)a, (__m512)b);
+  const __m512 cd01 = _mm512_unpacklo_ps((__m512)c, (__m512)d), cd23 = _mm512_unpackhi_ps((__m512)c, (__m512)d);
+  const __m512 r[4] = {_mm512_shuffle_ps(ab01, cd01, 0x44), _mm512_shuffle_ps(ab01, cd01, 0xEE),
+                       _mm512_shuffle_ps(ab23, cd23, 0x44), _mm512_shuffle_ps(ab23, cd23, 0xEE)};
+  for (int i = 0; i < 4; ++i) {
+    _mm_storeu_ps(out + 4 * i, _mm512_castps512_ps128(r[i]));
+    _mm_storeu_ps(out + 4 * (4 + i), _mm512_extractf32x4_ps(r[i], 1));
+    _mm_storeu_ps(out + 4 * (8 + i), _mm512_extractf32x4_ps(r[i], 2));
+    _mm_storeu_ps(out + 4 * (12 + i), _mm512_extractf32x4_ps(r[i], 3));
+  }
+#elif defined(__AVX2__)
+  const __m256 ab01 = _mm256_unpacklo_ps((__m256)a, (__m256)b), ab23 = _mm256_unpackhi_ps((__m256)a, (__m256)b);
+  const __m256 cd01 = _mm256_unpacklo_ps((__m256)c, (__m256)d), cd23 = _mm256_unpackhi_ps((__m256)c, (__m256)d);
+  const __m256 r[4] = {_mm256_shuffle_ps(ab01, cd01, 0x44), _mm256_shuffle_ps(ab01, cd01, 0xEE),
+                       _mm256_shuffle_ps(ab23, cd23, 0x44), _mm256_shuffle_ps(ab23, cd23, 0xEE)};
+  for (int i = 0; i < 4; ++i) {
+    _mm_storeu_ps(out + 4 * i, _mm256_castps256_ps128(r[i]));
+    _mm_storeu_ps(out + 4 * (4 + i), _mm256_extractf128_ps(r[i], 1));
+  }
+#else
+  for (int i = 0; i < kLanes; ++i) {
+    out[4 * i] = a[i];
+    out[4 * i + 1] = b[i];
+    out[4 * i + 2] = c[i];
+    out[4 * i + 3] = d[i];
   }
 #endif
 }

@@ -13,12 +13,18 @@ using kernels::kTile;
 
 void ViewPass::begin(const FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix,
                      int width, int height, float z_near, bool cull, int num_chunks) {
+  begin(faces.corners.data(), faces.num_faces, vertices, num_vertices, matrix, width, height, z_near, cull, num_chunks);
+}
+
+void ViewPass::begin(const std::int32_t* faces, std::int64_t num_faces, const float* vertices,
+                     std::int64_t num_vertices, const float* matrix, int width, int height, float z_near, bool cull,
+                     int num_chunks) {
   num_vertices_ = num_vertices;
-  num_faces_ = faces.num_faces;
+  num_faces_ = num_faces;
   screen_.resize(static_cast<std::size_t>(4 * std::max<std::int64_t>(num_vertices, 1)));
   view_.vertices = vertices;
   std::memcpy(view_.matrix, matrix, sizeof view_.matrix);
-  view_.faces = faces.corners.data();
+  view_.faces = faces;
   view_.screen = screen_.data();
   view_.width = width;
   view_.height = height;
@@ -129,13 +135,18 @@ void ViewPass::for_each_bin(int tile, const Draw& draw) const {
 
 void ViewPass::draw_tile(int tile, kernels::TileBuffer& buffer, kernels::TileRect& dirty,
                          const kernels::RasterOutput& out) const {
-  kernels::TileRect drawn;
-  for_each_bin(tile, [&](const kernels::TileWork& work) { kernels::draw_tile(view_, work, buffer, drawn); });
+  const kernels::TileRect drawn = draw_tile(tile, buffer);
   const kernels::TileRect both{std::min(drawn.x0, dirty.x0), std::min(drawn.y0, dirty.y0), std::max(drawn.x1, dirty.x1),
                                std::max(drawn.y1, dirty.y1)};
   dirty = drawn;
   if (both.x1 <= both.x0) return;
   kernels::resolve_tile(view_, tile % tiles_x_ * kTile, tile / tiles_x_ * kTile, both, buffer, out);
+}
+
+kernels::TileRect ViewPass::draw_tile(int tile, kernels::TileBuffer& buffer) const {
+  kernels::TileRect drawn;
+  for_each_bin(tile, [&](const kernels::TileWork& work) { kernels::draw_tile(view_, work, buffer, drawn); });
+  return drawn;
 }
 
 void ViewPass::cover_tile(int tile, std::uint64_t* rows) const {

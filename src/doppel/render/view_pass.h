@@ -22,6 +22,9 @@ class ViewPass {
   /// A new view. `vertices` [N,3] and `faces` must outlive the pass over it.
   void begin(const FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix, int width,
              int height, float z_near, bool cull, int num_chunks = 1);
+  /// The same for `faces` [F,4] as in FaceTable, already checked.
+  void begin(const std::int32_t* faces, std::int64_t num_faces, const float* vertices, std::int64_t num_vertices,
+             const float* matrix, int width, int height, float z_near, bool cull, int num_chunks = 1);
 
   std::int64_t num_vertices() const { return num_vertices_; }
   void project(std::int64_t begin, std::int64_t end) { kernels::project_vertices(view_, begin, end); }
@@ -38,9 +41,12 @@ class ViewPass {
   /// Draws a tile and writes it, and the part of it that was written last time (`dirty`), to the images.
   void draw_tile(int tile, kernels::TileBuffer& buffer, kernels::TileRect& dirty,
                  const kernels::RasterOutput& out) const;
+  /// Draws a tile into the buffer alone; the caller resolves and resets it. @return the part that was drawn
+  kernels::TileRect draw_tile(int tile, kernels::TileBuffer& buffer) const;
   /// Sets the bits of a tile's covered pixels; `rows` [64].
   void cover_tile(int tile, std::uint64_t* rows) const;
 
+  const kernels::RasterView& view() const { return view_; }
   /// [N,4]: u, v, 1/w (0: nowhere on the screen), w.
   const float* screen() const { return screen_.data(); }
 

@@ -1,0 +1,604 @@
+#include "doppel/render/shading/shading_kernel.h"
+
+#include "doppel/render/raster_resolve.h"
+#include "doppel/render/simd.h"
+
+namespace doppel::kernels::DOPPEL_ISA {
+namespace {
+
+/// A vector of pixels that the mesh covers in part: place, then face (-1: none), three barycentrics, depth.
+constexpr int kFragmentWords = 16 + 5 * kLanes;  // the place on a cache line of its own keeps the rest aligned
+constexpr int kVectorsPerTile = kTile * kTile / kLanes;
+
+struct Fragment {
+  int x, y;  ///< of the first pixel, in the image
+  Int face;
+  Float b[3], z;
+};
+
+inline void store_fragment(std::int32_t* out, const Fragment& f) {
+  out[0] = f.x;
+  out[1] = f.y;
+  store(out + 16, f.face);
+  for (int k = 0; k < 3; ++k) store(out + 16 + (k + 1) * kLanes, f.b[k]);
+  store(out + 16 + 4 * kLanes, f.z);
+}
+
+inline Fragment load_fragment(const std::int32_t* in) {
+  Fragment f;
+  f.x = in[0];
+  f.y = in[1];
+  f.face = load<Int>(in + 16);
+  for (int k = 0; k < 3; ++k) f.b[k] = load<Float>(in + 16 + (k + 1) * kLanes);
+  f.z = load<Float>(in + 16 + 4 * kLanes);
+  return f;
+}
+
+inline Float dot(const Float* a, const Float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline Float zero() { return Float{}; }
+
+inline Float square_root(Float v) {
+#if defined(__AVX512F__)
+  return (Float)_mm512_sqrt_ps((__m512)v);
+#elif defined(__AVX2__)
+  return (Float)_mm256_sqrt_ps((__m256)v);
+#elif defined(__SSE2__)
+  return (Float)_mm_sqrt_ps((__m128)v);
+#else
+  for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
+  return v;
+#endif
+}
+
+inline void load_corners(const RasterView& raster, Int face, std::int32_t (*corner)[kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const std::int32_t* f = raster.faces + 4 * static_cast<std::int64_t>(face[lane] < 0 ? 0 : face[lane]);
+    for (int k = 0; k < 3; ++k) corner[k][lane] = f[k];
+  }
+}
+
+// --- normal and light ------------------------------------------------------------------------------------------------
+
+/// The interpolated normal; `scale` is 1 / length with the sign of the turn, 0 where there is none.
+struct Normal {
+  Float corner[3][3];  ///< [corner][axis]
+  Float n[3], scale;
+};
+
+constexpr float kTinyNormal = 1e-30f;  // square of a length in square metres
+
+inline void interpolate_normal(const ShadeView& view, const std::int32_t (*corner)[kLanes], const Fragment& f,
+                               Normal& out) {
+  Float sum[3] = {zero(), zero(), zero()}, unused;
+  for (int k = 0; k < 3; ++k) {
+    load_records(view.normals, corner[k], out.corner[k][0], out.corner[k][1], out.corner[k][2], unused);
+    for (int d = 0; d < 3; ++d) sum[d] += f.b[k] * out.corner[k][d];
+  }
+  const Float square = dot(sum, sum);
+  const Int solid = square > kTinyNormal;
+  Float scale = 1.0f / square_root(solid ? square : splat(1.0f));
+  if (view.flip) {
+    const Float u = to_float(lane_numbers()) + (static_cast<float>(f.x) + 0.5f);
+    const float v = static_cast<float>(f.y) + 0.5f;
+    Float away = zero();
+    for (int d = 0; d < 3; ++d) {
+      away += sum[d] * (u * view.ray[3 * d] + (view.ray[3 * d + 1] * v + view.ray[3 * d + 2]));
+    }
+    scale = away > 0 ? -scale : scale;
+  }
+  out.scale = solid ? scale : zero();
+  for (int d = 0; d < 3; ++d) out.n[d] = sum[d] * out.scale;
+}
+
+inline void basis(const Float* n, Float* sh) {
+  sh[0] = splat(1.0f);
+  sh[1] = n[1];
+  sh[2] = n[2];
+  sh[3] = n[0];
+  sh[4] = n[0] * n[1];
+  sh[5] = n[1] * n[2];
+  sh[6] = 3.0f * n[2] * n[2] - 1.0f;
+  sh[7] = n[0] * n[2];
+  sh[8] = n[0] * n[0] - n[1] * n[1];
+}
+
+inline void illuminate(const float* lighting, const Float* sh, Float* light) {
+  for (int c = 0; c < 3; ++c) {
+    const float* l = lighting + 9 * c;
+    Float sum = splat(l[0]);
+    for (int j = 1; j < 9; ++j) sum += l[j] * sh[j];
+    light[c] = sum;
+  }
+}
+
+/// Gradient to the normal sums, from `g_light`, that to the light.
+inline void normal_gradient(const float* lighting, const Float* g_light, const Normal& normal, Float* out) {
+  Float s[9];
+  for (int j = 1; j < 9; ++j)
+    s[j] = g_light[0] * lighting[j] + g_light[1] * lighting[9 + j] + g_light[2] * lighting[18 + j];
+  const Float x = normal.n[0], y = normal.n[1], z = normal.n[2];
+  const Float g[3] = {s[3] + s[4] * y + s[7] * z + 2.0f * s[8] * x, s[1] + s[4] * x + s[5] * z - 2.0f * s[8] * y,
+                      s[2] + s[5] * y + 6.0f * s[6] * z + s[7] * x};
+  const Float along = dot(g, normal.n);
+  for (int d = 0; d < 3; ++d) out[d] = (g[d] - normal.n[d] * along) * normal.scale;
+}
+
+// --- texture ---------------------------------------------------------------------------------------------------------
+
+struct Sample {
+  Float corner_u[3], corner_v[3];
+  Int texel;
+  Float fx, fy;
+  Float value[3];
+  Float du[3], dv[3];  ///< derivative by u and v
+};
+
+/// The left texel and the fraction of a coordinate in texels; `inside`: the coordinate is not clamped.
+inline void split(Float x, int size, bool nearest, Int& texel, Float& fraction, Int& inside) {
+  const auto last = static_cast<float>(size - 1);
+  if (nearest) x = to_float(__builtin_convertvector(min(max(x + 0.5f, zero()), splat(last)), Int));
+  inside = (x >= 0) & (x <= last);
+  x = min(max(x, zero()), splat(last));
+  texel = min(__builtin_convertvector(x, Int), splat(size - 2));
+  fraction = x - to_float(texel);
+}
+
+/// Left and right texel of a row, from two overlapping reads that stay within the row.
+inline void load_pair(const float* texture, const std::int32_t* offset, Float* left, Float* right) {
+  Float again;
+  load_quads<1>(texture, offset, left[0], left[1], left[2], right[0]);
+  load_quads<1>(texture + 2, offset, again, right[0], right[1], right[2]);
+}
+
+inline void sample_texture(const ShadeView& view, const Fragment& f, bool derivative, Sample& s) {
+  alignas(64) std::int32_t record[kLanes], offset[kLanes];
+  const Int face = max(f.face, Int{});
+  store(record, face * 2);
+  Float unused0, unused1;
+  load_records(view.uvs, record, s.corner_u[0], s.corner_v[0], s.corner_u[1], s.corner_v[1]);
+  store(record, face * 2 + 1);
+  load_records(view.uvs, record, s.corner_u[2], s.corner_v[2], unused0, unused1);
+  const Float u = dot(f.b, s.corner_u), v = dot(f.b, s.corner_v);
+  const auto width = static_cast<float>(view.texture_width), height = static_cast<float>(view.texture_height);
+  Int tx, ty, inside_x, inside_y;
+  split(u * width - 0.5f, view.texture_width, view.nearest, tx, s.fx, inside_x);
+  split((1.0f - v) * height - 0.5f, view.texture_height, view.nearest, ty, s.fy, inside_y);
+  s.texel = ty * view.texture_width + tx;
+  store(offset, s.texel * 3);
+  Float top_left[3], top_right[3], bottom_left[3], bottom_right[3];
+  load_pair(view.texture, offset, top_left, top_right);
+  load_pair(view.texture + 3 * static_cast<std::int64_t>(view.texture_width), offset, bottom_left, bottom_right);
+  for (int c = 0; c < 3; ++c) {
+    const Float step_top = top_right[c] - top_left[c], step_bottom = bottom_right[c] - bottom_left[c];
+    const Float top = top_left[c] + s.fx * step_top, bottom = bottom_left[c] + s.fx * step_bottom;
+    s.value[c] = top + s.fy * (bottom - top);
+    if (!derivative) continue;
+    s.du[c] = inside_x ? (step_top + s.fy * (step_bottom - step_top)) * width : zero();
+    s.dv[c] = inside_y ? (top - bottom) * height : zero();
+  }
+}
+
+// --- images ----------------------------------------------------------------------------------------------------------
+
+inline void store_pixels(float* out, int count, const Float* colour) {
+  if (count >= kLanes) {
+    store_interleaved(out, colour);
+    return;
+  }
+  float rows[3 * kLanes];
+  store_interleaved(rows, colour);
+  std::memcpy(out, rows, 12 * static_cast<unsigned>(count));
+}
+
+inline void load_pixels(const float* in, int count, Float* colour) {
+#if defined(__AVX512F__)
+  if (count >= kLanes) {
+    alignas(64) static const std::int32_t kFirst[3][16] = {{0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0},
+                                                           {1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0},
+                                                           {2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0}};
+    alignas(64) static const std::int32_t kSecond[3][16] = {{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29},
+                                                            {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30},
+                                                            {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31}};
+    const __m512 a = _mm512_loadu_ps(in), b = _mm512_loadu_ps(in + 16), c = _mm512_loadu_ps(in + 32);
+    for (int k = 0; k < 3; ++k) {
+      const __m512 two = _mm512_permutex2var_ps(a, _mm512_load_si512(kFirst[k]), b);
+      colour[k] = (Float)_mm512_permutex2var_ps(two, _mm512_load_si512(kSecond[k]), c);
+    }
+    return;
+  }
+#endif
+  float rows[3 * kLanes] = {};
+  std::memcpy(rows, in, 12 * static_cast<unsigned>(count < kLanes ? count : kLanes));
+  for (int lane = 0; lane < kLanes; ++lane) {
+    for (int k = 0; k < 3; ++k) colour[k][lane] = rows[3 * lane + k];
+  }
+}
+
+/// Writes 0 to the pixels of the tile outside columns [x_begin, x_end) of rows [y_begin, y_end).
+void clear_around(const RasterView& raster, int x0, int y0, int x_begin, int x_end, int y_begin, int y_end,
+                  float* colour, std::uint8_t* mask) {
+  const int width = raster.width - x0 < kTile ? raster.width - x0 : kTile;
+  const int height = raster.height - y0 < kTile ? raster.height - y0 : kTile;
+  for (int y = 0; y < height; ++y) {
+    const bool drawn = y >= y_begin && y < y_end;
+    const int left = drawn ? x_begin : width, right = drawn && x_end < width ? x_end : width;
+    const std::int64_t row = static_cast<std::int64_t>(y0 + y) * raster.width + x0;
+    if (colour) {
+      std::memset(colour + 3 * row, 0, 12 * static_cast<unsigned>(left));
+      std::memset(colour + 3 * (row + right), 0, 12 * static_cast<unsigned>(width - right));
+    }
+    if (mask) {
+      std::memset(mask + row, 0, static_cast<unsigned>(left));
+      std::memset(mask + row + right, 0, static_cast<unsigned>(width - right));
+    }
+  }
+}
+
+inline void shade_pixels(const ShadeView& view, const Fragment& f, const std::int32_t (*corner)[kLanes],
+                         Float* colour) {
+  for (int c = 0; c < 3; ++c) colour[c] = splat(1.0f);
+  if (view.normals) {
+    Normal normal;
+    interpolate_normal(view, corner, f, normal);
+    Float sh[9];
+    basis(normal.n, sh);
+    illuminate(view.lighting, sh, colour);
+  }
+  if (view.texture) {
+    Sample s;
+    sample_texture(view, f, false, s);
+    for (int c = 0; c < 3; ++c) colour[c] *= s.value[c];
+  }
+  for (int c = 0; c < 3; ++c) colour[c] = f.face >= 0 ? colour[c] : zero();
+}
+
+// --- sums per face ---------------------------------------------------------------------------------------------------
+
+/// Eight floats of a record, whatever the width of the instruction set.
+struct Eight {
+  Float4 low, high;
+};
+inline void add(float* record, const Eight& value, float factor) {
+  store(record, load<Float4>(record) + factor * value.low);
+  store(record + 4, load<Float4>(record + 4) + factor * value.high);
+}
+
+/// The record of a face within the tile, made on first sight.
+inline FaceGradient& record_of(const RasterView& raster, std::int32_t face, TileGradient& out) {
+  std::int32_t& slot = out.slot_of_face[face];
+  if (slot < out.num_faces && out.faces[slot].face == face) return out.faces[slot];
+  slot = out.num_faces++;
+  FaceGradient& record = out.faces[slot];
+  record.face = face;
+  for (int k = 0; k < 3; ++k) record.corner[k] = raster.faces[4 * static_cast<std::int64_t>(face) + k];
+  std::memset(record.sum, 0, sizeof record.sum);
+  return record;
+}
+
+/// Adds b_k * values to corner k of each pixel's face, pixel by pixel from left to right.
+inline void add_to_faces(const RasterView& raster, const Fragment& f, const Float* values, TileGradient& out) {
+  alignas(64) float low[4 * kLanes], high[4 * kLanes], b[4 * kLanes];
+  store_quads(low, values[0], values[1], values[2], zero());
+  store_quads(high, values[3], values[4], values[5], zero());
+  store_quads(b, f.b[0], f.b[1], f.b[2], zero());
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (f.face[lane] < 0) continue;
+    FaceGradient& record = record_of(raster, f.face[lane], out);
+    const Eight value{load<Float4>(low + 4 * lane), load<Float4>(high + 4 * lane)};
+    for (int k = 0; k < 3; ++k) add(record.sum[k], value, b[4 * lane + k]);
+  }
+}
+
+inline void cross(const float* a, const float* b, float* out) {
+  out[0] = a[1] * b[2] - a[2] * b[1];
+  out[1] = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+}
+inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/// From the sums over barycentrics to the corners: with r_k from the camera centre to corner k and W = [r_0 r_1 r_2],
+/// b is W^-1 d scaled to a sum of 1, hence dL/dr_k = -W^-T sum(b_k a), a the gradient to b without its part along b.
+inline void finish_face(const ShadeView& view, FaceGradient& record) {
+  constexpr float kGrazing = 0.001f;
+  const float* x[3];
+  for (int k = 0; k < 3; ++k) x[k] = view.raster->vertices + 3 * static_cast<std::int64_t>(record.corner[k]);
+  float r[3], p[3], q[3], n[3], w[3][3];
+  for (int d = 0; d < 3; ++d) {
+    r[d] = x[0][d] - view.centre[d];
+    p[d] = x[1][d] - x[0][d];
+    q[d] = x[2][d] - x[0][d];
+  }
+  cross(p, q, n);
+  cross(q, r, w[1]);  // r_2 x r_0
+  cross(r, p, w[2]);  // r_0 x r_1
+  for (int d = 0; d < 3; ++d) w[0][d] = n[d] - w[1][d] - w[2][d];
+  const float volume = dot(r, n);
+  const bool grazing = !(volume * volume > kGrazing * kGrazing * dot(r, r) * dot(n, n));
+  const float scale = grazing ? 0.0f : -1.0f / volume;
+  for (auto& sum : record.sum) {
+    float g[3];
+    for (int d = 0; d < 3; ++d) g[d] = scale * (sum[0] * w[0][d] + sum[1] * w[1][d] + sum[2] * w[2][d]);
+    for (int d = 0; d < 3; ++d) sum[d] = g[d];
+  }
+}
+
+// --- one vector of pixels backward -----------------------------------------------------------------------------------
+
+/// What a tile collects in registers and on the stack.
+struct LightSums {
+  Float sum[27];
+};
+
+inline void append_texels(const Sample& s, const Float* gradient, Int face, TileGradient& out) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (face[lane] < 0) continue;
+    out.texels[out.num_texels++] = {
+        s.texel[lane], s.fx[lane], s.fy[lane], {gradient[0][lane], gradient[1][lane], gradient[2][lane]}};
+  }
+}
+
+inline void backward_pixels(const ShadeView& view, const Fragment& f, const Float* g, TileGradient& out,
+                            LightSums& light_sums) {
+  Normal normal;
+  Sample s;
+  Float light[3] = {splat(1.0f), splat(1.0f), splat(1.0f)}, sh[9];
+  if (view.normals) {
+    alignas(64) std::int32_t corner[3][kLanes];
+    load_corners(*view.raster, f.face, corner);
+    interpolate_normal(view, corner, f, normal);
+    basis(normal.n, sh);
+    illuminate(view.lighting, sh, light);
+  }
+  if (view.texture) sample_texture(view, f, true, s);
+
+  Float values[6] = {zero(), zero(), zero(), zero(), zero(), zero()};
+  if (view.normals) {
+    Float g_light[3];
+    for (int c = 0; c < 3; ++c) g_light[c] = view.texture ? g[c] * s.value[c] : g[c];
+    if (out.lighting) {
+      for (int c = 0; c < 3; ++c) {
+        for (int j = 0; j < 9; ++j) light_sums.sum[9 * c + j] += g_light[c] * sh[j];
+      }
+    }
+    if (out.faces) {
+      normal_gradient(view.lighting, g_light, normal, values + 3);
+      for (int k = 0; k < 3; ++k) values[k] += dot(values + 3, normal.corner[k]);
+    }
+  }
+  if (view.texture) {
+    Float g_albedo[3];
+    for (int c = 0; c < 3; ++c) g_albedo[c] = g[c] * light[c];
+    if (out.texels) append_texels(s, g_albedo, f.face, out);
+    if (out.faces && !view.nearest) {
+      const Float du = dot(g_albedo, s.du), dv = dot(g_albedo, s.dv);
+      for (int k = 0; k < 3; ++k) values[k] += du * s.corner_u[k] + dv * s.corner_v[k];
+    }
+  }
+  if (!out.faces) return;
+  const Float along = dot(f.b, values);
+  const Int within = (f.b[0] > 0) & (f.b[1] > 0) & (f.b[2] > 0);  // moved to an edge, b does not follow the vertices
+  for (int k = 0; k < 3; ++k) values[k] = within ? values[k] - along : zero();
+  add_to_faces(*view.raster, f, values, out);
+}
+
+// --- slope of the target ---------------------------------------------------------------------------------------------
+
+/// Sums weight_u, weight_v times the target around `count` pixels from (x, y) on, times `upstream`: per float of the
+/// interleaved row. The row must lie `radius` inside the image.
+inline void correlate(const TargetView& view, int x, int y, int count, const float* upstream, float* du, float* dv) {
+  const int floats = 3 * count, r = view.radius;
+  const std::int64_t stride = 3 * static_cast<std::int64_t>(view.raster->width);
+  float sum_u[3 * kLanes] = {}, sum_v[3 * kLanes] = {}, norm = 0;
+  for (int j = -r; j <= r; ++j) {
+    for (int i = -r; i <= r; ++i) {
+      if (i == 0 && j == 0) continue;
+      const float scale = 1.0f / static_cast<float>(i * i + j * j);
+      const float wu = static_cast<float>(i) * scale, wv = static_cast<float>(j) * scale;
+      norm += static_cast<float>(i * i) * scale;
+      const float* row = view.target + (y + j) * stride + 3 * (x + i);
+      for (int k = 0; k < floats; ++k) {
+        sum_u[k] += wu * row[k];
+        sum_v[k] += wv * row[k];
+      }
+    }
+  }
+  for (int p = 0; p < count; ++p) {
+    float u = 0, v = 0;
+    for (int c = 0; c < 3; ++c) {
+      u += upstream[3 * p + c] * sum_u[3 * p + c];
+      v += upstream[3 * p + c] * sum_v[3 * p + c];
+    }
+    du[p] = u / norm;
+    dv[p] = v / norm;
+  }
+}
+
+/// Slope of (upstream . target) by u and v at the pixels of a fragment; 0 where it is not defined.
+inline void target_slopes(const TargetView& view, const Fragment& f, const float* upstream, Float& du, Float& dv) {
+  alignas(64) float u[kLanes] = {}, v[kLanes] = {};
+  const int width = view.raster->width, height = view.raster->height, r = view.radius;
+  const int begin = f.x > r ? f.x : r, end = f.x + kLanes < width - r ? f.x + kLanes : width - r;
+  if (f.y >= r && f.y < height - r && begin < end) {
+    const float* g = upstream + 3 * (static_cast<std::int64_t>(f.y) * width + begin);
+    correlate(view, begin, f.y, end - begin, g, u + (begin - f.x), v + (begin - f.x));
+  }
+  du = f.face >= 0 ? load<Float>(u) : zero();
+  dv = f.face >= 0 ? load<Float>(v) : zero();
+}
+
+}  // namespace
+
+std::int64_t fragment_words() { return static_cast<std::int64_t>(kVectorsPerTile) * kFragmentWords; }
+
+std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, float* colour,
+                        std::uint8_t* mask, std::int32_t* fragments) {
+  const RasterView& raster = *view.raster;
+  const int width = raster.width - x0 < kTile ? raster.width - x0 : kTile;
+  const bool any = rect.x1 > rect.x0;
+  const int first = rect.x0 / kLanes * kLanes, last = (rect.x1 + kLanes - 1) / kLanes * kLanes;
+  if (colour || mask) {
+    clear_around(raster, x0, y0, any ? first : 0, any ? last : 0, any ? rect.y0 : 0, any ? rect.y1 : 0, colour, mask);
+  }
+  std::int32_t count = 0;
+  if (!any) return 0;
+  alignas(64) std::int32_t corner[3][kLanes];
+  const Float lanes = to_float(lane_numbers());
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = first; x < rect.x1; x += kLanes) {
+      std::int32_t* faces = tile.face + y * kTileStride + x;
+      Fragment f{x0 + x, y0 + y, load<Int>(faces), {zero(), zero(), zero()}, zero()};
+      const Int covered = f.face >= 0;
+      Float pixel[3] = {zero(), zero(), zero()};
+      if (bits_of(mask_of(covered)) != 0) {
+        const Pixels p = resolve_pixels(raster, faces, lanes + (static_cast<float>(f.x) + 0.5f),
+                                        splat(static_cast<float>(f.y) + 0.5f), corner);
+        for (int k = 0; k < 3; ++k) f.b[k] = covered ? p.b[k] : zero();
+        f.z = covered ? p.z : splat(1.0f);
+        if (colour) shade_pixels(view, f, corner, pixel);
+        if (fragments) store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, f);
+      }
+      const std::int64_t place = static_cast<std::int64_t>(f.y) * raster.width + f.x;
+      const int inside = width - x < kLanes ? width - x : kLanes;
+      if (colour) store_pixels(colour + 3 * place, inside, pixel);
+      if (mask) {
+        for (int lane = 0; lane < inside; ++lane) mask[place + lane] = faces[lane] >= 0;
+      }
+      store(faces, splat(-1));
+      store(tile.inverse_depth + y * kTileStride + x, zero());
+    }
+  }
+  return count;
+}
+
+void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,
+                         std::int32_t count, TileGradient& out) {
+  (void)x0;
+  (void)y0;
+  out.num_faces = out.num_texels = 0;
+  LightSums light_sums;
+  for (Float& sum : light_sums.sum) sum = zero();
+  const int width = view.raster->width;
+  for (std::int32_t i = 0; i < count; ++i) {
+    const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords);
+    Float g[3];
+    load_pixels(upstream + 3 * (static_cast<std::int64_t>(f.y) * width + f.x), width - f.x, g);
+    for (Float& value : g) value = f.face >= 0 ? value : zero();
+    backward_pixels(view, f, g, out, light_sums);
+  }
+  for (std::int32_t i = 0; i < out.num_faces; ++i) finish_face(view, out.faces[i]);
+  if (!out.lighting) return;
+  for (int j = 0; j < 27; ++j) {
+    double sum = 0;
+    for (int lane = 0; lane < kLanes; ++lane) sum += static_cast<double>(light_sums.sum[j][lane]);
+    out.lighting[j] = sum;
+  }
+}
+
+void target_tile_backward(const TargetView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,
+                          std::int32_t count, TileGradient& out) {
+  (void)x0;
+  (void)y0;
+  out.num_faces = out.num_texels = 0;
+  const float* m = view.raster->matrix;
+  for (std::int32_t i = 0; i < count; ++i) {
+    const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords);
+    Float du, dv;
+    target_slopes(view, f, upstream, du, dv);
+    // u = (row 0 . x) / w: du/dx = (row 0 - u row 2) / w
+    const Float u = to_float(lane_numbers()) + (static_cast<float>(f.x) + 0.5f);
+    const float v = static_cast<float>(f.y) + 0.5f;
+    const Float inverse = 1.0f / f.z;
+    Float values[6] = {zero(), zero(), zero(), zero(), zero(), zero()};
+    for (int d = 0; d < 3; ++d) {
+      values[d] = (du * (m[d] - u * m[8 + d]) + dv * (m[4 + d] - v * m[8 + d])) * inverse;
+    }
+    add_to_faces(*view.raster, f, values, out);
+  }
+}
+
+void face_normals(const NormalMesh& mesh, std::int64_t begin, std::int64_t end, float* normals) {
+  for (std::int64_t f = begin; f < end; ++f) {
+    const std::int32_t* face = mesh.faces + 4 * f;
+    const float* a = mesh.vertices + 3 * static_cast<std::int64_t>(face[0]);
+    const float* b = mesh.vertices + 3 * static_cast<std::int64_t>(face[1]);
+    const float* c = mesh.vertices + 3 * static_cast<std::int64_t>(face[2]);
+    const float p[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, q[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+    cross(p, q, normals + 4 * f);
+    normals[4 * f + 3] = 0;
+  }
+}
+
+void sum_normals(const NormalMesh& mesh, const float* face_normals, std::int64_t begin, std::int64_t end,
+                 float* normals) {
+  for (std::int64_t i = begin; i < end; ++i) {
+    Float4 sum = {0, 0, 0, 0};
+    for (std::int32_t k = mesh.offsets[i]; k < mesh.offsets[i + 1]; ++k) {
+      sum += load<Float4>(face_normals + 4 * static_cast<std::int64_t>(mesh.incident[k]));
+    }
+    store(normals + 4 * i, sum);
+  }
+}
+
+void add_face_gradients(const FaceGradient* faces, std::int64_t count, std::int64_t begin, std::int64_t end,
+                        float* sums) {
+  for (std::int64_t i = 0; i < count; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      const std::int64_t vertex = faces[i].corner[k];
+      if (vertex < begin || vertex >= end) continue;
+      add(sums + 8 * vertex, {load<Float4>(faces[i].sum[k]), load<Float4>(faces[i].sum[k] + 4)}, 1.0f);
+    }
+  }
+}
+
+void face_normal_gradients(const NormalMesh& mesh, const float* sums, std::int64_t begin, std::int64_t end,
+                           float* out) {
+  for (std::int64_t f = begin; f < end; ++f) {
+    const std::int32_t* face = mesh.faces + 4 * f;
+    Float4 g = {0, 0, 0, 0};
+    // A face that names a vertex twice has no area however that moves.
+    if (face[0] != face[1] && face[1] != face[2] && face[2] != face[0]) {
+      for (int k = 0; k < 3; ++k) g += load<Float4>(sums + 8 * static_cast<std::int64_t>(face[k]) + 4);
+    }
+    store(out + 4 * f, g);
+  }
+}
+
+void vertex_gradients(const NormalMesh& mesh, const float* sums, const float* face_gradients, std::int64_t begin,
+                      std::int64_t end, float* out) {
+  for (std::int64_t i = begin; i < end; ++i) {
+    float g[3] = {sums[8 * i], sums[8 * i + 1], sums[8 * i + 2]};
+    for (std::int32_t k = mesh.offsets[i]; face_gradients && k < mesh.offsets[i + 1]; ++k) {
+      const std::int64_t f = mesh.incident[k];
+      const float* to_normal = face_gradients + 4 * f;
+      if (to_normal[0] == 0 && to_normal[1] == 0 && to_normal[2] == 0) continue;
+      const std::int32_t* face = mesh.faces + 4 * f;
+      const int at = face[0] == i ? 0 : face[1] == i ? 1 : 2;
+      const float* next = mesh.vertices + 3 * static_cast<std::int64_t>(face[(at + 1) % 3]);
+      const float* previous = mesh.vertices + 3 * static_cast<std::int64_t>(face[(at + 2) % 3]);
+      const float edge[3] = {next[0] - previous[0], next[1] - previous[1], next[2] - previous[2]};
+      float change[3];
+      cross(edge, to_normal, change);
+      for (int d = 0; d < 3; ++d) g[d] += change[d];
+    }
+    std::memcpy(out + 3 * i, g, sizeof g);
+  }
+}
+
+void add_texel_gradients(const TexelGradient* texels, std::int64_t count, int width, int begin, int end,
+                         float* texture) {
+  for (std::int64_t i = 0; i < count; ++i) {
+    const TexelGradient& t = texels[i];
+    const int y = t.texel / width;
+    if (y + 1 < begin || y >= end) continue;
+    const float fx[2] = {1 - t.fx, t.fx}, fy[2] = {1 - t.fy, t.fy};
+    for (int j = 0; j < 2; ++j) {
+      if (y + j < begin || y + j >= end) continue;
+      float* row = texture + 3 * (static_cast<std::int64_t>(t.texel) + static_cast<std::int64_t>(j) * width);
+      for (int k = 0; k < 2; ++k) {
+        for (int c = 0; c < 3; ++c) row[3 * k + c] += fx[k] * fy[j] * t.gradient[c];
+      }
+    }
+  }
+}
+
+}  // namespace doppel::kernels::DOPPEL_ISA

@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cstdint>
+
+#include "doppel/core/cpu_dispatch.h"
+#include "doppel/render/raster_kernel.h"
+
+namespace doppel::kernels {
+
+/// One view as the shading kernels see it. Null pointers leave their part out.
+struct ShadeView {
+  const RasterView* raster = nullptr;  ///< backward reads only `vertices` and `faces`
+  const float* normals = nullptr;      ///< [N,4] sums of the face normals at a vertex; null: unlit
+  const float* lighting = nullptr;     ///< [3,9]
+  const float* texture = nullptr;      ///< [texture_height, texture_width, 3], at least 2 x 2; null: white
+  const float* uvs = nullptr;          ///< [F,8]
+  int texture_width = 0, texture_height = 0;
+  int nearest = 0, flip = 0;
+  float ray[9] = {};     ///< direction of the ray through pixel (u, v, 1), away from the camera
+  float centre[3] = {};  ///< of the camera, world
+};
+
+/// What a face of a tile receives: first sums over its pixels, then the gradient to its corners.
+struct FaceGradient {
+  std::int32_t face;
+  std::int32_t corner[3];
+  /// Per corner k: sums of b_k * (gradient to the barycentrics, tangential), 0, b_k * (gradient to the normal), 0; in
+  /// the end the gradient to its position, 0, to its normal sum, 0.
+  alignas(32) float sum[3][8];
+};
+
+/// What four texels receive from a pixel: `gradient` weighted by the fractions.
+struct TexelGradient {
+  std::int32_t texel;  ///< y * width + x of the upper left one
+  float fx, fy;
+  float gradient[3];
+};
+
+/// Where a tile's backward pass writes; null parts are not computed.
+struct TileGradient {
+  FaceGradient* faces = nullptr;         ///< room for kTile * kTile
+  std::int32_t* slot_of_face = nullptr;  ///< [F] scratch, any content within [0, kTile * kTile)
+  TexelGradient* texels = nullptr;       ///< room for kTile * kTile
+  double* lighting = nullptr;            ///< [27], overwritten
+  std::int32_t num_faces = 0, num_texels = 0;
+};
+
+/// Words of memory that hold the fragments of one tile.
+DOPPEL_DECLARE_KERNEL(std::int64_t, fragment_words, ())
+
+/// Resolves, shades and resets `rect` of the tile at (x0, y0) and writes 0 to the rest of it.
+/// @param colour [H,W,3]; @param mask [H,W] 0|1; both may be null; @param fragments null or fragment_words()
+/// @return number of fragment records
+DOPPEL_DECLARE_KERNEL(std::int32_t, shade_tile,
+                      (const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, float* colour,
+                       std::uint8_t* mask, std::int32_t* fragments))
+
+/// @param upstream [H,W,3], gradient to the colours
+DOPPEL_DECLARE_KERNEL(void, shade_tile_backward,
+                      (const ShadeView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,
+                       std::int32_t count, TileGradient& out))
+
+/// Derivative filter of the target: `slope = sum weight * target[offset]`.
+struct TargetView {
+  const RasterView* raster = nullptr;
+  const float* target = nullptr;  ///< [H,W,3]
+  int radius = 1;
+};
+
+/// Gradient of a surface point's target value to the corners of its face, as shade_tile_backward writes it.
+DOPPEL_DECLARE_KERNEL(void, target_tile_backward,
+                      (const TargetView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,
+                       std::int32_t count, TileGradient& out))
+
+// --- normals -------------------------------------------------------------------------------------------------------
+/// The mesh as these see it: vertices [N,3], faces [F,4], the faces at each vertex.
+struct NormalMesh {
+  const float* vertices;
+  const std::int32_t* faces;
+  const std::int32_t* offsets;
+  const std::int32_t* incident;
+};
+/// Cross products of the faces [begin,end) -> [F,4]
+DOPPEL_DECLARE_KERNEL(void, face_normals,
+                      (const NormalMesh& mesh, std::int64_t begin, std::int64_t end, float* normals))
+/// Their sums at the vertices [begin,end) -> [N,4]
+DOPPEL_DECLARE_KERNEL(void, sum_normals,
+                      (const NormalMesh& mesh, const float* face_normals, std::int64_t begin, std::int64_t end,
+                       float* normals))
+
+/// Adds the gradients of a tile to the vertices of [begin,end), sums [N,8].
+DOPPEL_DECLARE_KERNEL(void, add_face_gradients,
+                      (const FaceGradient* faces, std::int64_t count, std::int64_t begin, std::int64_t end,
+                       float* sums))
+/// Gradient to the face normals from that to the normal sums (`sums` [N,8]) -> [F,4]
+DOPPEL_DECLARE_KERNEL(void, face_normal_gradients,
+                      (const NormalMesh& mesh, const float* sums, std::int64_t begin, std::int64_t end, float* out))
+/// Gradient to the vertices: position part of `sums` plus what comes through the normals of their faces (may be null).
+DOPPEL_DECLARE_KERNEL(void, vertex_gradients,
+                      (const NormalMesh& mesh, const float* sums, const float* face_gradients, std::int64_t begin,
+                       std::int64_t end, float* out))
+
+/// Adds those gradients that fall into texel rows [begin,end).
+DOPPEL_DECLARE_KERNEL(void, add_texel_gradients,
+                      (const TexelGradient* texels, std::int64_t count, int width, int begin, int end, float* texture))
+
+}  // namespace doppel::kernels

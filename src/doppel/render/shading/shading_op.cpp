@@ -1,0 +1,588 @@
+#include <ATen/Parallel.h>
+#include <torch/csrc/autograd/functions/basic_ops.h>
+#include <torch/library.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <mutex>
+
+#include "doppel/render/recycled.h"
+#include "doppel/render/shading/shading_kernel.h"
+#include "doppel/render/shading/shading_terms.h"
+#include "doppel/render/view_workers.h"
+
+namespace doppel::shading {
+namespace {
+
+using kernels::FaceGradient;
+using kernels::kTile;
+using kernels::RasterView;
+using kernels::ShadeView;
+using kernels::TexelGradient;
+using kernels::TileGradient;
+using torch::Tensor;
+using torch::autograd::AutogradContext;
+using torch::autograd::variable_list;
+using OptionalTensor = c10::optional<Tensor>;
+
+// --- scratch ---------------------------------------------------------------------------------------------------------
+
+/// Memory that grows and is not initialised.
+template <typename T>
+class Arena {
+ public:
+  /// Room for `more` items beyond size(); moves what is there.
+  T* room(std::size_t more) {
+    if (size_ + more > capacity_) {
+      const std::size_t capacity = std::max(size_ + more, 2 * capacity_);
+      std::unique_ptr<T[]> bigger(new T[capacity]);
+      std::copy_n(items_.get(), size_, bigger.get());
+      items_ = std::move(bigger);
+      capacity_ = capacity;
+    }
+    return items_.get() + size_;
+  }
+  void add(std::size_t count) { size_ += count; }
+  void clear() { size_ = 0; }
+  std::size_t size() const { return size_; }
+  const T* data() const { return items_.get(); }
+
+ private:
+  std::unique_ptr<T[]> items_;
+  std::size_t size_ = 0, capacity_ = 0;
+};
+
+/// What one thread collects.
+struct Collected {
+  Arena<FaceGradient> faces;
+  Arena<TexelGradient> texels;
+  std::vector<std::int32_t> slot_of_face;
+};
+
+/// Where a tile's part of a thread's collection lies.
+struct TilePart {
+  std::size_t thread = 0, first_face = 0, first_texel = 0;
+  std::int32_t num_faces = 0, num_texels = 0;
+};
+
+struct Workspace {
+  render::ViewWorkers workers;
+  std::vector<Collected> collected;
+  std::vector<TilePart> parts;
+  std::vector<double> lighting;
+  std::vector<float> face_normals, sums;
+};
+
+/// Workspaces are kept for the next call; each call has one to itself.
+class WorkspaceLease {
+ public:
+  WorkspaceLease() {
+    const std::lock_guard<std::mutex> lock(mutex());
+    if (free_ones().empty()) free_ones().push_back(std::make_unique<Workspace>());
+    workspace_ = std::move(free_ones().back());
+    free_ones().pop_back();
+  }
+  ~WorkspaceLease() {
+    const std::lock_guard<std::mutex> lock(mutex());
+    free_ones().push_back(std::move(workspace_));
+  }
+  WorkspaceLease(const WorkspaceLease&) = delete;
+  WorkspaceLease& operator=(const WorkspaceLease&) = delete;
+  Workspace* operator->() const { return workspace_.get(); }
+  Workspace& operator*() const { return *workspace_; }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex instance;
+    return instance;
+  }
+  static std::vector<std::unique_ptr<Workspace>>& free_ones() {
+    static auto* const instance = new std::vector<std::unique_ptr<Workspace>>;
+    return *instance;
+  }
+  std::unique_ptr<Workspace> workspace_;
+};
+
+// --- arguments -------------------------------------------------------------------------------------------------------
+
+constexpr std::int64_t kItemsPerThread = 4096;  ///< vertices or faces: fewer are done faster than a thread is woken
+
+Tensor floats(const Tensor& t) { return t.to(torch::kFloat32).contiguous(); }
+
+const float* data_or_null(const Tensor& t) { return t.defined() ? t.data_ptr<float>() : nullptr; }
+
+/// The arguments of one call as the kernels take them.
+struct Scene {
+  Tensor vertices, texture, lighting, projection, faces, uvs, offsets, incident;
+  std::vector<ViewGeometry> geometry;
+  std::int64_t batch, cameras, num_vertices, num_faces, height, width;
+  bool nearest = false, flip = false;
+
+  Scene(const Tensor& vertices_in, const OptionalTensor& texture_in, const OptionalTensor& lighting_in,
+        const Tensor& projection_in, const Tensor& faces_in, const OptionalTensor& uvs_in, const Tensor& offsets_in,
+        const Tensor& incident_in, std::int64_t image_height, std::int64_t image_width)
+      : vertices(floats(vertices_in)),
+        projection(floats(projection_in)),
+        faces(faces_in.contiguous()),
+        offsets(offsets_in.contiguous()),
+        incident(incident_in.contiguous()),
+        batch(vertices.size(0)),
+        cameras(projection.size(1)),
+        num_vertices(vertices.size(1)),
+        num_faces(faces.size(0)),
+        height(image_height),
+        width(image_width) {
+    if (texture_in.has_value() && texture_in->defined()) texture = floats(*texture_in);
+    if (lighting_in.has_value() && lighting_in->defined()) lighting = floats(*lighting_in);
+    if (uvs_in.has_value() && uvs_in->defined()) uvs = floats(*uvs_in);
+    TORCH_CHECK(!texture.defined() || uvs.defined(), "doppel::shade: a texture needs uv_records");
+    geometry = view_geometry(view_tensors("doppel::shade", projection));
+  }
+
+  std::int64_t views() const { return batch * cameras; }
+  std::int64_t tiles_x() const { return (width + kTile - 1) / kTile; }
+  std::int64_t tiles() const { return tiles_x() * ((height + kTile - 1) / kTile); }
+  std::int64_t texture_of(std::int64_t view) const {
+    return texture.size(0) == 1 ? 0 : texture.size(0) == batch ? view / cameras : view;
+  }
+  const float* vertices_of(std::int64_t item) const { return vertices.data_ptr<float>() + 3 * num_vertices * item; }
+  const float* matrix_of(std::int64_t view) const { return projection.data_ptr<float>() + 12 * view; }
+  kernels::NormalMesh normal_mesh(std::int64_t item) const {
+    return {vertices_of(item), faces.data_ptr<std::int32_t>(), offsets.data_ptr<std::int32_t>(),
+            incident.data_ptr<std::int32_t>()};
+  }
+
+  /// @param normals [B,N,4], used when there is lighting
+  ShadeView view(std::int64_t v, const RasterView* raster, const Tensor& normals) const {
+    ShadeView out;
+    out.raster = raster;
+    if (lighting.defined()) {
+      out.normals = normals.data_ptr<float>() + 4 * num_vertices * (v / cameras);
+      out.lighting = lighting.data_ptr<float>() + 27 * (lighting.size(0) == 1 ? v % cameras : v);
+    }
+    if (texture.defined()) {
+      out.texture_height = static_cast<int>(texture.size(1));
+      out.texture_width = static_cast<int>(texture.size(2));
+      out.texture = texture.data_ptr<float>() + 3 * texture.size(1) * texture.size(2) * texture_of(v);
+      out.uvs = data_or_null(uvs);
+    }
+    out.nearest = nearest;
+    out.flip = flip;
+    const ViewGeometry& g = geometry[static_cast<std::size_t>(v)];
+    std::copy(g.ray.begin(), g.ray.end(), out.ray);
+    std::copy(g.centre.begin(), g.centre.end(), out.centre);
+    return out;
+  }
+
+  /// What the backward kernels read of a view.
+  RasterView raster_view(std::int64_t v) const {
+    RasterView out;
+    out.vertices = vertices_of(v / cameras);
+    std::copy_n(matrix_of(v), 12, out.matrix);
+    out.faces = faces.data_ptr<std::int32_t>();
+    out.width = static_cast<int>(width);
+    out.height = static_cast<int>(height);
+    return out;
+  }
+};
+
+// --- forward ---------------------------------------------------------------------------------------------------------
+
+void compute_normals(const Scene& scene, Workspace& workspace, Tensor& normals) {
+  workspace.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
+  float* of_faces = workspace.face_normals.data();
+  for (std::int64_t b = 0; b < scene.batch; ++b) {
+    const kernels::NormalMesh mesh = scene.normal_mesh(b);
+    float* out = normals.data_ptr<float>() + 4 * scene.num_vertices * b;
+    at::parallel_for(0, scene.num_faces, kItemsPerThread,
+                     [&](std::int64_t begin, std::int64_t end) { kernels::face_normals(mesh, begin, end, of_faces); });
+    at::parallel_for(0, scene.num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+      kernels::sum_normals(mesh, of_faces, begin, end, out);
+    });
+  }
+}
+
+/// Draws every tile; colour, mask and fragments may be undefined.
+void draw(const Scene& scene, Workspace& workspace, const Tensor& normals, double z_near, const Tensor& colour,
+          const Tensor& mask, const Fragments& fragments) {
+  const std::int64_t pixels = scene.height * scene.width, words = kernels::fragment_words();
+  float* colours = colour.defined() ? colour.data_ptr<float>() : nullptr;
+  auto* masks = mask.defined() ? reinterpret_cast<std::uint8_t*>(mask.data_ptr<bool>()) : nullptr;
+  std::int32_t* records = fragments.defined() ? fragments.records.data_ptr<std::int32_t>() : nullptr;
+  std::int32_t* counts = fragments.defined() ? fragments.counts.data_ptr<std::int32_t>() : nullptr;
+  workspace.workers.run(
+      scene.views(),
+      [&](render::ViewPass& pass, std::int64_t v, int chunks) {
+        pass.begin(scene.faces.data_ptr<std::int32_t>(), scene.num_faces, scene.vertices_of(v / scene.cameras),
+                   scene.num_vertices, scene.matrix_of(v), static_cast<int>(scene.width),
+                   static_cast<int>(scene.height), static_cast<float>(z_near), false, chunks);
+      },
+      [&](const render::ViewPass& pass, std::int64_t v, int tile, std::int64_t thread) {
+        kernels::TileBuffer& buffer = workspace.workers.buffer(thread);
+        const kernels::TileRect rect = pass.draw_tile(tile, buffer);
+        const ShadeView view = scene.view(v, &pass.view(), normals);
+        const std::int64_t at = scene.tiles() * v + tile;
+        const std::int32_t count =
+            kernels::shade_tile(view, tile % pass.tiles_x() * kTile, tile / pass.tiles_x() * kTile, rect, buffer,
+                                colours ? colours + 3 * pixels * v : nullptr, masks ? masks + pixels * v : nullptr,
+                                records ? records + words * at : nullptr);
+        if (counts) counts[at] = count;
+      });
+}
+
+Fragments new_fragments(const Scene& scene) {
+  return {render::recycled_empty({scene.views(), scene.tiles(), kernels::fragment_words()}, torch::kInt32),
+          torch::empty({scene.views(), scene.tiles()}, torch::kInt32)};
+}
+
+/// @return colour, mask, normal sums [B,N,4], fragment records and counts (empty unless `keep`)
+std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> shade_cpu(const Tensor& vertices, const OptionalTensor& texture,
+                                                             const OptionalTensor& lighting, const Tensor& projection,
+                                                             const Tensor& faces, const OptionalTensor& uvs,
+                                                             const Tensor& offsets, const Tensor& incident,
+                                                             std::int64_t height, std::int64_t width, bool nearest,
+                                                             bool flip, double z_near, bool keep) {
+  Scene scene(vertices, texture, lighting, projection, faces, uvs, offsets, incident, height, width);
+  scene.nearest = nearest;
+  scene.flip = flip;
+  const WorkspaceLease workspace;
+  Tensor normals = torch::empty({scene.lighting.defined() ? scene.batch : 0, scene.num_vertices, 4}, torch::kFloat32);
+  if (scene.lighting.defined()) compute_normals(scene, *workspace, normals);
+  const Tensor colour = render::recycled_empty({scene.batch, scene.cameras, height, width, 3}, torch::kFloat32);
+  const Tensor mask = render::recycled_empty({scene.batch, scene.cameras, height, width}, torch::kBool);
+  Fragments fragments;
+  if (keep) fragments = new_fragments(scene);
+  draw(scene, *workspace, normals, z_near, colour, mask, fragments);
+  if (!keep) fragments = {torch::empty({0}, torch::kInt32), torch::empty({0}, torch::kInt32)};
+  return {colour, mask, normals, fragments.records, fragments.counts};
+}
+
+// --- backward --------------------------------------------------------------------------------------------------------
+
+/// Runs kernel(view in item, tile, gradient) over the tiles of one batch item and remembers what each one left, in the
+/// order of views and tiles.
+template <typename Kernel>
+void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texels, bool wants_lighting,
+             const Kernel& kernel) {
+  const std::int64_t tasks = scene.cameras * scene.tiles();
+  const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
+  if (w.collected.size() < static_cast<std::size_t>(threads)) w.collected.resize(static_cast<std::size_t>(threads));
+  w.parts.assign(static_cast<std::size_t>(tasks), {});
+  if (wants_lighting) w.lighting.assign(static_cast<std::size_t>(27 * tasks), 0.0);
+  constexpr std::size_t kPixels = static_cast<std::size_t>(kTile) * kTile;
+  std::atomic<std::int64_t> next{0};
+  at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
+    for (std::int64_t thread = first; thread < last; ++thread) {
+      Collected& own = w.collected[static_cast<std::size_t>(thread)];
+      own.faces.clear();
+      own.texels.clear();
+      // Any index below the number of records is harmless: a record knows its face.
+      if (own.slot_of_face.size() < static_cast<std::size_t>(scene.num_faces)) {
+        own.slot_of_face.resize(static_cast<std::size_t>(scene.num_faces), 0);
+      }
+      for (std::int64_t task = next++; task < tasks; task = next++) {
+        TileGradient gradient;
+        if (wants_faces) gradient.faces = own.faces.room(kPixels);
+        if (wants_texels) gradient.texels = own.texels.room(kPixels);
+        if (wants_lighting) gradient.lighting = w.lighting.data() + 27 * task;
+        gradient.slot_of_face = own.slot_of_face.data();
+        kernel(task / scene.tiles(), task % scene.tiles(), gradient);
+        w.parts[static_cast<std::size_t>(task)] = {static_cast<std::size_t>(thread), own.faces.size(),
+                                                   own.texels.size(), gradient.num_faces, gradient.num_texels};
+        own.faces.add(static_cast<std::size_t>(gradient.num_faces));
+        own.texels.add(static_cast<std::size_t>(gradient.num_texels));
+      }
+    }
+  });
+}
+
+/// Gradient to the vertices of one batch item. Each thread has some vertices and takes all tiles in their order.
+void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool through_normals, float* out) {
+  const kernels::NormalMesh mesh = scene.normal_mesh(item);
+  w.sums.resize(static_cast<std::size_t>(8 * scene.num_vertices));
+  float* sums = w.sums.data();
+  at::parallel_for(0, scene.num_vertices, kItemsPerThread / 4, [&](std::int64_t begin, std::int64_t end) {
+    std::fill(sums + 8 * begin, sums + 8 * end, 0.0f);
+    for (const TilePart& part : w.parts) {
+      if (part.num_faces == 0) continue;
+      kernels::add_face_gradients(w.collected[part.thread].faces.data() + part.first_face, part.num_faces, begin, end,
+                                  sums);
+    }
+  });
+  if (through_normals) {
+    w.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
+    at::parallel_for(0, scene.num_faces, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+      kernels::face_normal_gradients(mesh, sums, begin, end, w.face_normals.data());
+    });
+  }
+  const float* to_faces = through_normals ? w.face_normals.data() : nullptr;
+  at::parallel_for(0, scene.num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+    kernels::vertex_gradients(mesh, sums, to_faces, begin, end, out);
+  });
+}
+
+/// Gradient to the textures that the views of one batch item show. Each thread has some rows.
+void reduce_texels(const Scene& scene, const Workspace& w, std::int64_t item, float* gradient) {
+  const std::int64_t rows = scene.texture.size(1), width = scene.texture.size(2), tiles = scene.tiles();
+  at::parallel_for(
+      0, rows, std::max<std::int64_t>(1, rows / at::get_num_threads()), [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t c = 0; c < scene.cameras; ++c) {
+          float* out = gradient + 3 * rows * width * scene.texture_of(item * scene.cameras + c);
+          for (std::int64_t t = 0; t < tiles; ++t) {
+            const TilePart& part = w.parts[static_cast<std::size_t>(c * tiles + t)];
+            if (part.num_texels == 0) continue;
+            kernels::add_texel_gradients(w.collected[part.thread].texels.data() + part.first_texel, part.num_texels,
+                                         static_cast<int>(width), static_cast<int>(begin), static_cast<int>(end), out);
+          }
+        }
+      });
+}
+
+/// Adds the tiles of each view in their order, in double.
+void reduce_lighting(const Scene& scene, const Workspace& w, std::int64_t item, double* gradient) {
+  const bool shared = scene.lighting.size(0) == 1;
+  for (std::int64_t c = 0; c < scene.cameras; ++c) {
+    double* out = gradient + 27 * (shared ? c : item * scene.cameras + c);
+    for (std::int64_t t = 0; t < scene.tiles(); ++t) {
+      const double* in = w.lighting.data() + 27 * (c * scene.tiles() + t);
+      for (int j = 0; j < 27; ++j) out[j] += in[j];
+    }
+  }
+}
+
+/// @return gradients to vertices, texture and lighting, empty where not wanted
+std::tuple<Tensor, Tensor, Tensor> shade_backward_cpu(
+    const Tensor& upstream_in, const Tensor& vertices, const OptionalTensor& texture, const OptionalTensor& lighting,
+    const Tensor& projection, const Tensor& faces, const OptionalTensor& uvs, const Tensor& offsets,
+    const Tensor& incident, const Tensor& normals, const Tensor& records, const Tensor& counts, bool nearest, bool flip,
+    bool wants_vertices, bool wants_texture, bool wants_lighting) {
+  Scene scene(vertices, texture, lighting, projection, faces, uvs, offsets, incident, upstream_in.size(2),
+              upstream_in.size(3));
+  scene.nearest = nearest;
+  scene.flip = flip;
+  wants_texture = wants_texture && scene.texture.defined();
+  wants_lighting = wants_lighting && scene.lighting.defined();
+  TORCH_CHECK(counts.sizes() == torch::IntArrayRef({scene.views(), scene.tiles()}),
+              "doppel::shade_backward: fragments of another image, counts are ", counts.sizes());
+  const Tensor upstream = floats(upstream_in);
+  const WorkspaceLease w;
+  Tensor to_vertices = torch::empty({0}), to_texture = torch::empty({0}), to_lighting = torch::empty({0});
+  if (wants_vertices) to_vertices = torch::empty({scene.batch, scene.num_vertices, 3}, torch::kFloat32);
+  if (wants_texture) to_texture = render::recycled_empty(scene.texture.sizes(), torch::kFloat32).zero_();
+  if (wants_lighting) to_lighting = torch::zeros(scene.lighting.sizes(), torch::kFloat64);
+  const std::int64_t words = kernels::fragment_words(), floats_per_view = 3 * scene.height * scene.width;
+  for (std::int64_t b = 0; b < scene.batch; ++b) {
+    collect(scene, *w, wants_vertices, wants_texture, wants_lighting,
+            [&](std::int64_t c, std::int64_t tile, TileGradient& gradient) {
+              const std::int64_t v = b * scene.cameras + c, at = v * scene.tiles() + tile;
+              const RasterView raster = scene.raster_view(v);
+              const ShadeView view = scene.view(v, &raster, normals);
+              kernels::shade_tile_backward(
+                  view, upstream.data_ptr<float>() + floats_per_view * v,
+                  static_cast<int>(tile % scene.tiles_x()) * kTile, static_cast<int>(tile / scene.tiles_x()) * kTile,
+                  records.data_ptr<std::int32_t>() + words * at, counts.data_ptr<std::int32_t>()[at], gradient);
+            });
+    if (wants_vertices) {
+      reduce_vertices(scene, *w, b, scene.lighting.defined(),
+                      to_vertices.data_ptr<float>() + 3 * scene.num_vertices * b);
+    }
+    if (wants_texture) reduce_texels(scene, *w, b, to_texture.data_ptr<float>());
+    if (wants_lighting) reduce_lighting(scene, *w, b, to_lighting.data_ptr<double>());
+  }
+  return {to_vertices, to_texture, to_lighting.to(torch::kFloat32)};
+}
+
+// --- the moving target -----------------------------------------------------------------------------------------------
+
+std::tuple<Tensor, Tensor> draw_fragments_cpu(const Tensor& vertices, const Tensor& projection, const Tensor& faces,
+                                              std::int64_t height, std::int64_t width, double z_near) {
+  const Tensor none = torch::empty({0}, torch::kInt32);
+  const Scene scene(vertices, {}, {}, projection, faces, {}, none, none, height, width);
+  const WorkspaceLease workspace;
+  const Fragments fragments = new_fragments(scene);
+  draw(scene, *workspace, {}, z_near, {}, {}, fragments);
+  return {fragments.records, fragments.counts};
+}
+
+Tensor target_on_surface_backward_cpu(const Tensor& upstream_in, const Tensor& vertices, const Tensor& projection,
+                                      const Tensor& faces, const Tensor& offsets, const Tensor& incident,
+                                      const Tensor& target_in, const Tensor& records, const Tensor& counts,
+                                      std::int64_t radius) {
+  const Scene scene(vertices, {}, {}, projection, faces, {}, offsets, incident, target_in.size(2), target_in.size(3));
+  const Tensor upstream = floats(upstream_in), target = floats(target_in);
+  const WorkspaceLease w;
+  const Tensor out = torch::empty({scene.batch, scene.num_vertices, 3}, torch::kFloat32);
+  const std::int64_t words = kernels::fragment_words(), floats_per_view = 3 * scene.height * scene.width;
+  for (std::int64_t b = 0; b < scene.batch; ++b) {
+    collect(scene, *w, true, false, false, [&](std::int64_t c, std::int64_t tile, TileGradient& gradient) {
+      const std::int64_t v = b * scene.cameras + c, at = v * scene.tiles() + tile;
+      const RasterView raster = scene.raster_view(v);
+      const kernels::TargetView view{&raster, target.data_ptr<float>() + floats_per_view * v, static_cast<int>(radius)};
+      kernels::target_tile_backward(
+          view, upstream.data_ptr<float>() + floats_per_view * v, static_cast<int>(tile % scene.tiles_x()) * kTile,
+          static_cast<int>(tile / scene.tiles_x()) * kTile, records.data_ptr<std::int32_t>() + words * at,
+          counts.data_ptr<std::int32_t>()[at], gradient);
+    });
+    reduce_vertices(scene, *w, b, false, out.data_ptr<float>() + 3 * scene.num_vertices * b);
+  }
+  return out;
+}
+
+// --- autograd --------------------------------------------------------------------------------------------------------
+
+template <typename Signature>
+auto find_op(const char* name) {
+  return c10::Dispatcher::singleton().findSchemaOrThrow(name, "").typed<Signature>();
+}
+
+OptionalTensor optional(const Tensor& t) { return t.defined() ? OptionalTensor(t) : c10::nullopt; }
+Tensor tensor_or_none(const OptionalTensor& t) { return t.has_value() ? *t : Tensor(); }
+
+/// Gradients that may be used but not differentiated again; doing so throws.
+variable_list once_differentiable(variable_list gradients, const char* op) {
+  if (!torch::GradMode::is_enabled()) return gradients;
+  variable_list defined;
+  for (const Tensor& g : gradients) {
+    if (g.defined()) defined.push_back(g.detach().requires_grad_());
+  }
+  auto trap = std::make_shared<torch::autograd::DelayedError>(
+      std::string(op) + " has no second derivative; use its reference", static_cast<int>(defined.size()));
+  variable_list trapped = (*trap)(std::move(defined));
+  std::size_t next = 0;
+  for (Tensor& g : gradients) {
+    if (g.defined()) g = trapped[next++];
+  }
+  return gradients;
+}
+
+class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
+ public:
+  static variable_list forward(AutogradContext* context, const Tensor& vertices, const OptionalTensor& texture,
+                               const OptionalTensor& lighting, const Tensor& projection, const RenderMesh& mesh,
+                               std::int64_t height, std::int64_t width, const ShadingOptions& options) {
+    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
+    context->saved_data["nearest"] = options.nearest;
+    context->saved_data["flip"] = options.flip_normals;
+    context->saved_data["vertices"] = vertices.requires_grad();
+    context->saved_data["texture"] = texture.has_value() && texture->requires_grad();
+    context->saved_data["lighting"] = lighting.has_value() && lighting->requires_grad();
+    at::AutoDispatchBelowADInplaceOrView guard;
+    auto [colour, mask, normals, records, counts] = op.call(
+        vertices, texture, lighting, projection, mesh.face_records, optional(mesh.uv_records), mesh.incident_offsets,
+        mesh.incident_faces, height, width, options.nearest, options.flip_normals, options.z_near, true);
+    context->save_for_backward({vertices, tensor_or_none(texture), tensor_or_none(lighting), projection,
+                                mesh.face_records, mesh.uv_records, mesh.incident_offsets, mesh.incident_faces, normals,
+                                records, counts});
+    context->mark_non_differentiable({mask, records, counts});
+    return {colour, mask, records, counts};
+  }
+
+  static variable_list backward(AutogradContext* context, variable_list upstream) {
+    static const auto op = find_op<decltype(shade_backward_cpu)>("doppel::shade_backward");
+    const variable_list saved = context->get_saved_variables();
+    const bool vertices = context->saved_data["vertices"].toBool(), texture = context->saved_data["texture"].toBool(),
+               lighting = context->saved_data["lighting"].toBool();
+    variable_list out(8);
+    if (!upstream[0].defined()) return out;
+    {
+      at::AutoDispatchBelowADInplaceOrView guard;
+      auto [to_vertices, to_texture, to_lighting] =
+          op.call(upstream[0], saved[0], optional(saved[1]), optional(saved[2]), saved[3], saved[4], optional(saved[5]),
+                  saved[6], saved[7], saved[8], saved[9], saved[10], context->saved_data["nearest"].toBool(),
+                  context->saved_data["flip"].toBool(), vertices, texture, lighting);
+      if (vertices) out[0] = to_vertices;
+      if (texture) out[1] = to_texture;
+      if (lighting) out[2] = to_lighting;
+    }
+    return once_differentiable(std::move(out), "shade");
+  }
+};
+
+class TargetFunction : public torch::autograd::Function<TargetFunction> {
+ public:
+  static Tensor forward(AutogradContext* context, const Tensor& vertices, const Tensor& target,
+                        const Tensor& projection, const RenderMesh& mesh, const Fragments& fragments, int radius) {
+    context->saved_data["radius"] = static_cast<std::int64_t>(radius);
+    context->save_for_backward({vertices, projection, mesh.face_records, mesh.incident_offsets, mesh.incident_faces,
+                                target, fragments.records, fragments.counts});
+    return target;
+  }
+
+  static variable_list backward(AutogradContext* context, variable_list upstream) {
+    static const auto op = find_op<decltype(target_on_surface_backward_cpu)>("doppel::target_on_surface_backward");
+    const variable_list saved = context->get_saved_variables();
+    Tensor to_vertices;
+    {
+      at::AutoDispatchBelowADInplaceOrView guard;
+      to_vertices = op.call(upstream[0], saved[0], saved[1], saved[2], saved[3], saved[4], saved[5], saved[6], saved[7],
+                            context->saved_data["radius"].toInt());
+    }
+    variable_list out = once_differentiable({to_vertices}, "target_on_surface");
+    return {out[0], upstream[0], Tensor(), Tensor(), Tensor(), Tensor()};
+  }
+};
+
+bool needs_gradient(const Tensor& t) { return t.defined() && t.requires_grad(); }
+
+}  // namespace
+
+ShadedImage fused(const Tensor& vertices, const Tensor& texture, const Tensor& lighting_in, const Tensor& projection,
+                  const RenderMesh& mesh, std::int64_t height, std::int64_t width, const ShadingOptions& options) {
+  const Tensor lighting = options.lit ? lighting_in : Tensor();
+  const bool gradient = torch::GradMode::is_enabled() &&
+                        (needs_gradient(vertices) || needs_gradient(texture) || needs_gradient(lighting));
+  if (!gradient) {
+    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
+    at::AutoDispatchBelowADInplaceOrView guard;
+    auto [colour, mask, normals, records, counts] =
+        op.call(vertices, optional(texture), optional(lighting), projection, mesh.face_records,
+                optional(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height, width, options.nearest,
+                options.flip_normals, options.z_near, false);
+    return {colour, mask, {}};
+  }
+  const variable_list out =
+      ShadeFunction::apply(vertices, optional(texture), optional(lighting), projection, mesh, height, width, options);
+  return {out[0], out[1], {out[2], out[3]}};
+}
+
+Tensor target_fused(const Tensor& vertices, const Tensor& projection, const RenderMesh& mesh, const Tensor& target,
+                    const TargetOptions& options, const Fragments& drawn) {
+  if (!torch::GradMode::is_enabled() || !vertices.requires_grad()) return target;
+  Fragments fragments = drawn;
+  if (!fragments.defined()) {
+    static const auto op = find_op<decltype(draw_fragments_cpu)>("doppel::draw_fragments");
+    at::AutoDispatchBelowADInplaceOrView guard;
+    std::tie(fragments.records, fragments.counts) =
+        op.call(vertices, projection, mesh.face_records, target.size(2), target.size(3), options.z_near);
+  }
+  return TargetFunction::apply(vertices, target, projection, mesh, fragments, options.radius);
+}
+
+TORCH_LIBRARY_FRAGMENT(doppel, m) {
+  m.def(
+      "shade(Tensor vertices, Tensor? texture, Tensor? lighting, Tensor projection, Tensor face_records, Tensor? "
+      "uv_records, Tensor incident_offsets, Tensor incident_faces, int height, int width, bool nearest, bool flip, "
+      "float z_near, bool keep) -> (Tensor colour, Tensor mask, Tensor normals, Tensor records, Tensor counts)");
+  m.def(
+      "shade_backward(Tensor upstream, Tensor vertices, Tensor? texture, Tensor? lighting, Tensor projection, Tensor "
+      "face_records, Tensor? uv_records, Tensor incident_offsets, Tensor incident_faces, Tensor normals, Tensor "
+      "records, Tensor counts, bool nearest, bool flip, bool wants_vertices, bool wants_texture, bool wants_lighting) "
+      "-> (Tensor vertices, Tensor texture, Tensor lighting)");
+  m.def(
+      "draw_fragments(Tensor vertices, Tensor projection, Tensor face_records, int height, int width, float z_near) -> "
+      "(Tensor records, Tensor counts)");
+  m.def(
+      "target_on_surface_backward(Tensor upstream, Tensor vertices, Tensor projection, Tensor face_records, Tensor "
+      "incident_offsets, Tensor incident_faces, Tensor target, Tensor records, Tensor counts, int radius) -> Tensor");
+}
+
+TORCH_LIBRARY_IMPL(doppel, CPU, m) {
+  m.impl("shade", &shade_cpu);
+  m.impl("shade_backward", &shade_backward_cpu);
+  m.impl("draw_fragments", &draw_fragments_cpu);
+  m.impl("target_on_surface_backward", &target_on_surface_backward_cpu);
+}
+
+}  // namespace doppel::shading

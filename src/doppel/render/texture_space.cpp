@@ -1,0 +1,171 @@
+#include "doppel/render/texture_space.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "doppel/core/error.h"
+#include "doppel/render/face_table.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+/// What lies under each texel: a face (-1: none) and a place on it.
+struct TexelMap {
+  int size;
+  std::vector<std::int32_t> face;
+  std::vector<std::array<double, 3>> weights;
+
+  explicit TexelMap(int texels)
+      : size(texels),
+        face(static_cast<std::size_t>(texels) * static_cast<std::size_t>(texels), -1),
+        weights(face.size()) {}
+};
+
+/// Assigns the texels whose centre lies in the triangle and that no earlier face has. @param corner [3] texels, y down
+void fill_face(TexelMap& map, std::int32_t face, const std::array<std::array<double, 2>, 3>& corner) {
+  constexpr double kOnEdge = 1e-12;
+  const auto& [a, b, c] = corner;
+  const double area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+  if (area == 0 || !std::isfinite(area)) return;
+  const auto [low_x, high_x] = std::minmax({a[0], b[0], c[0]});
+  const auto [low_y, high_y] = std::minmax({a[1], b[1], c[1]});
+  const auto last = static_cast<double>(map.size - 1);
+  const int x0 = static_cast<int>(std::clamp(std::ceil(low_x - 0.5), 0.0, last + 1));
+  const int y0 = static_cast<int>(std::clamp(std::ceil(low_y - 0.5), 0.0, last + 1));
+  const int x1 = static_cast<int>(std::clamp(std::floor(high_x - 0.5), -1.0, last));
+  const int y1 = static_cast<int>(std::clamp(std::floor(high_y - 0.5), -1.0, last));
+  for (int y = y0; y <= y1; ++y) {
+    for (int x = x0; x <= x1; ++x) {
+      const auto texel = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.size) + static_cast<std::size_t>(x);
+      if (map.face[texel] >= 0) continue;
+      const double px = x + 0.5 - a[0], py = y + 0.5 - a[1];
+      const double w1 = (px * (c[1] - a[1]) - (c[0] - a[0]) * py) / area;
+      const double w2 = ((b[0] - a[0]) * py - px * (b[1] - a[1])) / area;
+      const double w0 = 1 - w1 - w2;
+      if (w0 < -kOnEdge || w1 < -kOnEdge || w2 < -kOnEdge) continue;
+      map.face[texel] = face;
+      map.weights[texel] = {w0, w1, w2};
+    }
+  }
+}
+
+/// The nearest texel with a face within `padding`, of equally near ones the first; -1 if there is none.
+std::int64_t nearest_covered(const TexelMap& map, int x, int y, int padding) {
+  std::int64_t best = -1;
+  int best_square = padding * padding + 1;
+  for (int v = std::max(y - padding, 0); v <= std::min(y + padding, map.size - 1); ++v) {
+    for (int u = std::max(x - padding, 0); u <= std::min(x + padding, map.size - 1); ++u) {
+      const std::int64_t texel = static_cast<std::int64_t>(v) * map.size + u;
+      const int square = (u - x) * (u - x) + (v - y) * (v - y);
+      if (square >= best_square || map.face[static_cast<std::size_t>(texel)] < 0) continue;
+      best = texel;
+      best_square = square;
+    }
+  }
+  return best;
+}
+
+TexelMap cover(const RenderMesh& mesh, int size) {
+  TexelMap map(size);
+  const float* uv = mesh.corner_uvs.data_ptr<float>();
+  for (std::int64_t f = 0; f < mesh.num_faces(); ++f) {
+    std::array<std::array<double, 2>, 3> corner{};
+    for (auto& c : corner) {
+      c = {static_cast<double>(uv[0]) * size, (1 - static_cast<double>(uv[1])) * size};
+      uv += 2;
+    }
+    fill_face(map, static_cast<std::int32_t>(f), corner);
+  }
+  return map;
+}
+
+}  // namespace
+
+TextureSpace::TextureSpace(const TriangleMesh& mesh, int size, int padding)
+    : TextureSpace(RenderMesh(mesh), size, padding) {}
+
+TextureSpace::TextureSpace(const RenderMesh& mesh, int size, int padding) : mesh_(mesh), size_(size) {
+  if (size < 1 || size > kernels::kMaxImage || padding < 0 || padding > 64) {
+    fail<UsageError>(
+        "TextureSpace: {} texels with a padding of {}; a map has 1 to {} texels to a side and a padding "
+        "of 0 to 64",
+        size, padding, kernels::kMaxImage);
+  }
+  if (!mesh.has_uvs()) {
+    fail<UsageError>("TextureSpace: the mesh has no UVs, so there is no texture space; give it `vt` coordinates");
+  }
+  assign_texels(padding);
+}
+
+void TextureSpace::assign_texels(int padding) {
+  const TexelMap map = cover(mesh_, size_);
+  const std::int64_t texels = static_cast<std::int64_t>(size_) * size_;
+  mask_ = torch::empty({size_, size_}, torch::kBool);
+  bool* covered = mask_.data_ptr<bool>();
+  std::vector<std::int64_t> source;  // of each texel with a value
+  lookup_ = torch::empty({texels}, torch::kInt64);
+  std::int64_t* lookup = lookup_.data_ptr<std::int64_t>();
+  for (std::int64_t i = 0; i < texels; ++i) {
+    covered[i] = map.face[static_cast<std::size_t>(i)] >= 0;
+    const std::int64_t from =
+        covered[i] ? i : nearest_covered(map, static_cast<int>(i % size_), static_cast<int>(i / size_), padding);
+    lookup[i] = from < 0 ? -1 : static_cast<std::int64_t>(source.size());
+    if (from >= 0) source.push_back(from);
+  }
+  const auto count = static_cast<std::int64_t>(source.size());
+  if (count == 0) {
+    fail<UsageError>("TextureSpace: no face covers the centre of a texel of a map of {} x {}; are the UVs in 0..1?",
+                     size_, size_);
+  }
+  for (std::int64_t i = 0; i < texels; ++i) lookup[i] = lookup[i] < 0 ? count : lookup[i];
+  corners_ = torch::empty({3, count}, torch::kInt64);
+  weights_ = torch::empty({3, count, 1}, torch::kFloat64);
+  const std::int32_t* faces = mesh_.faces.data_ptr<std::int32_t>();
+  for (std::int64_t i = 0; i < count; ++i) {
+    const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(i)]);
+    for (std::int64_t k = 0; k < 3; ++k) {
+      corners_.data_ptr<std::int64_t>()[k * count + i] = faces[3 * static_cast<std::int64_t>(map.face[from]) + k];
+      weights_.data_ptr<double>()[k * count + i] = map.weights[from][static_cast<std::size_t>(k)];
+    }
+  }
+}
+
+/// @param values [B,N,3] of the vertices @return [B,P,3]
+Tensor TextureSpace::interpolate(const Tensor& values) const {
+  const Tensor weights = weights_.to(values.dtype());
+  Tensor sum = values.index_select(1, corners_[0]) * weights[0];
+  for (int k = 1; k < 3; ++k) sum = sum + values.index_select(1, corners_[k]) * weights[k];
+  return sum;
+}
+
+/// @param texels [B,P,3] @return [B,3,T,T]
+Tensor TextureSpace::to_map(const Tensor& texels) const {
+  const Tensor background = torch::zeros_like(texels.slice(1, 0, 1));
+  const Tensor channels = torch::cat({texels, background}, 1).transpose(1, 2);
+  return channels.index_select(2, lookup_).unflatten(2, {size_, size_});
+}
+
+Tensor TextureSpace::normals(const Tensor& vertices) const {
+  const Tensor n = interpolate(vertex_normal_sums(vertices, mesh_));
+  const Tensor square = n.square().sum(2, true);
+  const Tensor solid = square > 1e-30;
+  const Tensor length = torch::where(solid, square, torch::ones_like(square)).sqrt();
+  return to_map(torch::where(solid, n / length, torch::zeros_like(n)));
+}
+
+Tensor TextureSpace::positions(const Tensor& vertices) const {
+  if (!vertices.defined() || vertices.dim() != 3 || vertices.size(1) != mesh_.num_vertices || vertices.size(2) != 3) {
+    fail<UsageError>("TextureSpace: vertices must be [B,{},3], found {}", mesh_.num_vertices,
+                     render::describe(vertices));
+  }
+  return to_map(interpolate(vertices));
+}
+
+}  // namespace doppel

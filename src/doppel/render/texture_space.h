@@ -1,0 +1,43 @@
+#pragma once
+
+#include <torch/types.h>
+
+#include "doppel/render/render_mesh.h"
+
+namespace doppel {
+
+/// Draws properties of the surface into the texture map. Which face lies under which texel is computed once; after that
+/// a map is an index and a weighted sum in plain tensor operations: differentiable, traceable, any dtype.
+///
+/// A texel belongs to the face whose UV triangle holds its centre; of several the lowest. Texels up to `padding` away
+/// from a chart repeat the nearest texel of one, so that bilinear look-ups at the edge of a chart mix nothing else in.
+class TextureSpace {
+ public:
+  /// @param size of the square map, texels, 1 to 16384
+  /// @throws Error when the mesh has no UVs
+  TextureSpace(const TriangleMesh& mesh, int size, int padding = 3);
+  TextureSpace(const RenderMesh& mesh, int size, int padding = 3);
+
+  /// Unit normals in world axes, 0 where there is neither face nor padding. @param vertices [B,N,3] @return [B,3,T,T]
+  torch::Tensor normals(const torch::Tensor& vertices) const;
+  /// Positions, world, metres. @param vertices [B,N,3] @return [B,3,T,T]
+  torch::Tensor positions(const torch::Tensor& vertices) const;
+
+  /// bool [T,T]: texels with a face of their own, padding not counted
+  const torch::Tensor& mask() const { return mask_; }
+  int size() const { return size_; }
+
+ private:
+  void assign_texels(int padding);
+  torch::Tensor interpolate(const torch::Tensor& values) const;
+  torch::Tensor to_map(const torch::Tensor& texels) const;
+
+  RenderMesh mesh_;
+  int size_;
+  torch::Tensor mask_;
+  torch::Tensor lookup_;   ///< int64 [T*T], which of the P texels with a value; P: none
+  torch::Tensor corners_;  ///< int64 [3,P] vertices
+  torch::Tensor weights_;  ///< float64 [3,P,1] barycentrics
+};
+
+}  // namespace doppel
