@@ -1,0 +1,20 @@
+#pragma once
+
+#include <torch/types.h>
+
+namespace doppel {
+
+/// 8-bit colours [...,3] to float32 0..1.
+/// @throws UsageError for another type
+torch::Tensor image_float(const torch::Tensor& image);
+
+/// Takes `times` pixels off the edge of masks (3x3 square, applied `times` times). What lies beyond the image counts as
+/// foreground: a mask that the image's border cuts off is not eroded there.
+/// @param mask bool or uint8 [B,C,H,W], non-zero = foreground
+/// @return uint8 [B,C,H,W], 0 or 1
+/// @throws UsageError for another type or shape, or times < 0
+torch::Tensor erode_mask(const torch::Tensor& mask, int times);
+/// The same in plain tensor operations.
+torch::Tensor erode_mask_reference(const torch::Tensor& mask, int times);
+
+}  // namespace doppel

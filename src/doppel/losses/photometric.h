@@ -1,0 +1,32 @@
+#pragma once
+
+/// Photometric loss: absolute differences of colour, for a texture.
+///
+///   L = 255 sum over views, pixels of M, {R,G,B} of |r - t| / (3 |M|),   M = erode(mask) and drawing
+///
+/// The erosion keeps background out of the texture where the drawing reaches a little beyond the person.
+/// Equation: 6.18
+
+#include <torch/types.h>
+
+namespace doppel {
+
+struct PhotometricOptions {
+  int erosion = 2;  ///< pixels taken off the edge of the mask
+};
+
+/// @param rendered float [B,C,H,W,3], RGB 0..1
+/// @param covered bool or uint8 [B,C,H,W]: where something is drawn
+/// @param target the type of `rendered` [B,C,H,W,3]
+/// @param target_mask bool or uint8 [B,C,H,W]: foreground
+/// @return scalar >= 0; 0 when no pixel counts
+/// Gradients: to `rendered` and `target`; where both are equal the subgradient is 0. No second derivative. Kernel and
+/// reference as in chroma.h.
+/// @throws UsageError with what was found
+torch::Tensor photometric_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,
+                               const torch::Tensor& target_mask, const PhotometricOptions& options = {});
+torch::Tensor photometric_loss_reference(const torch::Tensor& rendered, const torch::Tensor& covered,
+                                         const torch::Tensor& target, const torch::Tensor& target_mask,
+                                         const PhotometricOptions& options = {});
+
+}  // namespace doppel
