@@ -193,6 +193,23 @@ TEST(LayoutReference, RecognisesAsh) {
   EXPECT_EQ(capture.sequences[1].split, Split::test);
 }
 
+TEST(LayoutReference, EmptyStudioInAFolderPerCamera) {
+  const support::TemporaryFolder folder;
+  touch_calibration(folder / "cameras.calibration", 2);
+  touch(folder / "actor.character");
+  touch(folder / "training/skeletoolToGTPose/poseAngles.motion");
+  for (const std::string number : {"00", "01"}) {
+    touch(folder / ("training/img/c_" + number + ".avi"));
+    touch(folder / ("training/fg/c_" + number + ".avi"));
+    touch(folder / ("background/" + number + "/empty_2.jpg"));
+    touch(folder / ("background/" + number + "/notes.txt"));
+  }
+  touch(folder / "background/00/empty_1.jpg");  // the other camera has no such picture
+  EXPECT_EQ(recognise_capture(folder.path()).value().capture.background, "background/{camera:02}/empty_2.jpg");
+  std::filesystem::remove(folder / "background/01/empty_2.jpg");
+  EXPECT_EQ(recognise_capture(folder.path()).value().capture.background, "");
+}
+
 TEST(LayoutReference, RecognisesDynaCapWithAndWithoutPadding) {
   for (const bool pad : {true, false}) {
     const support::TemporaryFolder folder;

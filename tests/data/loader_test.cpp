@@ -45,12 +45,18 @@ using LoaderAgrees = LoaderData;
 using LoaderRecovers = LoaderData;
 using LoaderRejects = LoaderData;
 
+bool same_pictures(const Batch& a, const Batch& b) {
+  if (!a.image.defined()) return !b.image.defined();
+  return torch::equal(a.image, b.image) && torch::equal(a.image_mask, b.image_mask) &&
+         torch::equal(a.image_projection, b.image_projection);
+}
+
 bool same(const Batch& a, const Batch& b) {
-  return torch::equal(a.frames, b.frames) && torch::equal(a.sequence, b.sequence) && torch::equal(a.dofs, b.dofs) &&
-         torch::equal(a.cameras, b.cameras) && torch::equal(a.projection, b.projection) &&
-         torch::equal(a.distance, b.distance) && torch::equal(a.pixel_scale, b.pixel_scale) &&
-         torch::equal(a.valid, b.valid) && torch::equal(a.contour, b.contour) &&
-         torch::equal(a.contour_offsets, b.contour_offsets);
+  return same_pictures(a, b) && torch::equal(a.frames, b.frames) && torch::equal(a.sequence, b.sequence) &&
+         torch::equal(a.dofs, b.dofs) && torch::equal(a.cameras, b.cameras) &&
+         torch::equal(a.projection, b.projection) && torch::equal(a.distance, b.distance) &&
+         torch::equal(a.pixel_scale, b.pixel_scale) && torch::equal(a.valid, b.valid) &&
+         torch::equal(a.contour, b.contour) && torch::equal(a.contour_offsets, b.contour_offsets);
 }
 
 TEST(PermutationReference, IsAPermutationAndDependsOnSeedAndEpoch) {
@@ -189,6 +195,155 @@ TEST_F(LoaderAgrees, WithAnyNumberOfWorkersPrefetchAndCache) {
           ASSERT_TRUE(same(loader.next(), expected[i]))
               << workers << " workers, prefetch " << prefetch << ", batch " << i;
       }
+}
+
+TEST_F(LoaderAgrees, PicturesWithAnyNumberOfWorkersAndCache) {
+  LoaderOptions chosen = options();
+  chosen.images = true;
+  chosen.image_size = 40;
+  std::vector<Batch> expected;
+  Loader plain(*dataset_, chosen);
+  for (int i = 0; i < 8; ++i) expected.push_back(plain.next());
+  for (const int workers : {1, 3})
+    for (const int cache_mb : {0, 1, 1024}) {  // 1 MB holds some of the pictures
+      chosen.workers = workers;
+      chosen.cache_mb = cache_mb;
+      Loader loader(*dataset_, chosen);
+      for (int i = 0; i < 8; ++i)
+        ASSERT_TRUE(same(loader.next(), expected[i])) << workers << " workers, " << cache_mb << " MB, batch " << i;
+    }
+}
+
+TEST_F(LoaderReference, PicturesCarryColourMaskAndCamera) {
+  LoaderOptions chosen = options();
+  EXPECT_FALSE(Loader(*dataset_, chosen).next().image.defined());
+  chosen.images = true;
+  const Batch batch = Loader(*dataset_, chosen).next();
+  ASSERT_EQ(batch.image.sizes(), (std::vector<std::int64_t>{5, 2, 48, 48, 3}));
+  ASSERT_EQ(batch.image_mask.sizes(), (std::vector<std::int64_t>{5, 2, 48, 48}));
+  EXPECT_EQ(batch.image.scalar_type(), torch::kUInt8);
+  EXPECT_EQ(batch.image_mask.max().item<int>(), 1);
+  TemplateChecker checker(fixture_->character);
+  for (int b = 0; b < 5; ++b) {
+    const long frame = batch.frames[b].item<std::int64_t>();
+    const torch::Tensor vertices = checker.skin(dataset_->sequences()[0].motion.frames[frame]);
+    const torch::Tensor homogeneous = torch::cat({vertices, torch::ones({vertices.size(0), 1})}, 1);
+    for (int c = 0; c < 2; ++c) {
+      cv::Mat stored = dataset_->crop_image({0, frame}, static_cast<int>(batch.cameras[b][c].item<std::int64_t>()));
+      const torch::Tensor bgr = torch::from_blob(stored.data, {48, 48, 3}, torch::kUInt8);
+      EXPECT_TRUE(torch::equal(batch.image[b][c], bgr.flip(2)));
+      // The fixture paints the person reddish on green; the rest is what the video's compression makes of it.
+      const torch::Tensor inside = batch.image_mask[b][c].ne(0);
+      const torch::Tensor colour = std::get<0>(batch.image[b][c].index({inside}).to(torch::kInt32).median(0));
+      EXPECT_GT(colour[0].item<int>(), colour[1].item<int>() + 20);
+      const torch::Tensor seen = torch::matmul(homogeneous, batch.image_projection[b][c].t());
+      const torch::Tensor pixel = (seen.slice(1, 0, 2) / seen.slice(1, 2, 3)).floor().to(torch::kInt64);
+      const torch::Tensor hit = inside.flatten().index_select(0, pixel.select(1, 1) * 48 + pixel.select(1, 0));
+      EXPECT_GT(hit.to(torch::kFloat32).mean().item<float>(), 0.7f);  // vertices on the outline may fall beside
+    }
+  }
+}
+
+TEST_F(LoaderReference, SmallerPicturesShowTheSameWindow) {
+  BatchOptions chosen;
+  chosen.images = true;
+  const Batch whole = make_batch(*dataset_, {{0, 3}}, {{1}}, chosen);
+  chosen.image_size = 24;
+  const Batch half = make_batch(*dataset_, {{0, 3}}, {{1}}, chosen);
+  const torch::Tensor expected = whole.image[0][0].to(torch::kFloat32).view({24, 2, 24, 2, 3}).mean({1, 3});
+  EXPECT_LE((half.image[0][0].to(torch::kFloat32) - expected).abs().max().item<float>(), 0.5f);
+  EXPECT_TRUE(torch::allclose(half.image_projection.slice(2, 0, 2) * 2, whole.image_projection.slice(2, 0, 2)));
+  const torch::Tensor area = whole.image_mask.sum(), small = half.image_mask.sum();
+  EXPECT_NEAR(small.item<float>() * 4.0f, area.item<float>(), 0.1f * area.item<float>());
+}
+
+TEST_F(LoaderRejects, PicturesLargerThanTheStoredOnes) {
+  LoaderOptions chosen = options();
+  chosen.images = true;
+  for (const int size : {49, -1}) {
+    chosen.image_size = size;
+    EXPECT_THROW(Loader(*dataset_, chosen), UsageError);
+    EXPECT_THROW(make_batch(*dataset_, {{0, 1}}, {{0}}, {2, true, size}), UsageError);
+  }
+}
+
+// Beyond the camera's picture masks are continued for the distance transform, but a picture has nobody there.
+TEST(DatasetReference, NobodyBeyondThePicture) {
+  const CaptureFixture fixture(test_capture::Options{1, 3, 2, true});
+  fixture.prepare();
+  const std::string key = record_key("training", "0", 1);
+  {
+    Store store(fixture.out() / "store", Store::Mode::write);
+    FrameRecord record = decode_record(store.get(key).value(), key);
+    record.full_mask = encode_mask(cv::Mat(record.height, record.width, CV_8U, cv::Scalar(255)));
+    record.box = {-16, 32, 128};  // of 112 x 128 pixels: 12.5 % beyond the left edge, 25 % below the lower
+    store.put({{key, encode_record(record)}});
+  }
+  const Dataset dataset = Dataset::open(fixture.out());
+  const ImageCrop crop = dataset.image({0, 1}, 0);
+  ASSERT_EQ(crop.pixels, 48);
+  const auto at = [&](int x, int y) { return static_cast<int>(crop.foreground[static_cast<std::size_t>(48 * y + x)]); };
+  EXPECT_EQ(at(5, 10), 0);
+  EXPECT_EQ(at(6, 10), 1);
+  EXPECT_EQ(at(47, 35), 1);
+  EXPECT_EQ(at(47, 36), 0);
+}
+
+TEST(DatasetReference, EmptyViewsHaveBlackPictures) {
+  const CaptureFixture fixture(test_capture::Options{1, 3, 2, true});
+  fixture.prepare();
+  const std::string key = record_key("training", "0", 1);
+  {
+    Store store(fixture.out() / "store", Store::Mode::write);
+    FrameRecord record = decode_record(store.get(key).value(), key);
+    record.box = {};
+    record.crop_mask = record.crop_image = "";
+    store.put({{key, encode_record(record)}});
+  }
+  const Dataset dataset = Dataset::open(fixture.out());
+  const Batch batch = make_batch(dataset, {{0, 1}}, {{0}}, {2, true, 0});
+  EXPECT_FALSE(batch.valid.item<bool>());
+  EXPECT_EQ(batch.image.max().item<int>(), 0);
+  EXPECT_EQ(batch.image_mask.max().item<int>(), 0);
+  EXPECT_TRUE(torch::isfinite(batch.image_projection).all().item<bool>());
+}
+
+class BackgroundCapture : public ::testing::Test {
+ protected:
+  BackgroundCapture() : fixture_(test_capture::Options{2, 3, 2, true}) {
+    std::filesystem::create_directories(fixture_.root() / "background");
+    for (int camera = 0; camera < 2; ++camera) {
+      picture_[camera].create(test_capture::kHeight, test_capture::kWidth, CV_8UC3);
+      cv::randu(picture_[camera], 0, 255);
+      write(camera, picture_[camera]);
+    }
+    fixture_.write_yaml("background: background/{camera:03}.png\n" + fixture_.yaml(""));
+    fixture_.prepare();
+  }
+  void write(int camera, const cv::Mat& picture) const { cv::imwrite(path(camera).string(), picture); }
+  std::filesystem::path path(int camera) const {
+    return fixture_.root() / "background" / ("00" + std::to_string(camera) + ".png");
+  }
+  CaptureFixture fixture_;
+  cv::Mat picture_[2];
+};
+using BackgroundReference = BackgroundCapture;
+using BackgroundRejects = BackgroundCapture;
+
+TEST_F(BackgroundReference, ThePictureOfEachCamera) {
+  const Dataset dataset = Dataset::open(fixture_.out());
+  for (int camera = 0; camera < 2; ++camera)
+    EXPECT_EQ(cv::norm(dataset.background(camera), picture_[camera], cv::NORM_INF), 0.0);
+}
+
+TEST_F(LoaderReference, NoBackgroundWithoutPictures) { EXPECT_TRUE(dataset_->background(0).empty()); }
+
+TEST_F(BackgroundRejects, MissingAndOtherSizes) {
+  const Dataset dataset = Dataset::open(fixture_.out());
+  std::filesystem::remove(path(0));
+  EXPECT_THROW(dataset.background(0), FileError);
+  write(1, cv::Mat(50, 60, CV_8UC3, cv::Scalar(1, 2, 3)));
+  EXPECT_THROW(dataset.background(1), FileError);
 }
 
 TEST_F(LoaderRecovers, TheSameBatchesAfterRestore) {

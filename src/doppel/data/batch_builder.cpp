@@ -15,6 +15,8 @@ std::size_t bytes_of(const SilhouetteCrop& crop) {
   return sizeof(crop) + crop.distance.size() * sizeof(crop.distance[0]) + crop.contour.size() * sizeof(ContourPixel);
 }
 
+std::size_t bytes_of(const ImageCrop& crop) { return sizeof(crop) + crop.rgb.size() + crop.foreground.size(); }
+
 torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
   auto* offset = offsets.data_ptr<std::int64_t>();
   offset[0] = 0;
@@ -31,7 +33,8 @@ torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
 }
 
 /// Projection of the crop's camera; of the whole picture's where there is no crop, so that the numbers stay finite.
-void write_projection(const Camera& camera, const SilhouetteCrop& crop, float* to) {
+template <typename Crop>
+void write_projection(const Camera& camera, const Crop& crop, float* to) {
   const Camera seen = crop.valid ? crop_camera(camera, crop.box, crop.pixels) : camera;
   const Eigen::Matrix<double, 3, 4> projection = seen.projection();
   for (int i = 0; i < 12; ++i) to[i] = static_cast<float>(projection(i / 4, i % 4));
@@ -61,25 +64,63 @@ void write_silhouettes(const Dataset& dataset, const std::vector<SamplePlan::Ite
   }
 }
 
+/// Pictures with their masks and cameras.
+void add_images(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items, int pixels,
+                Batch& batch) {
+  const std::int64_t b = batch.cameras.size(0), c = batch.cameras.size(1), p = pixels, area = p * p;
+  batch.image = torch::empty({b, c, p, p, 3}, torch::kUInt8);
+  batch.image_mask = torch::empty({b, c, p, p}, torch::kUInt8);
+  batch.image_projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
+  for (std::int64_t i = 0; i < b * c; ++i) {
+    const SamplePlan::Item& item = items[static_cast<std::size_t>(i / c)];
+    const int camera = item.cameras[static_cast<std::size_t>(i % c)];
+    const auto crop = cache.image(dataset, item.sample, camera, pixels);
+    write_projection(dataset.camera(camera), *crop, batch.image_projection.data_ptr<float>() + 12 * i);
+    auto* image = batch.image.data_ptr<std::uint8_t>() + 3 * area * i;
+    auto* mask = batch.image_mask.data_ptr<std::uint8_t>() + area * i;
+    if (crop->valid) {
+      std::copy(crop->rgb.begin(), crop->rgb.end(), image);
+      std::copy(crop->foreground.begin(), crop->foreground.end(), mask);
+    } else {
+      std::fill(image, image + 3 * area, std::uint8_t{0});
+      std::fill(mask, mask + area, std::uint8_t{0});
+    }
+  }
+}
+
+std::uint64_t key_of(const SampleId& sample, int camera) {
+  return static_cast<std::uint64_t>(sample.sequence) << 48 | static_cast<std::uint64_t>(camera) << 36 |
+         static_cast<std::uint64_t>(sample.frame);
+}
+
 }  // namespace
 
-std::shared_ptr<const SilhouetteCrop> SilhouetteCache::get(const Dataset& dataset, const SampleId& sample, int camera) {
-  const auto key = static_cast<std::uint64_t>(sample.sequence) << 48 | static_cast<std::uint64_t>(camera) << 36 |
-                   static_cast<std::uint64_t>(sample.frame);
+template <typename Crop, typename Make>
+std::shared_ptr<const Crop> CropCache::get(Items<Crop>& items, std::uint64_t key, const Make& make) {
   {
     std::lock_guard lock(mutex_);
-    const auto found = items_.find(key);
-    if (found != items_.end()) return found->second;
+    const auto found = items.find(key);
+    if (found != items.end()) return found->second;
   }
-  auto crop = std::make_shared<const SilhouetteCrop>(dataset.silhouette(sample, camera));
+  auto crop = std::make_shared<const Crop>(make());
   std::lock_guard lock(mutex_);
   const std::size_t bytes = bytes_of(*crop);
-  if (bytes_ + bytes <= max_bytes_ && items_.emplace(key, crop).second) bytes_ += bytes;
+  if (bytes_ + bytes <= max_bytes_ && items.emplace(key, crop).second) bytes_ += bytes;
   return crop;
 }
 
-Batch build_batch(const Dataset& dataset, SilhouetteCache& cache, const std::vector<SamplePlan::Item>& items,
-                  int window) {
+std::shared_ptr<const SilhouetteCrop> CropCache::silhouette(const Dataset& dataset, const SampleId& sample,
+                                                            int camera) {
+  return get(silhouettes_, key_of(sample, camera), [&] { return dataset.silhouette(sample, camera); });
+}
+
+std::shared_ptr<const ImageCrop> CropCache::image(const Dataset& dataset, const SampleId& sample, int camera,
+                                                  int pixels) {
+  return get(images_, key_of(sample, camera), [&] { return dataset.image(sample, camera, pixels); });
+}
+
+Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
+                  const BatchOptions& options) {
   const auto b = static_cast<std::int64_t>(items.size());
   const auto c = static_cast<std::int64_t>(items.empty() ? 0 : items[0].cameras.size());
   if (b == 0 || c == 0) fail<UsageError>("a batch needs at least one sample and one camera");
@@ -103,26 +144,34 @@ Batch build_batch(const Dataset& dataset, SilhouetteCache& cache, const std::vec
                        item.cameras.size());
     batch.frames.data_ptr<std::int64_t>()[i] = item.sample.frame;
     batch.sequence.data_ptr<std::int64_t>()[i] = item.sample.sequence;
-    windows.push_back(dataset.dof_window(item.sample, window));
+    windows.push_back(dataset.dof_window(item.sample, options.window));
     for (std::int64_t j = 0; j < c; ++j) {
       batch.cameras.data_ptr<std::int64_t>()[i * c + j] = item.cameras[j];
-      crops.push_back(cache.get(dataset, item.sample, item.cameras[j]));
+      crops.push_back(cache.silhouette(dataset, item.sample, item.cameras[j]));
     }
   }
   batch.dofs = torch::stack(windows);
   write_silhouettes(dataset, items, crops, batch);
   batch.contour = contour_tensor(crops, batch.contour_offsets);
+  if (options.images) add_images(dataset, cache, items, dataset.image_pixels(options.image_size), batch);
   return batch;
 }
 
 Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
-                 const std::vector<std::vector<int>>& cameras, int window) {
+                 const std::vector<std::vector<int>>& cameras, const BatchOptions& options) {
   if (samples.size() != cameras.size())
     fail<UsageError>("a batch of {} samples was given cameras for {}", samples.size(), cameras.size());
   std::vector<SamplePlan::Item> items;
   for (std::size_t i = 0; i < samples.size(); ++i) items.push_back({samples[i], cameras[i]});
-  SilhouetteCache no_cache(0);
-  return build_batch(dataset, no_cache, items, window);
+  CropCache no_cache(0);
+  return build_batch(dataset, no_cache, items, options);
+}
+
+Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
+                 const std::vector<std::vector<int>>& cameras, int window) {
+  BatchOptions options;
+  options.window = window;
+  return make_batch(dataset, samples, cameras, options);
 }
 
 }  // namespace doppel

@@ -12,21 +12,29 @@
 
 namespace doppel {
 
-/// Keeps silhouettes in memory up to a budget: what came first stays, since every epoch visits everything anyway.
-/// Thread-safe. Never changes what a caller gets.
-class SilhouetteCache {
+/// Keeps silhouettes and decoded pictures in memory up to a common budget: what came first stays, since every epoch
+/// visits everything anyway. Thread-safe. Never changes what a caller gets.
+class CropCache {
  public:
-  explicit SilhouetteCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
-  std::shared_ptr<const SilhouetteCrop> get(const Dataset& dataset, const SampleId& sample, int camera);
+  explicit CropCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+  std::shared_ptr<const SilhouetteCrop> silhouette(const Dataset& dataset, const SampleId& sample, int camera);
+  /// @param pixels the same in all calls
+  std::shared_ptr<const ImageCrop> image(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
 
  private:
+  template <typename Crop>
+  using Items = std::unordered_map<std::uint64_t, std::shared_ptr<const Crop>>;
+  template <typename Crop, typename Make>
+  std::shared_ptr<const Crop> get(Items<Crop>& items, std::uint64_t key, const Make& make);
+
   std::mutex mutex_;
-  std::unordered_map<std::uint64_t, std::shared_ptr<const SilhouetteCrop>> items_;
+  Items<SilhouetteCrop> silhouettes_;
+  Items<ImageCrop> images_;
   std::size_t bytes_ = 0, max_bytes_;
 };
 
 /// Loads the items of one batch. All must have the same number of cameras.
-Batch build_batch(const Dataset& dataset, SilhouetteCache& cache, const std::vector<SamplePlan::Item>& items,
-                  int window);
+Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
+                  const BatchOptions& options);
 
 }  // namespace doppel

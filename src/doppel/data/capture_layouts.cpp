@@ -184,10 +184,36 @@ std::optional<FoundSequence> find_sequence(const fs::path& folder, const std::st
   return std::nullopt;
 }
 
-/// The empty studio: `background/NNN.png`, or the first picture of `background/<cam>/`.
+/// `background/<cam>/NAME`, with the first NAME that every camera's folder has.
+std::string find_background_folders(const fs::path& folder) {
+  std::vector<fs::path> cameras;
+  std::size_t shortest = 6, longest = 0;
+  for (const fs::path& entry : sorted_entries(folder)) {
+    const std::string name = entry.filename().string();
+    if (!fs::is_directory(entry) || name.size() > 6 ||
+        !std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isdigit(c); }))
+      continue;
+    cameras.push_back(entry);
+    shortest = std::min(shortest, name.size());
+    longest = std::max(longest, name.size());
+  }
+  if (cameras.empty()) return "";
+  const std::string camera = shortest == longest && longest > 1 ? fmt::format("{{camera:0{}}}", longest) : "{camera}";
+  for (const fs::path& entry : sorted_entries(cameras[0])) {
+    const std::string name = entry.filename().string();
+    const bool picture = entry.extension() == ".png" || entry.extension() == ".jpg";
+    const bool everywhere = std::all_of(cameras.begin(), cameras.end(),
+                                        [&](const fs::path& other) { return fs::is_regular_file(other / name); });
+    if (picture && everywhere && name.find_first_of("{}") == std::string::npos)
+      return "background/" + camera + "/" + name;
+  }
+  return "";
+}
+
+/// The empty studio: `background/NNN.png`, or a picture that all of `background/<cam>/` have.
 std::string find_background(const fs::path& folder) {
   const auto files = numbered_files(folder / "background", "", {"png", "jpg"});
-  return files ? "background/" + files->pattern : "";
+  return files ? "background/" + files->pattern : find_background_folders(folder / "background");
 }
 
 /// The cameras that have a video in every sequence, by name; empty when these are all.

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
 #include "doppel/data/store_layout.h"
+#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 
@@ -38,6 +40,25 @@ std::vector<ContourPixel> contour_in_picture(const cv::Mat& mask, const CropBox&
   };
   contour.erase(std::remove_if(contour.begin(), contour.end(), beyond), contour.end());
   return contour;
+}
+
+/// Beyond the camera's picture there is no person, though masks are continued there.
+void clear_beyond_picture(cv::Mat& mask, const CropBox& box, cv::Size picture) {
+  const double scale = box.image_pixels_per_pixel(mask.cols);
+  for (int i = 0; i < mask.cols; ++i) {
+    const double u = box.u0 + (i + 0.5) * scale, v = box.v0 + (i + 0.5) * scale;
+    if (u < 0.0 || u > picture.width) mask.col(i).setTo(0);
+    if (v < 0.0 || v > picture.height) mask.row(i).setTo(0);
+  }
+}
+
+/// The camera `index` of the calibration file at a resolution, with its distortion.
+Camera calibrated_camera(const Capture& capture, int index, int width, int height) {
+  const std::vector<Camera> all = read_calibration(capture.calibration_path());
+  if (index < 0 || index >= static_cast<int>(all.size()))
+    fail("{} has {} cameras; the capture was prepared with more", capture.calibration, all.size());
+  const Camera& camera = all[static_cast<std::size_t>(index)];
+  return camera.width == width && camera.height == height ? camera : camera.scaled_to(width, height);
 }
 
 DatasetSequence make_sequence(const SequenceEntry& entry, const Capture& capture, int num_dofs) {
@@ -152,14 +173,59 @@ cv::Mat Dataset::crop_mask(const SampleId& sample, int camera) const {
   return decode_mask(found.crop_mask, {found.mask_size, found.mask_size}, key(sample, camera));
 }
 
-cv::Mat Dataset::crop_image(const SampleId& sample, int camera) const {
-  const FrameRecord found = record(sample, camera);
-  if (found.box.empty()) return {};
+cv::Mat Dataset::decode_image(const FrameRecord& found, const SampleId& sample, int camera) const {
   const cv::Mat bytes(1, static_cast<int>(found.crop_image.size()), CV_8U, const_cast<char*>(found.crop_image.data()));
   const cv::Mat image = cv::imdecode(bytes, cv::IMREAD_COLOR);
   if (image.size() != cv::Size(found.image_size, found.image_size))
     fail("{}: the picture of {} cannot be decoded; the store is damaged", folder_.string(), key(sample, camera));
   return image;
+}
+
+cv::Mat Dataset::crop_image(const SampleId& sample, int camera) const {
+  const FrameRecord found = record(sample, camera);
+  return found.box.empty() ? cv::Mat() : decode_image(found, sample, camera);
+}
+
+int Dataset::image_pixels(int pixels) const {
+  if (pixels < 0 || pixels > image_size_)
+    fail<UsageError>(
+        "pictures of {} pixels a side are asked for, but {} was prepared with {}; ask for at most that, or prepare it "
+        "again with --image-size {}",
+        pixels, folder_.string(), image_size_, pixels);
+  return pixels == 0 ? image_size_ : pixels;
+}
+
+ImageCrop Dataset::image(const SampleId& sample, int camera, int pixels) const {
+  ImageCrop crop;
+  crop.pixels = image_pixels(pixels);
+  const FrameRecord found = record(sample, camera);
+  if (found.box.empty()) return crop;
+  crop.valid = true;
+  crop.box = found.box;
+  cv::Mat picture = decode_image(found, sample, camera), mask;
+  if (picture.cols != crop.pixels) cv::resize(picture, picture, {crop.pixels, crop.pixels}, 0.0, 0.0, cv::INTER_AREA);
+  crop.rgb.resize(3 * picture.total());
+  cv::Mat rgb(crop.pixels, crop.pixels, CV_8UC3, crop.rgb.data());
+  cv::cvtColor(picture, rgb, cv::COLOR_BGR2RGB);
+  const cv::Mat whole = decode_mask(found.full_mask, {found.width, found.height}, key(sample, camera));
+  mask = doppel::crop_mask(whole, found.box, crop.pixels);
+  clear_beyond_picture(mask, found.box, whole.size());
+  crop.foreground.resize(mask.total());
+  cv::Mat foreground(mask.size(), CV_8U, crop.foreground.data());
+  cv::min(mask, 1, foreground);
+  return crop;
+}
+
+cv::Mat Dataset::background(int camera) const {
+  if (capture_.background.empty()) return {};
+  const Camera& pinhole = cameras_.at(camera);
+  const fs::path path = capture_.resolve(expand_camera(capture_.background, file_index_.at(camera), pinhole.name));
+  const cv::Mat picture = fs::is_regular_file(path) ? cv::imread(path.string(), cv::IMREAD_COLOR) : cv::Mat();
+  if (picture.empty()) fail_at({path, 0}, "the picture of the empty studio is missing or cannot be decoded");
+  if (picture.cols != pinhole.width || picture.rows != pinhole.height)
+    fail_at({path, 0}, "the picture of the empty studio is {}x{}, camera {} films {}x{}; they must be equal",
+            picture.cols, picture.rows, pinhole.name, pinhole.width, pinhole.height);
+  return Undistorter(calibrated_camera(capture_, file_index_.at(camera), pinhole.width, pinhole.height)).apply(picture);
 }
 
 SilhouetteCrop Dataset::silhouette(const SampleId& sample, int camera) const {

@@ -49,6 +49,15 @@ struct SilhouetteCrop {
   std::vector<ContourPixel> contour;
 };
 
+/// What a photometric loss needs of one camera at one frame.
+struct ImageCrop {
+  bool valid = false;  ///< false: the person is not seen, everything else is empty
+  CropBox box;
+  int pixels = 0;                        ///< I
+  std::vector<std::uint8_t> rgb;         ///< [I*I*3]; black beyond the camera's picture
+  std::vector<std::uint8_t> foreground;  ///< [I*I] 1 = person; 0 beyond the camera's picture
+};
+
 /// A prepared capture: poses, cameras without distortion, and the store of masks and pictures. Reading is thread-safe.
 class Dataset {
  public:
@@ -76,6 +85,9 @@ class Dataset {
 
   int mask_size() const { return mask_size_; }
   int image_size() const { return image_size_; }
+  /// The side that pictures come with when `pixels` is asked for: 0 means as stored.
+  /// @throws UsageError when `pixels` is negative or more than stored
+  int image_pixels(int pixels) const;
 
   /// Motion rows frame-window .. frame as float32 [window+1, D], oldest first. Where the segment has no earlier row
   /// its first is repeated (thesis 6.9).
@@ -89,6 +101,13 @@ class Dataset {
   cv::Mat crop_mask(const SampleId& sample, int camera) const;
   /// The picture's window, BGR, image_size squared; empty when nothing of the person is seen.
   cv::Mat crop_image(const SampleId& sample, int camera) const;
+  /// Picture and mask of the window at one resolution; the mask is cut from the whole one.
+  /// @param pixels side; 0: as stored
+  /// @throws UsageError as image_pixels
+  ImageCrop image(const SampleId& sample, int camera, int pixels = 0) const;
+  /// The empty studio, BGR, at the camera's resolution and without distortion; empty when the capture has none.
+  /// @throws FileError when the picture is missing or has another size
+  cv::Mat background(int camera) const;
   /// Distance transform and contour of the mask's window.
   SilhouetteCrop silhouette(const SampleId& sample, int camera) const;
   /// The keypoint file of a frame, if the capture has keypoints and the file exists.
@@ -96,6 +115,7 @@ class Dataset {
 
  private:
   Dataset() = default;
+  cv::Mat decode_image(const FrameRecord& found, const SampleId& sample, int camera) const;
   FrameRecord record(const SampleId& sample, int camera) const;
   std::string key(const SampleId& sample, int camera) const;
 

@@ -51,7 +51,7 @@ struct Loader::Impl {
   const Dataset& dataset;
   LoaderOptions options;
   SamplePlan plan;
-  SilhouetteCache cache;
+  CropCache cache;
   std::int64_t next_batch = 0;  ///< handed out next; the stream's position is this * batch_size + first_sample
   std::int64_t first_sample = 0;
 
@@ -93,7 +93,7 @@ struct Loader::Impl {
       // Workers record no autograd history; each thread has its own switch.
       torch::NoGradGuard no_grad;
       const auto items = plan.items(first_sample + number * options.batch_size, options.batch_size);
-      loaded.batch = build_batch(dataset, cache, items, options.window);
+      loaded.batch = build_batch(dataset, cache, items, {options.window, options.images, options.image_size});
     } catch (...) {
       loaded.error = std::current_exception();
     }
@@ -145,6 +145,7 @@ struct Loader::Impl {
 
 Loader::Loader(const Dataset& dataset, LoaderOptions options) {
   check_options(options);
+  if (options.images) dataset.image_pixels(options.image_size);
   impl_ = std::make_unique<Impl>(dataset, std::move(options));
 }
 

@@ -16,10 +16,13 @@ struct LoaderOptions {
   std::vector<std::string> cameras;  ///< names to draw from; empty: all
   int cameras_per_sample = 0;        ///< of those, drawn anew for each sample; 0 or more than there are: all
   int window = 2;                    ///< F: earlier frames in the DoF window
+  bool images = false;               ///< pictures too
+  int image_size = 0;                ///< their side; 0: as stored, else at most that
   std::uint64_t seed = 1;
-  int workers = 1;      ///< threads that load ahead; 0: load inside next()
-  int prefetch = 4;     ///< batches kept ready
-  int cache_mb = 1024;  ///< memory for distance transforms that are kept between epochs; 0: compute anew each time
+  int workers = 1;   ///< threads that load ahead; 0: load inside next()
+  int prefetch = 4;  ///< batches kept ready
+  int cache_mb =
+      1024;  ///< memory for distance transforms and pictures kept between epochs; 0: make them anew each time
 };
 
 /// Endless stream of batches: all samples of a split in a new seeded order each epoch, one epoch running into the next.
@@ -52,6 +55,9 @@ class Loader {
 
 /// The batch of given samples with given cameras, without a loader (evaluation, overlays).
 /// @param cameras per sample, all of the same length
+/// @throws UsageError for no samples, or pictures larger than the stored ones
+Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
+                 const std::vector<std::vector<int>>& cameras, const BatchOptions& options);
 Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
                  const std::vector<std::vector<int>>& cameras, int window);
 
