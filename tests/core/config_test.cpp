@@ -136,6 +136,33 @@ TEST(ConfigRejects, UnknownKeysInItemsOfAList) {
   EXPECT_THAT(message_of<Error>([&] { root.sections("stages")[0].finish(); }), HasSubstr("stages[0].kind"));
 }
 
+TEST(ConfigReference, APartIsADocumentOfItsOwn) {
+  const ConfigDocument whole =
+      ConfigDocument::parse("capture: x\nseed: 7\nfirst:\n  rate: 0.5\n  list: [1, 2]\nsecond: {rate: 2}\n",
+                            "chain.yaml", {"first.rate=0.25"});
+  const ConfigDocument part = whole.part("first", {"capture", "seed", "absent"});
+  const ConfigReader root = part.root();
+  EXPECT_EQ(root.get<std::string>("capture"), "x");
+  EXPECT_EQ(root.get<int>("seed"), 7);
+  EXPECT_EQ(root.get<double>("rate"), 0.25);
+  EXPECT_THAT(root.list<int>("list"), ElementsAre(1, 2));
+  root.finish();
+  const ConfigReader again = ConfigDocument::parse(part.resolved(), "resolved.yaml").root();
+  EXPECT_EQ(again.get<double>("rate"), 0.25);
+  EXPECT_FALSE(again.has("second"));
+  EXPECT_FALSE(whole.part("third", {"seed"}).root().has("rate"));
+}
+
+TEST(ConfigRejects, MistakesInAPartWithTheLineOfTheWhole) {
+  const ConfigDocument whole =
+      ConfigDocument::parse("seed: 7\nfirst:\n  rate: fast\nsecond:\n  seed: 1\n", "chain.yaml", {"first.size=big"});
+  const ConfigDocument part = whole.part("first", {"seed"});
+  EXPECT_THAT(message_of([&] { part.root().get<double>("rate"); }), HasSubstr("chain.yaml:3"));
+  EXPECT_THAT(message_of([&] { part.root().get<double>("size"); }), HasSubstr("--set first.size=big"));
+  EXPECT_THAT(message_of([&] { whole.part("second", {"seed"}); }),
+              AllOf(HasSubstr("chain.yaml:5"), HasSubstr("top of the file")));
+}
+
 TEST(ConfigRejects, TheSameKeyTwice) {
   const ConfigReader root = ConfigDocument::parse("a: 1\nb: 2\na: 3\n", "twice.yaml").root();
   root.get<int>("a");

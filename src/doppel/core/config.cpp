@@ -215,6 +215,25 @@ ConfigReader ConfigDocument::root() const {
   return ConfigReader(shared, node_, "");
 }
 
+ConfigDocument ConfigDocument::part(const std::string& section, const std::vector<std::string>& shared) const {
+  ConfigDocument document;
+  document.path_ = path_;
+  document.node_ = YAML::Node(YAML::NodeType::Map);
+  for (const std::string& key : shared)
+    if (node_[key].IsDefined()) document.node_[key] = node_[key];
+  const ConfigReader reader = root().section(section);
+  for (const std::string& key : reader.keys()) {
+    if (document.node_[key].IsDefined())
+      reader.fail_at_key(key, "this key belongs at the top of the file, for all sections");
+    document.node_[key] = node_[section][key];
+  }
+  for (const auto& [dotted, text] : overridden_) {
+    const bool inside = dotted.compare(0, section.size() + 1, section + ".") == 0;
+    document.overridden_[inside ? dotted.substr(section.size() + 1) : dotted] = text;
+  }
+  return document;
+}
+
 std::string ConfigDocument::resolved() const {
   YAML::Emitter out;
   // Enough digits that a value reads back as the one that was used.

@@ -33,6 +33,10 @@ class ConfigDocument {
                               const std::vector<std::string>& overrides = {});
 
   ConfigReader root() const;
+  /// A document of its own with the keys of the mapping `section` on top, beside the top-level keys `shared` of this
+  /// one. Line numbers and overrides in messages stay those of this document.
+  /// @throws FileError when `section` is there and no mapping, or holds one of the shared keys
+  ConfigDocument part(const std::string& section, const std::vector<std::string>& shared) const;
   /// The document with the overrides in place, as YAML text. Paths that were read through `ConfigReader::path` are
   /// absolute in it, so that it means the same wherever it is kept.
   std::string resolved() const;
