@@ -7,10 +7,12 @@
 #include <torch/torch.h>
 
 #include <cmath>
+#include <optional>
 #include <sstream>
 
 #include "doppel/core/error.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
+#include "doppel/layers/reference_scope.h"
 #include "support/test_character.h"
 
 namespace doppel {
@@ -90,8 +92,9 @@ TEST(EgNetReference, OutputIgnoresWhereOnePersonStandsAndFaces) {
   EgNet net(character, config);
   net->eval();
   const Tensor window = random_windows(character, 3);
-  for (const auto& reference : {false, true}) {
-    net->set_reference(reference);
+  for (const bool reference : {false, true}) {
+    std::optional<ReferenceScope> plain;
+    if (reference) plain.emplace();
     const auto [A, T] = net->forward(window);
     ASSERT_GT(largest(A), 1e-2);
     for (const double turn : {0.7, -2.5, 6.0}) {
@@ -137,7 +140,7 @@ TEST(EgNetAgrees, WithItsReferencePath) {
     net->eval();
     const Tensor window = random_windows(character, 3);
     const auto fast = net->forward(window);
-    net->set_reference(true);
+    const ReferenceScope reference;
     const auto plain = net->forward(window);
     EXPECT_LT(largest(fast.first - plain.first), 1e-4) << preset;
     EXPECT_LT(largest(fast.second - plain.second), 1e-4) << preset;
@@ -157,7 +160,6 @@ TEST(EgNetAgrees, AsATraceOnBatchesItHasNotSeen) {
   config.sagcn.head_scale = 0.3;
   EgNet net(character, config);
   net->eval();
-  net->set_reference(true);
   for (Tensor parameter : net->parameters()) parameter.set_requires_grad(false);  // here they become constants
   const Tensor example = random_windows(character, 2);
   const auto traced = torch::jit::tracer::trace(

@@ -3,7 +3,6 @@
 #include "doppel/core/error.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 
@@ -54,6 +53,8 @@ EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
                         ? RotationFeatures::euler
                         : RotationFeatures::rotation_6d;
   config.rest_inverse = reader.get("rest_inverse", config.rest_inverse);
+  config.network = read_network_kind(reader, config.network);
+  config.ablation = AblationConfig::read(reader, config.ablation);
   if (config.node_features == NodeFeatures::graph && !config.rest_inverse)
     reader.fail_at_key("rest_inverse",
                        "node_features: graph measures how far a node moves from its rest position, which needs "
@@ -63,6 +64,7 @@ EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
 
 void EgNetConfig::check() const {
   sagcn.check();
+  ablation.check();
   if (window < 0) fail<UsageError>("the motion window must hold no negative number of past frames, found {}", window);
   if (node_features == NodeFeatures::graph && !rest_inverse)
     fail<UsageError>("node_features: graph needs rest_inverse: true; or choose node_features: transform");
@@ -73,29 +75,23 @@ EgNetImpl::EgNetImpl(const Character& character, const EgNetConfig& config, std:
   config.check();
   kinematics_ = Kinematics(character);
   node_skinning_ = Skinning(node_skinning_weights(character), SkinningMode::dual_quaternion);
-  sagcn_ = register_module("sagcn", Sagcn(RingWeights::from_graph(character.graph, config.sagcn.rings),
-                                          config.num_inputs(), kOutputs, config.sagcn, std::move(generator)));
-  input_mean_ = register_buffer("input_mean", torch::zeros({num_nodes_, config.num_inputs()}));
-  input_std_ = register_buffer("input_std", torch::ones({num_nodes_, config.num_inputs()}));
+  const bool flat = config.network == NetworkKind::fully_connected;
+  NetworkPlan plan{config.network, config.sagcn, config.ablation};
+  plan.inputs = flat ? character.num_dofs() * (config.window + 1) : config.num_inputs();
+  plan.outputs = kOutputs;
+  network_ = make_network(plan, MeshTopology(character.num_nodes(), character.graph.edges), std::move(generator));
+  register_module(network_kind_words()[static_cast<std::size_t>(config.network)], network_);
+  const int64_t rows = flat ? 1 : num_nodes_;
+  input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
+  input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));
   // Constants of the character, not of the model: neither buffers nor in a checkpoint.
   node_positions_ = node_positions(character);
   const std::vector<int64_t> joints(character.bone_joint.begin(), character.bone_joint.end());
   bone_joint_ = torch::tensor(joints, torch::kInt64);
 }
 
-void EgNetImpl::set_reference(bool reference) { reference_ = reference; }
-
 void EgNetImpl::set_input_statistics(const Tensor& mean, const Tensor& std, double floor) {
-  torch::NoGradGuard no_grad;
-  for (const Tensor& statistic : {mean, std})
-    if (!statistic.defined() || statistic.size(-1) != config_.num_inputs() || statistic.dim() > 2 ||
-        (statistic.dim() == 2 && statistic.size(0) != num_nodes_))
-      fail<UsageError>("input statistics of EGNet must be [K,Hin] = [{},{}] or [Hin], found {}", num_nodes_,
-                       config_.num_inputs(), describe(statistic));
-  if (!torch::isfinite(mean).all().item<bool>() || !torch::isfinite(std).all().item<bool>())
-    fail("the input statistics of EGNet are not finite; a motion of the training set holds bad numbers");
-  input_mean_.copy_(mean.expand_as(input_mean_));
-  input_std_.copy_(std.clamp_min(floor).expand_as(input_std_));
+  set_standardisation(input_mean_, input_std_, mean, std, floor, "EGNet");
 }
 
 /// Bone transforms of each pose, world. @param dofs [P,D] @return [P,Bn,3,4]
@@ -126,11 +122,14 @@ Tensor EgNetImpl::node_features(const Tensor& dof_window) {
   return at::cat({translation, turn}, -1).view({-1, frames, num_nodes_, per_frame}).permute({0, 2, 1, 3}).flatten(2);
 }
 
+Tensor EgNetImpl::network_input(const Tensor& dof_window) {
+  if (config_.network != NetworkKind::fully_connected) return node_features(dof_window);
+  check_shape("egnet", "dof_window", dof_window, {-1, config_.window + 1, window_.num_dofs()}, "[B,F+1,D]");
+  return window_.normalise_dofs(dof_window).flatten(1).unsqueeze(1);
+}
+
 std::pair<Tensor, Tensor> EgNetImpl::forward(const Tensor& dof_window) {
-  std::optional<ReferenceScope> plain;
-  if (reference_) plain.emplace();
-  const Tensor features = node_features(dof_window);
-  const Tensor output = sagcn_->forward((features - input_mean_) / input_std_);
+  const Tensor output = network_->forward((network_input(dof_window) - input_mean_) / input_std_);
   return {output.narrow(-1, 3, 3), output.narrow(-1, 0, 3)};
 }
 

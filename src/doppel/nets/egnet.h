@@ -4,6 +4,7 @@
 
 #include <torch/torch.h>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,8 +13,8 @@
 #include "doppel/core/config.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
+#include "doppel/nets/ablation_nets.h"
 #include "doppel/nets/motion_window.h"
-#include "doppel/nets/sagcn.h"
 
 namespace doppel {
 
@@ -30,6 +31,8 @@ struct EgNetConfig {
   RotationFeatures rotation = RotationFeatures::euler;
   /// Blend A_b(theta) A_b(rest)^-1 (identity in the rest pose), or A_b(theta) alone as one public checkpoint wants.
   bool rest_inverse = true;
+  NetworkKind network = NetworkKind::sagcn;  ///< the others are baselines of Table 6.4
+  AblationConfig ablation;
 
   /// Keys: `preset: paper | public_checkpoint`, then anything to change in it.
   /// @throws FileError at the key
@@ -39,6 +42,7 @@ struct EgNetConfig {
   void check() const;
   /// Numbers per node and frame: 6 or 9.
   int features_per_frame() const { return rotation == RotationFeatures::euler ? 6 : 9; }
+  /// Numbers per node in the window.
   int num_inputs() const { return features_per_frame() * (window + 1); }
 };
 
@@ -52,18 +56,16 @@ class EgNetImpl : public torch::nn::Module {
   /// @return A [B,K,3] Euler angles and T [B,K,3] metres, in canonical pose
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& dof_window);
 
-  /// The network's input before standardisation: per node, frame after frame, [T, rotation].
-  /// @return [B,K,Hin]
+  /// The network's input before standardisation: `node_features`, or with network: fully_connected the normalised
+  /// DoFs as one row. @return [B,K,Hin], or [B,1,D(F+1)]
+  torch::Tensor network_input(const torch::Tensor& dof_window);
+  /// Per node, frame after frame, [T, rotation]. @return [B,K,Hin]
   torch::Tensor node_features(const torch::Tensor& dof_window);
 
   /// Fixes the standardisation (x - mean) / std of the input; identity until called. Saved with the model.
-  /// @param mean, std [K,Hin] (or [Hin]); a std below `floor` is raised to it, so that a feature that does not move in
-  /// the training set cannot explode on an unseen pose
+  /// @param mean, std of the shape of one item of `network_input` (or of its last dimension); a std below `floor` is
+  /// raised to it, so that a feature that does not move in the training set cannot explode on an unseen pose
   void set_input_statistics(const torch::Tensor& mean, const torch::Tensor& std, double floor = 1e-3);
-
-  /// Plain tensor operations only, for export and for checking. Input in double takes this path as well.
-  void set_reference(bool reference);
-  bool reference() const { return reference_; }
 
   const EgNetConfig& config() const { return config_; }
   int64_t num_nodes() const { return num_nodes_; }
@@ -74,10 +76,9 @@ class EgNetImpl : public torch::nn::Module {
   EgNetConfig config_;
   MotionWindow window_;
   int64_t num_nodes_;
-  bool reference_ = false;
   Kinematics kinematics_{nullptr};
   Skinning node_skinning_{nullptr};
-  Sagcn sagcn_{nullptr};
+  std::shared_ptr<GraphNetwork> network_;
   torch::Tensor input_mean_, input_std_;
   torch::Tensor node_positions_, bone_joint_;
 };

@@ -86,6 +86,17 @@ Tensor MotionWindow::normaliser(const Tensor& dofs) const {
   return at::cat({turn, moved.unsqueeze(-1)}, -1);
 }
 
+Tensor MotionWindow::remove_translation(const Tensor& window) const {
+  check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
+  const Tensor last = window.select(1, window.size(1) - 1);
+  std::vector<Tensor> columns = window.unbind(-1);
+  for (int axis = 0; axis < 3; ++axis) {
+    const int dof = root_.translation[axis];
+    columns[dof] = columns[dof] - last.select(-1, dof).unsqueeze(-1);
+  }
+  return at::stack(columns, -1);
+}
+
 Tensor MotionWindow::normalise_dofs(const Tensor& window) const {
   check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
   if (!heading_is_outermost())

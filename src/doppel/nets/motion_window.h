@@ -38,6 +38,10 @@ class MotionWindow {
   /// @param window [B,F+1,D] oldest first @return [B,F+1,D]
   /// @throws Error when the heading is not the outermost root rotation
   torch::Tensor normalise_dofs(const torch::Tensor& window) const;
+  /// The window of texture (6.4): translation relative to the last frame's, heading kept, since light comes from the
+  /// world. Any order of rotations.
+  /// @param window [B,F+1,D] oldest first @return [B,F+1,D]
+  torch::Tensor remove_translation(const torch::Tensor& window) const;
   bool heading_is_outermost() const { return root_.axes[0] == 1; }
 
  private:

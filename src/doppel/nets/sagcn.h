@@ -11,6 +11,7 @@
 
 #include "doppel/core/config.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
+#include "doppel/nets/graph_network.h"
 
 namespace doppel {
 
@@ -91,7 +92,7 @@ class DenseUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(DenseUnit);
 
-class SagcnImpl : public torch::nn::Module {
+class SagcnImpl : public GraphNetwork {
  public:
   /// @param inputs  Hin of the stem  @param outputs Hout of the head
   /// @param generator draws the initial kernels; by default a fresh one with a fixed seed
@@ -100,7 +101,7 @@ class SagcnImpl : public torch::nn::Module {
 
   /// @param features [B,K,Hin] @return [B,K,Hout]
   /// @throws Error in training with norm = node and B = 1, where every normalised feature would be 0
-  torch::Tensor forward(const torch::Tensor& features);
+  torch::Tensor forward(const torch::Tensor& features) override;
   /// The same in plain tensor operations only (export, double, other devices).
   torch::Tensor forward_reference(const torch::Tensor& features);
 

@@ -1,0 +1,124 @@
+#pragma once
+
+/// The baselines of Table 6.4 that take the place of the structure-aware network, and the choice between all three.
+
+#include <torch/torch.h>
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "doppel/core/config.h"
+#include "doppel/geometry/topology.h"
+#include "doppel/nets/graph_network.h"
+#include "doppel/nets/sagcn.h"
+
+namespace doppel {
+
+/// Sizes that only the baselines have.
+struct AblationConfig {
+  int fully_connected_layers = 19;  ///< as deep as the graph network: stem, 16 units, dense block, head
+  int fully_connected_width = 256;
+  int chebyshev_order = 3;  ///< polynomials T_0 .. T_(order-1): as far as R = 3 rings reach
+
+  /// Reads the keys above. @throws FileError at the key
+  static AblationConfig read(const ConfigReader& reader, const AblationConfig& defaults);
+  /// @throws UsageError listing every fault
+  void check() const;
+};
+
+/// Fully connected layers with ELU between them, on the normalised motion as one vector.
+class FullyConnectedImpl : public GraphNetwork {
+ public:
+  /// @param inputs numbers in the motion window @param nodes, outputs the shape of the result
+  /// @param head_scale bound of the last layer's weights: first outputs are about 0
+  FullyConnectedImpl(int64_t inputs, int64_t nodes, int64_t outputs, const AblationConfig& config, double head_scale,
+                     at::Generator generator);
+
+  /// @param features [B,1,Hin] @return [B,K,Hout]
+  torch::Tensor forward(const torch::Tensor& features) override;
+
+ private:
+  int64_t inputs_, nodes_, outputs_;
+  std::vector<torch::nn::Linear> layers_;
+};
+TORCH_MODULE(FullyConnected);
+
+/// The rescaled Laplacian of a graph, 2 L / lambda_max - I with L = I - D^-1/2 A D^-1/2 and lambda_max = 2, which is
+/// -D^-1/2 A D^-1/2. Rows are padded to the longest; a node without neighbours has an empty one.
+struct RescaledLaplacian {
+  explicit RescaledLaplacian(const MeshTopology& topology);
+  /// @param features [K,M] @return [K,M]; symmetric, so the backward pass is the same product
+  torch::Tensor multiply(const torch::Tensor& features) const;
+
+  int64_t num_nodes = 0;
+  torch::Tensor neighbours;  ///< int64 [K,P]
+  torch::Tensor weights;     ///< float64 [K,P]
+};
+
+/// Graph convolution with weights shared by all nodes (Defferrard et al. 2016): f' = b + sum_m T_m(L) f W_m.
+class ChebyshevConvolutionImpl : public torch::nn::Module {
+ public:
+  ChebyshevConvolutionImpl(std::shared_ptr<const RescaledLaplacian> laplacian, int64_t inputs, int64_t outputs,
+                           int order);
+
+  /// @param features [B,K,Hin] @return [B,K,Hout]
+  torch::Tensor forward(const torch::Tensor& features);
+
+  torch::Tensor weight;  ///< [order,Hin,Hout]
+  torch::Tensor bias;    ///< [Hout]
+
+ private:
+  std::shared_ptr<const RescaledLaplacian> laplacian_;
+};
+TORCH_MODULE(ChebyshevConvolution);
+
+/// The architecture of 6.5.3 with Chebyshev convolutions in place of the structure-aware ones. Where that has a dense
+/// block, this one adds the mean over all nodes through one shared matrix.
+class ChebyshevNetworkImpl : public GraphNetwork {
+ public:
+  ChebyshevNetworkImpl(const MeshTopology& topology, int inputs, int outputs, const SagcnConfig& config, int order,
+                       at::Generator generator);
+
+  /// @param features [B,K,Hin] @return [B,K,Hout]
+  torch::Tensor forward(const torch::Tensor& features) override;
+
+ private:
+  torch::Tensor unit(int index, const torch::Tensor& features);
+  torch::Tensor dense(const torch::Tensor& features);
+
+  SagcnConfig config_;
+  int64_t num_nodes_;
+  int inputs_;
+  ChebyshevConvolution stem_{nullptr}, head_{nullptr};
+  std::vector<FeatureNorm> norms_;
+  std::vector<ChebyshevConvolution> convolutions_;
+  FeatureNorm dense_norm_{nullptr};
+  torch::Tensor dense_weight_, dense_bias_;
+};
+TORCH_MODULE(ChebyshevNetwork);
+
+/// What it takes to build any of the three.
+struct NetworkPlan {
+  NetworkKind kind = NetworkKind::sagcn;
+  SagcnConfig sagcn;
+  AblationConfig ablation;
+  int inputs = 0, outputs = 0;
+};
+
+/// @param topology  the graph: its nodes are the rows of the output
+/// @param generator draws the initial weights; by default a fresh one with a fixed seed
+std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTopology& topology,
+                                           std::optional<at::Generator> generator);
+
+/// The key `network`. @throws FileError at the key
+NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback);
+
+/// The affine map (x - mean) / std in front of a network; identity until set. `mean` and `std` are buffers [rows,Hin]
+/// of the owner, so that they are saved with the model.
+/// @param found_mean, found_std [rows,Hin] or [Hin]; a std below `floor` is raised to it
+/// @throws UsageError for another shape, Error for numbers that are not finite
+void set_standardisation(torch::Tensor& mean, torch::Tensor& std, const torch::Tensor& found_mean,
+                         const torch::Tensor& found_std, double floor, const char* network);
+
+}  // namespace doppel

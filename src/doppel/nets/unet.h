@@ -1,0 +1,71 @@
+#pragma once
+
+/// The encoder and decoder of pix2pix (Isola et al. 2017) with skip connections, as deep as the image is large.
+
+#include <torch/torch.h>
+
+#include <optional>
+#include <vector>
+
+#include "doppel/core/config.h"
+
+namespace doppel {
+
+/// How the decoder doubles the resolution: one transposed 4x4 convolution, or bilinear interpolation and a 3x3
+/// convolution (no checkerboard, more multiplications).
+enum class Upsampling { transposed, bilinear_conv };
+
+struct UNetConfig {
+  int levels = 10;     ///< halvings on the way down, 1 to 10
+  double width = 1.0;  ///< factor of the channels 16, 32, 64, 128, 256, 512, 512, ...
+  Upsampling upsample = Upsampling::transposed;
+  double dropout = 0.5;  ///< on the three innermost decoder levels while training
+  double norm_epsilon = 1e-3;
+  double norm_momentum = 0.01;  ///< running = (1 - momentum) running + momentum new
+  double leaky_slope = 0.3;
+  double head_scale = 1.0;  ///< factor of the last layer's initial weights
+
+  /// Reads the keys above except `levels`. @throws FileError at the key
+  static UNetConfig read(const ConfigReader& reader, const UNetConfig& defaults);
+  /// @throws UsageError listing every fault
+  void check() const;
+  /// Channels after halving number `level` (0 is the first).
+  int64_t channels(int level) const;
+};
+
+/// Dropout that draws from `generator` alone, so that a resumed run draws what an uninterrupted one would have.
+/// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
+torch::Tensor dropout(const torch::Tensor& features, double probability, at::Generator generator);
+
+/// Batch normalisation over a batch of images. In evaluation mode the running statistics.
+class UNetImpl : public torch::nn::Module {
+ public:
+  /// @param generator draws the initial weights, N(0, 0.02); by default a fresh one with a fixed seed
+  UNetImpl(int64_t inputs, int64_t outputs, const UNetConfig& config,
+           std::optional<at::Generator> generator = std::nullopt);
+
+  /// @param image [B,Cin,H,W], H and W multiples of 2^levels @param generator of the dropout; needed while training
+  /// unless dropout is 0
+  /// @return [B,Cout,H,W], any real numbers: the last convolution has no activation behind it
+  /// @throws UsageError for another size; for a training batch of 1 whose innermost map is one pixel, which batch
+  /// normalisation would set to 0
+  torch::Tensor forward(const torch::Tensor& image, std::optional<at::Generator> generator = std::nullopt);
+
+  const UNetConfig& config() const { return config_; }
+
+ private:
+  torch::Tensor down(int level, const torch::Tensor& features);
+  torch::Tensor up(int level, const torch::Tensor& features, const std::optional<at::Generator>& generator);
+  void check_input(const torch::Tensor& image, bool has_generator) const;
+  void initialise(at::Generator generator);
+
+  UNetConfig config_;
+  int64_t inputs_;
+  std::vector<torch::nn::Conv2d> down_;
+  std::vector<torch::nn::BatchNorm2d> down_norm_, up_norm_;  // none for the first level down and the last up
+  std::vector<torch::nn::ConvTranspose2d> up_transposed_;
+  std::vector<torch::nn::Conv2d> up_convolution_;
+};
+TORCH_MODULE(UNet);
+
+}  // namespace doppel
