@@ -100,6 +100,11 @@ TEST_F(SurfaceOverlapReference, AShiftOfTheTruthIsTheVertexError) {
     return truth(samples) + torch::tensor({0.003f, 0.0f, 0.004f});
   });
   EXPECT_NEAR(result.vertex_error_mm.value(), 5.0, 0.01);
+  // No point of a surface is farther from the shifted one than the shift; where it looks along the shift it is as far.
+  EXPECT_LE(result.Hausdorff_mm.value(), 5.001);
+  EXPECT_GT(result.Hausdorff_mm.value(), 3.0);
+  EXPECT_LT(result.surface_distance_mm.value(), result.Hausdorff_mm.value());
+  EXPECT_GT(result.surface_distance_mm.value(), 1.0);
 }
 
 TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {

@@ -8,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/progress.h"
+#include "doppel/eval/surface_metrics.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
 
@@ -117,6 +118,42 @@ struct Mean {
   double value() const { return sum / static_cast<double>(count); }
 };
 
+/// Means over frames of what separates a surface from the true one, metres.
+struct TruthErrors {
+  Mean vertex, hausdorff, surface;
+
+  /// @param vertices, expected [N,3]
+  void add(const torch::Tensor& vertices, const torch::Tensor& expected, const torch::Tensor& faces) {
+    vertex.add((vertices - expected).norm(2, 1).mean().item<double>());
+    const SurfaceGap gap = surface_gap(vertices, faces, expected, faces);
+    hausdorff.add(gap.hausdorff);
+    surface.add(gap.mean);
+  }
+  void write(SurfaceResult& result) const {
+    if (vertex.count == 0) return;
+    result.vertex_error_mm = 1000.0 * vertex.value();
+    result.Hausdorff_mm = 1000.0 * hausdorff.value();
+    result.surface_distance_mm = 1000.0 * surface.value();
+  }
+};
+
+/// A figure of the table: its key in JSON and how it is shown.
+struct Column {
+  const char* key;
+  const char* title;
+  double factor;
+  int digits;
+  const char* unit;
+};
+constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
+                               {"outside", "outside", 100, 2, " %"},
+                               {"missing", "missing", 100, 2, " %"},
+                               {"vertex_error_mm", "vertex error", 1, 2, " mm"},
+                               {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
+                               {"MSE", "MSE", 1, 2, ""},
+                               {"PSNR", "PSNR", 1, 2, " dB"},
+                               {"SSIM", "SSIM", 1, 4, ""}};
+
 }  // namespace
 
 Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count) {
@@ -134,6 +171,8 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   nlohmann::ordered_json json;
   json["AMVIoU"] = AMVIoU;
   if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
+  if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
+  if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
   json["outside"] = outside;
   json["missing"] = missing;
   for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
@@ -150,7 +189,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   Rasterizer rasterizer(faces);
   GroundTruth truth(dataset);
   std::map<int, Mean> per_camera;
-  Mean error;
+  TruthErrors errors;
   Overlap total;
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
@@ -168,8 +207,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     }
     for (std::size_t b = 0; b < part.size(); ++b) {
       const torch::Tensor expected = truth.at(part[b], vertices.size(1));
-      if (expected.defined())
-        error.add((vertices[static_cast<std::int64_t>(b)] - expected).norm(2, 1).mean().item<double>());
+      if (expected.defined()) errors.add(vertices[static_cast<std::int64_t>(b)], expected, faces);
     }
     progress.advance(static_cast<std::int64_t>(part.size()));
   }
@@ -181,7 +219,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   result.outside = static_cast<double>(total.only_b) / static_cast<double>(total.united);
   result.missing =
       static_cast<double>(total.united - total.intersection - total.only_b) / static_cast<double>(total.united);
-  if (error.count > 0) result.vertex_error_mm = 1000.0 * error.value();
+  errors.write(result);
   return result;
 }
 
@@ -211,14 +249,15 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
     out += fmt::format("{} split, {} frames, {} cameras\n", split, protocol.at("frames").at(split).get<long>(),
                        protocol.at("cameras").size());
     for (const auto& [method, result] : methods.items()) {
-      out += fmt::format("  {:<10} AMVIoU {:.4f}", method, result.at("AMVIoU").get<double>());
-      out += fmt::format("  outside {:.2f} %  missing {:.2f} %", 100 * result.at("outside").get<double>(),
-                         100 * result.at("missing").get<double>());
-      if (result.contains("vertex_error_mm"))
-        out += fmt::format("  vertex error {:.2f} mm", result.at("vertex_error_mm").get<double>());
+      out += fmt::format("  {:<10}", method);
+      for (const Column& column : kColumns)
+        if (result.contains(column.key))
+          out += fmt::format("  {} {:.{}f}{}", column.title, column.factor * result.at(column.key).get<double>(),
+                             column.digits, column.unit);
       out += "  |";
-      for (const auto& [camera, iou] : result.at("cameras").items())
-        out += fmt::format("  {}: {:.4f}", camera, iou.get<double>());
+      for (const auto& [camera, value] : result.at("cameras").items())
+        out += value.is_number() ? fmt::format("  {}: {:.4f}", camera, value.get<double>())
+                                 : fmt::format("  {}: {:.1f}", camera, value.at("MSE").get<double>());
       out += "\n";
     }
   }

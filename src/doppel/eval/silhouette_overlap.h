@@ -46,7 +46,10 @@ struct SurfaceResult {
   /// Pixels that the surface covers outside the mask, and those of the mask that it misses, of all pixels of the
   /// unions. A surface that is too fat has more of the first, a thin one of the second.
   double outside = 0.0, missing = 0.0;
-  std::optional<double> vertex_error_mm;  ///< mean distance to the true vertices, where they are known
+  // Where the true vertices are known:
+  std::optional<double> vertex_error_mm;      ///< mean distance to the true vertices
+  std::optional<double> Hausdorff_mm;         ///< of surface and true surface (surface_metrics.h), mean over frames
+  std::optional<double> surface_distance_mm;  ///< mean distance of both surfaces, mean over frames
 
   nlohmann::ordered_json to_json() const;
 };
@@ -54,7 +57,7 @@ struct SurfaceResult {
 /// AMVIoU (5.8): the surface is drawn with the camera at the full resolution of its image, without distortion, and
 /// compared with the full mask; IoU is averaged over the frames of a camera, then over cameras. A frame where both are
 /// empty does not count. Where the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
-/// (metres), the mean vertex error comes along.
+/// (metres), the errors against it come along.
 /// @param faces int32 [F,3]
 /// @throws UsageError for an unknown camera; Error when no camera sees anything, or a truth has another shape
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,

@@ -1,0 +1,221 @@
+#include "doppel/eval/image_metrics.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "doppel/core/error.h"
+#include "doppel/core/progress.h"
+#include "doppel/data/loader.h"
+#include "doppel/data/mask.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kWindow = 11;
+constexpr double kSigma = 1.5;
+/// Frames drawn at once; bounds the memory for pictures.
+constexpr std::size_t kFramesAtOnce = 8;
+
+void check_pair(const cv::Mat& a, const cv::Mat& b) {
+  if (a.type() != CV_8UC3 || b.type() != CV_8UC3 || a.size() != b.size())
+    fail<UsageError>(
+        "pictures of {}x{} with {} channels and {}x{} with {} cannot be compared; both must be 8-bit, of one size, "
+        "with three channels",
+        a.cols, a.rows, a.channels(), b.cols, b.rows, b.channels());
+}
+
+double mean_square(const cv::Mat& a, const cv::Mat& b) {
+  return cv::norm(a, b, cv::NORM_L2SQR) / (3.0 * static_cast<double>(a.total()));
+}
+
+double psnr(double mse) {
+  return mse > 0.0 ? std::min(10.0 * std::log10(255.0 * 255.0 / mse), kHighestPsnr) : kHighestPsnr;
+}
+
+cv::Mat local_mean(const cv::Mat& image) {
+  cv::Mat result;
+  cv::GaussianBlur(image, result, {kWindow, kWindow}, kSigma, kSigma);
+  const int edge = kWindow / 2;
+  return result(cv::Rect(edge, edge, image.cols - 2 * edge, image.rows - 2 * edge));
+}
+
+ImageScores& operator+=(ImageScores& sum, const ImageScores& other) {
+  sum.MSE += other.MSE;
+  sum.PSNR += other.PSNR;
+  sum.SSIM += other.SSIM;
+  return sum;
+}
+
+PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& other) {
+  sum.masked += other.masked;
+  sum.full += other.full;
+  sum.foreground += other.foreground;
+  return sum;
+}
+
+PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
+  PhotometricScores mean;
+  for (const PhotometricScores& one : all) mean += one;
+  const double count = static_cast<double>(all.size());
+  for (double* value : {&mean.masked.MSE, &mean.masked.PSNR, &mean.masked.SSIM, &mean.full.MSE, &mean.full.PSNR,
+                        &mean.full.SSIM, &mean.foreground})
+    *value /= count;
+  return mean;
+}
+
+/// The drawings as 8-bit RGB [B,S,S,3] and coverage 0 or 255 [B,S,S].
+RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request) {
+  const auto B = static_cast<std::int64_t>(request.samples.size()), S = std::int64_t{request.size};
+  const bool fits = drawn.colour.defined() && drawn.covered.defined() && drawn.colour.is_floating_point() &&
+                    drawn.colour.numel() == B * S * S * 3 && drawn.covered.numel() == B * S * S &&
+                    drawn.colour.size(-1) == 3 && drawn.colour.size(-2) == S && drawn.covered.size(-1) == S;
+  if (!fits)
+    fail<UsageError>(
+        "evaluation of images: a drawing must be float [{},{},{},3] with its coverage, found [{}] and [{}]", B, S, S,
+        drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
+        drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
+  const torch::Tensor colour = (drawn.colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8);
+  return {colour.reshape({B, S, S, 3}).contiguous(),
+          drawn.covered.ne(0).to(torch::kUInt8).mul(255).reshape({B, S, S}).contiguous()};
+}
+
+cv::Mat picture_of(const torch::Tensor& images, std::int64_t index, int size, int type) {
+  const torch::Tensor image = images[index];
+  return cv::Mat(size, size, type, image.data_ptr<std::uint8_t>());  // the batch keeps the memory alive
+}
+
+PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& truth, const cv::Mat& mask,
+                        const cv::Mat& background) {
+  PhotometricScores scores;
+  cv::Mat over = background.clone(), drawn_person = cv::Mat::zeros(truth.size(), CV_8UC3),
+          true_person = cv::Mat::zeros(truth.size(), CV_8UC3), black_behind = cv::Mat::zeros(truth.size(), CV_8UC3);
+  drawn.copyTo(over, covered);
+  drawn.copyTo(black_behind, covered);
+  black_behind.copyTo(drawn_person, mask);
+  truth.copyTo(true_person, mask);
+  scores.masked = compare_images(drawn_person, true_person);
+  scores.full = compare_images(over, truth);
+  scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
+  return scores;
+}
+
+/// What stands behind the person in a crop, RGB: the empty studio, or black.
+cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
+  cv::Mat result = cv::Mat::zeros(size, size, CV_8UC3);
+  if (!studio.empty() && !box.empty()) cv::cvtColor(crop_image(studio, box, size), result, cv::COLOR_BGR2RGB);
+  return result;
+}
+
+/// Scores of B frames in one camera; frames without a person are left out.
+void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, int camera, const cv::Mat& studio,
+                  const ImageFunction& render, std::vector<PhotometricScores>& scores) {
+  BatchOptions wanted;
+  wanted.window = 0;
+  wanted.images = true;
+  const Batch batch = make_batch(dataset, samples, std::vector<std::vector<int>>(samples.size(), {camera}), wanted);
+  const int size = dataset.image_size();
+  const ImageRequest request{samples, camera, batch.image_projection, size};
+  const RenderedImages drawn = checked(render(request), request);
+  const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
+  for (std::size_t b = 0; b < samples.size(); ++b) {
+    const auto i = static_cast<std::int64_t>(b);
+    const cv::Mat person = picture_of(mask, i, size, CV_8UC1);
+    if (cv::countNonZero(person) == 0) continue;
+    scores.push_back(score(picture_of(drawn.colour, i, size, CV_8UC3), picture_of(drawn.covered, i, size, CV_8UC1),
+                           picture_of(truth, i, size, CV_8UC3), person,
+                           background_crop(studio, dataset.crop_box(samples[b], camera), size)));
+  }
+}
+
+nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
+  nlohmann::ordered_json json = scores.masked.to_json();
+  json["full"] = scores.full.to_json();
+  json["foreground"] = scores.foreground;
+  return json;
+}
+
+}  // namespace
+
+nlohmann::ordered_json ImageScores::to_json() const { return {{"MSE", MSE}, {"PSNR", PSNR}, {"SSIM", SSIM}}; }
+
+nlohmann::ordered_json PhotometricResult::to_json() const {
+  nlohmann::ordered_json json = scores_json(mean);
+  for (const auto& [name, scores] : cameras) json["cameras"][name] = scores_json(scores);
+  return json;
+}
+
+double structural_similarity(const cv::Mat& a8, const cv::Mat& b8) {
+  check_pair(a8, b8);
+  if (a8.cols < kWindow || a8.rows < kWindow)
+    fail<UsageError>("SSIM needs pictures of at least {} pixels a side; these are {}x{}", kWindow, a8.cols, a8.rows);
+  constexpr double kC1 = 0.01 * 255 * 0.01 * 255, kC2 = 0.03 * 255 * 0.03 * 255;
+  cv::Mat a, b;
+  a8.convertTo(a, CV_64F);
+  b8.convertTo(b, CV_64F);
+  const cv::Mat mean_a = local_mean(a), mean_b = local_mean(b);
+  const cv::Mat mean_aa = mean_a.mul(mean_a), mean_bb = mean_b.mul(mean_b), mean_ab = mean_a.mul(mean_b);
+  const cv::Mat variance_a = local_mean(a.mul(a)) - mean_aa, variance_b = local_mean(b.mul(b)) - mean_bb;
+  const cv::Mat covariance = local_mean(a.mul(b)) - mean_ab;
+  const cv::Scalar c1 = cv::Scalar::all(kC1), c2 = cv::Scalar::all(kC2);
+  cv::Mat above, below, map;
+  cv::multiply(2.0 * mean_ab + c1, 2.0 * covariance + c2, above);
+  cv::multiply(mean_aa + mean_bb + c1, variance_a + variance_b + c2, below);
+  cv::divide(above, below, map);
+  const cv::Scalar channels = cv::mean(map);
+  return (channels[0] + channels[1] + channels[2]) / 3.0;
+}
+
+ImageScores compare_images(const cv::Mat& a, const cv::Mat& b) {
+  ImageScores scores;
+  scores.SSIM = structural_similarity(a, b);
+  scores.MSE = mean_square(a, b);
+  scores.PSNR = psnr(scores.MSE);
+  return scores;
+}
+
+PhotometricResult evaluate_images(const Dataset& dataset, Split split, const ImageFunction& render,
+                                  const EvaluationOptions& options, const std::string& title) {
+  torch::NoGradGuard no_grad;
+  const std::vector<int> cameras = dataset.camera_indices(options.cameras);
+  const std::vector<SampleId> samples = dataset.samples(split, options.every);
+  PhotometricResult result;
+  std::vector<PhotometricScores> means;
+  Progress progress(title, static_cast<std::int64_t>(samples.size() * cameras.size()));
+  for (const int camera : cameras) {
+    const cv::Mat studio = dataset.background(camera);
+    std::vector<PhotometricScores> scores;
+    for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
+      const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(first);
+      const auto end = samples.begin() + static_cast<std::ptrdiff_t>(std::min(first + kFramesAtOnce, samples.size()));
+      score_frames(dataset, {begin, end}, camera, studio, render, scores);
+      progress.advance(end - begin);
+    }
+    if (scores.empty()) continue;
+    means.push_back(mean_of(scores));
+    result.cameras.emplace_back(dataset.camera(camera).name, means.back());
+  }
+  if (means.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
+  result.mean = mean_of(means);
+  return result;
+}
+
+nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
+  nlohmann::ordered_json json;
+  json["metric"] =
+      "MSE, PSNR, SSIM of 8-bit RGB over all pixels of the prepared crop; mean over frames, then over cameras";
+  json["crop"] = dataset.image_size();
+  json["masked"] = "both pictures black outside the true mask";
+  json["full"] = dataset.capture().background.empty() ? "drawing over black, against the picture as filmed"
+                                                      : "drawing over the empty studio, against the picture as filmed";
+  json["SSIM"] =
+      fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the picture, mean over channels",
+                  kWindow, kWindow, kSigma);
+  json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
+  return json;
+}
+
+}  // namespace doppel

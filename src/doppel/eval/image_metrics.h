@@ -1,0 +1,73 @@
+#pragma once
+
+#include <torch/types.h>
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/data/dataset.h"
+#include "doppel/eval/silhouette_overlap.h"
+
+namespace doppel {
+
+/// How two pictures differ, colours counted 0..255.
+struct ImageScores {
+  double MSE = 0.0;   ///< mean over all pixels and channels
+  double PSNR = 0.0;  ///< 10 log10(255^2 / MSE), dB; at most kHighestPsnr, which equal pictures get
+  double SSIM = 0.0;  ///< see structural_similarity
+
+  nlohmann::ordered_json to_json() const;
+};
+inline constexpr double kHighestPsnr = 100.0;
+
+/// SSIM after Wang et al. 2004: Gaussian window of 11 x 11 pixels and standard deviation 1.5, C1 = (0.01 * 255)^2,
+/// C2 = (0.03 * 255)^2, variances of the whole window (not of a sample); mean over the windows that lie in the picture,
+/// then over channels.
+/// @param a, b 8-bit pictures of one size with three channels
+/// @throws UsageError when they are smaller than the window, or differ in size or type
+double structural_similarity(const cv::Mat& a, const cv::Mat& b);
+
+/// All three. @throws as structural_similarity
+ImageScores compare_images(const cv::Mat& a, const cv::Mat& b);
+
+/// What a renderer is asked for: B frames in one camera, in pixels of the prepared crops.
+struct ImageRequest {
+  std::vector<SampleId> samples;  ///< [B]
+  int camera = 0;                 ///< index in Dataset::cameras()
+  torch::Tensor projection;       ///< float32 [B,1,3,4] crop pixels from world metres
+  int size = 0;                   ///< S
+};
+/// What it gives back.
+struct RenderedImages {
+  torch::Tensor colour;   ///< float32 [B,S,S,3] or [B,1,S,S,3], RGB 0..1
+  torch::Tensor covered;  ///< bool or uint8 of the same shape without colours
+};
+using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;
+
+/// Of one camera, or their mean.
+struct PhotometricScores {
+  ImageScores masked;       ///< both pictures black outside the true mask
+  ImageScores full;         ///< the drawing over its background, against the picture as filmed
+  double foreground = 0.0;  ///< share of the true mask in the crop: masked.MSE / foreground is the MSE of the person
+};
+
+struct PhotometricResult {
+  std::vector<std::pair<std::string, PhotometricScores>> cameras;  ///< mean over the camera's frames
+  PhotometricScores mean;                                          ///< over cameras
+
+  nlohmann::ordered_json to_json() const;
+};
+
+/// Draws every frame of a split into every camera and compares with the prepared crops (see photometric_protocol).
+/// Frames in which a camera sees nobody do not count. Drawings are rounded to 8 bits first, as a file would hold them.
+/// @throws UsageError for an unknown camera, or a drawing of another shape; Error when no camera sees anybody
+PhotometricResult evaluate_images(const Dataset& dataset, Split split, const ImageFunction& render,
+                                  const EvaluationOptions& options, const std::string& title);
+
+/// The conditions, to be printed with the figures.
+nlohmann::ordered_json photometric_protocol(const Dataset& dataset);
+
+}  // namespace doppel

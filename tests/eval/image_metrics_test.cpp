@@ -1,0 +1,198 @@
+#include "doppel/eval/image_metrics.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/data/loader.h"
+#include "support/message_of.h"
+#include "support/small_capture.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using ::testing::HasSubstr;
+
+cv::Mat plain(int grey, int size = 20) { return cv::Mat(size, size, CV_8UC3, cv::Scalar::all(grey)); }
+
+cv::Mat noise(int width, int height, std::uint64_t seed) {
+  cv::Mat image(height, width, CV_8UC3);
+  cv::RNG(seed).fill(image, cv::RNG::UNIFORM, 0, 256);
+  return image;
+}
+
+TEST(ImageScoresReference, PlainPictures) {
+  const ImageScores scores = compare_images(plain(100), plain(110));
+  EXPECT_DOUBLE_EQ(scores.MSE, 100.0);
+  EXPECT_NEAR(scores.PSNR, 10 * std::log10(255.0 * 255.0 / 100.0), 1e-12);
+  const double c1 = 2.55 * 2.55;  // without contrast only the means count
+  EXPECT_NEAR(scores.SSIM, (2 * 100 * 110 + c1) / (100 * 100 + 110 * 110 + c1), 1e-9);
+}
+
+TEST(ImageScoresReference, EqualPictures) {
+  const cv::Mat image = noise(31, 22, 1);
+  const ImageScores scores = compare_images(image, image.clone());
+  EXPECT_EQ(scores.MSE, 0.0);
+  EXPECT_EQ(scores.PSNR, kHighestPsnr);
+  EXPECT_NEAR(scores.SSIM, 1.0, 1e-12);
+}
+
+TEST(ImageScoresReference, OneChannelOff) {
+  cv::Mat image = plain(50);
+  image.setTo(cv::Scalar(50, 56, 50));
+  EXPECT_DOUBLE_EQ(compare_images(plain(50), image).MSE, 12.0);
+}
+
+// A picture of 11 x 11 has one window; its sums are written out here.
+TEST(ImageScoresReference, SsimOfOneWindowByHand) {
+  const cv::Mat a = noise(11, 11, 1), b = noise(11, 11, 2) / 2 + a / 2;
+  double ssim = 0.0;
+  for (int channel = 0; channel < 3; ++channel) {
+    double weights = 0, ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+    for (int y = 0; y < 11; ++y)
+      for (int x = 0; x < 11; ++x) {
+        const double w = std::exp(-((x - 5) * (x - 5) + (y - 5) * (y - 5)) / (2 * 1.5 * 1.5));
+        const double va = a.at<cv::Vec3b>(y, x)[channel], vb = b.at<cv::Vec3b>(y, x)[channel];
+        weights += w;
+        ma += w * va;
+        mb += w * vb;
+        aa += w * va * va;
+        bb += w * vb * vb;
+        ab += w * va * vb;
+      }
+    for (double* sum : {&ma, &mb, &aa, &bb, &ab}) *sum /= weights;
+    const double c1 = 6.5025, c2 = 58.5225;
+    ssim += (2 * ma * mb + c1) * (2 * (ab - ma * mb) + c2) /
+            ((ma * ma + mb * mb + c1) * (aa - ma * ma + bb - mb * mb + c2)) / 3;
+  }
+  EXPECT_NEAR(structural_similarity(a, b), ssim, 1e-9);
+  EXPECT_NEAR(structural_similarity(b, a), ssim, 1e-9);
+}
+
+TEST(ImageScoresRejects, PicturesThatDoNotFit) {
+  EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 20), plain(1, 21)); }), HasSubstr("20x20"));
+  EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 10), plain(1, 10)); }), HasSubstr("at least 11"));
+  const cv::Mat grey(20, 20, CV_8UC1, cv::Scalar(1));
+  EXPECT_THAT(message_of<UsageError>([&] { compare_images(grey, grey); }), HasSubstr("1 channels"));
+}
+
+class PhotometricCapture : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new support::TemporaryFolder;
+    SmallCaptureOptions options;
+    options.mask_size = 64;
+    options.train_frames = 2;
+    options.test_frames = 10;
+    dataset_ = new Dataset(Dataset::open(make_small_capture(folder_->path(), options)));
+  }
+  static void TearDownTestSuite() {
+    delete dataset_;
+    delete folder_;
+  }
+  /// The truth itself, `brighter` levels brighter, where the mask is.
+  static ImageFunction truth(int brighter) {
+    return [brighter](const ImageRequest& request) {
+      const std::vector<std::vector<int>> cameras(request.samples.size(), {request.camera});
+      const Batch batch = make_batch(*dataset_, request.samples, cameras, {0, true, request.size});
+      EXPECT_TRUE(torch::equal(request.projection, batch.image_projection));
+      const torch::Tensor colour = (batch.image.to(torch::kFloat32) + brighter) / 255.0;
+      return RenderedImages{colour * batch.image_mask.unsqueeze(-1), batch.image_mask};
+    };
+  }
+  static PhotometricResult evaluate(const ImageFunction& render, const EvaluationOptions& options = {}) {
+    return evaluate_images(*dataset_, Split::test, render, options, "test");
+  }
+  static support::TemporaryFolder* folder_;
+  static Dataset* dataset_;
+};
+support::TemporaryFolder* PhotometricCapture::folder_ = nullptr;
+Dataset* PhotometricCapture::dataset_ = nullptr;
+using PhotometricReference = PhotometricCapture;
+using PhotometricRejects = PhotometricCapture;
+
+TEST_F(PhotometricReference, TheTruthHasNoError) {
+  const PhotometricResult result = evaluate(truth(0));
+  ASSERT_EQ(result.cameras.size(), 3u);
+  EXPECT_EQ(result.mean.masked.MSE, 0.0);
+  EXPECT_EQ(result.mean.masked.PSNR, kHighestPsnr);
+  EXPECT_NEAR(result.mean.masked.SSIM, 1.0, 1e-9);
+  EXPECT_GT(result.mean.foreground, 0.05);
+  // The studio's colour, BGR (60, 140, 60), is not drawn.
+  const double missing = (1 - result.mean.foreground) * (60 * 60 * 2 + 140 * 140) / 3.0;
+  EXPECT_NEAR(result.mean.full.MSE, missing, 0.1 * missing);
+}
+
+TEST_F(PhotometricReference, AConstantErrorCountsByTheShareOfThePerson) {
+  const PhotometricResult result = evaluate(truth(10));
+  for (const auto& [name, scores] : result.cameras)
+    EXPECT_NEAR(scores.masked.MSE, 100.0 * scores.foreground, 1e-9) << name;
+  EXPECT_NEAR(result.mean.masked.MSE, 100.0 * result.mean.foreground, 1e-9);
+  EXPECT_LT(result.mean.masked.SSIM, 1.0);
+}
+
+TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullPictureOnly) {
+  const auto everywhere = [](const ImageRequest& request) {
+    RenderedImages drawn = truth(0)(request);
+    drawn.covered.fill_(1);
+    return drawn;
+  };
+  EXPECT_EQ(evaluate(everywhere).mean.masked.MSE, 0.0);
+}
+
+TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
+  EvaluationOptions options;
+  options.cameras = {"c1"};
+  options.every = 4;
+  std::vector<SampleId> asked;
+  const PhotometricResult result = evaluate(
+      [&](const ImageRequest& request) {
+        asked.insert(asked.end(), request.samples.begin(), request.samples.end());
+        EXPECT_EQ(request.camera, 1);
+        return truth(3)(request);
+      },
+      options);
+  EXPECT_EQ(asked, (std::vector<SampleId>{{1, 0}, {1, 4}, {1, 8}}));
+  ASSERT_EQ(result.cameras.size(), 1u);
+  const auto json = result.to_json();
+  EXPECT_EQ(json.at("MSE"), result.cameras[0].second.masked.MSE);
+  EXPECT_EQ(json.at("cameras").at("c1").at("full").at("SSIM"), result.cameras[0].second.full.SSIM);
+}
+
+TEST_F(PhotometricReference, TheEmptyStudioStandsBehindTheDrawing) {
+  // The studio of the small capture has one colour; beside the person the pictures then agree up to compression.
+  Capture capture = read_capture(dataset_->folder());
+  const std::filesystem::path studios = folder_->path() / "studio";
+  std::filesystem::create_directories(studios);
+  for (int c = 0; c < 3; ++c)
+    cv::imwrite((studios / ("c" + std::to_string(c) + ".png")).string(),
+                cv::Mat(128, 128, CV_8UC3, cv::Scalar(60, 140, 60)));
+  const std::filesystem::path copy = folder_->path() / "with_studio";
+  std::filesystem::copy(dataset_->folder(), copy, std::filesystem::copy_options::recursive);
+  capture.background = (studios / "{name}.png").string();
+  write_capture(copy / "capture.yaml", capture);
+  const Dataset with_studio = Dataset::open(copy);
+  const PhotometricResult result = evaluate_images(with_studio, Split::test, truth(0), {}, "test");
+  EXPECT_LT(result.mean.full.MSE, 0.05 * evaluate(truth(0)).mean.full.MSE);
+  EXPECT_THAT(photometric_protocol(with_studio).at("full").get<std::string>(), HasSubstr("empty studio"));
+  EXPECT_THAT(photometric_protocol(*dataset_).at("full").get<std::string>(), HasSubstr("black"));
+  EXPECT_EQ(photometric_protocol(*dataset_).at("crop"), 64);
+}
+
+TEST_F(PhotometricRejects, DrawingsOfAnotherSize) {
+  const auto small = [](const ImageRequest& request) {
+    const auto count = static_cast<std::int64_t>(request.samples.size());
+    return RenderedImages{torch::zeros({count, 8, 8, 3}), torch::zeros({count, 8, 8})};
+  };
+  EXPECT_THAT(message_of<UsageError>([&] { evaluate(small); }), HasSubstr("found [8,8,8,3]"));
+  EXPECT_THAT(message_of<UsageError>([&] { evaluate([](const ImageRequest&) { return RenderedImages{}; }); }),
+              HasSubstr("must be float [8,64,64,3]"));
+}
+
+}  // namespace
+}  // namespace doppel
