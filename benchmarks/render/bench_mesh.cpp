@@ -37,8 +37,15 @@ BenchMesh bumpy_capsule() {
       faces.insert(faces.end(), {id(r, c), id(r + 1, c), id(r + 1, c + 1), id(r, c), id(r + 1, c + 1), id(r, c + 1)});
     }
   }
+  std::vector<float> uvs;
+  for (const int i : faces) {
+    const int column = (i - 2) % kColumns, row = (i - 2) / kColumns;
+    const bool pole = i < 2;
+    uvs.push_back(pole ? 0.5f : static_cast<float>(column) / kColumns);
+    uvs.push_back(pole ? static_cast<float>(1 - i) : 1 - static_cast<float>(row + 1) / (kRings + 1));
+  }
   return {"bumpy capsule", centred(torch::tensor(points).reshape({-1, 3})),
-          torch::tensor(faces, torch::kInt32).reshape({-1, 3})};
+          torch::tensor(faces, torch::kInt32).reshape({-1, 3}), torch::tensor(uvs).reshape({-1, 3, 2})};
 }
 
 }  // namespace
@@ -52,8 +59,16 @@ BenchMesh bench_mesh() {
   for (const Eigen::Vector3d& v : mesh.vertices) points.insert(points.end(), {v.x(), v.y(), v.z()});
   std::vector<int> faces;
   for (const Triangle& f : mesh.faces) faces.insert(faces.end(), f.begin(), f.end());
+  std::vector<double> uvs;
+  for (const Triangle& f : mesh.face_uvs) {
+    for (const int i : f) {
+      const Eigen::Vector2d& uv = mesh.uvs[static_cast<std::size_t>(i)];
+      uvs.insert(uvs.end(), {uv.x(), uv.y()});
+    }
+  }
   return {"ddc.obj", centred(torch::tensor(points, torch::kFloat64).reshape({-1, 3})).to(torch::kFloat32),
-          torch::tensor(faces, torch::kInt32).reshape({-1, 3})};
+          torch::tensor(faces, torch::kInt32).reshape({-1, 3}),
+          torch::tensor(uvs, torch::kFloat64).to(torch::kFloat32).reshape({-1, 3, 2})};
 }
 
 Tensor bench_views(const BenchMesh& mesh, int num_views) {

@@ -9,8 +9,9 @@ namespace doppel::bench {
 
 struct BenchMesh {
   std::string name;
-  torch::Tensor vertices;  ///< float32 [N,3], metres, bounding box centred on the origin, y up
-  torch::Tensor faces;     ///< int32 [F,3], counter-clockwise from outside
+  torch::Tensor vertices;    ///< float32 [N,3], metres, bounding box centred on the origin, y up
+  torch::Tensor faces;       ///< int32 [F,3], counter-clockwise from outside
+  torch::Tensor corner_uvs;  ///< float32 [F,3,2]
 };
 
 /// The character of the shared capture if the environment variable DOPPEL_SHARED leads to it, else a closed body of

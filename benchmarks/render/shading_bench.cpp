@@ -17,14 +17,6 @@ using namespace doppel;
 using namespace doppel::bench;
 using torch::Tensor;
 
-/// UVs from the front view: texels lie about as densely as in an atlas.
-RenderMesh with_uvs(const BenchMesh& mesh) {
-  const Tensor low = mesh.vertices.amin(0).slice(0, 0, 2), high = mesh.vertices.amax(0).slice(0, 0, 2);
-  const Tensor uv = (mesh.vertices.slice(1, 0, 2) - low) / (high - low);
-  return RenderMesh(mesh.faces, uv.index_select(0, mesh.faces.flatten().to(torch::kInt64)).reshape({-1, 3, 2}),
-                    mesh.vertices.size(0));
-}
-
 /// Forward and backward of one view; gradients to what requires one.
 struct Step {
   const RenderMesh& mesh;
@@ -48,7 +40,7 @@ int main(int argc, char** argv) {
   const int threads = argc > 1 ? std::atoi(argv[1]) : 2, size = argc > 2 ? std::atoi(argv[2]) : 512;
   at::set_num_threads(threads);
   const BenchMesh mesh = bench_mesh();
-  const RenderMesh render_mesh = with_uvs(mesh);
+  const RenderMesh render_mesh(mesh.faces, mesh.corner_uvs, mesh.vertices.size(0));
   const Tensor view = bench_views(mesh, 1);
   const auto f = static_cast<float>(1.8 * size), c = static_cast<float>(size) / 2;
   const Tensor intrinsics = torch::tensor({f, f, c, c}).unsqueeze(0);

@@ -341,6 +341,7 @@ TEST(ShadingAgrees, WithFacesOfNoAreaFinite) {
 // --- what it is for --------------------------------------------------------------------------------------------------
 
 TEST(ShadingRecovers, TheLightingOfATexturedSphere) {
+  const ThreadCount one(1);  // hundreds of small steps: threads only wait for each other on a busy machine
   ShadingScene s = test::shading_scene(1, 2, 96, 96, 24).to(torch::kFloat32);
   const test::Mesh ball = test::sphere(24, 0.5f);
   s.vertices = ball.vertices.unsqueeze(0);
@@ -413,6 +414,7 @@ Wall make_wall() {
 }
 
 TEST(ShadingRecovers, AShiftedWallFromItsColoursAlone) {
+  const ThreadCount one(1);
   const Wall wall = make_wall();
   ShadingOptions unlit;
   unlit.lit = false;

@@ -126,9 +126,6 @@ inline void normal_gradient(const float* lighting, const Float* g_light, const N
 // --- texture ---------------------------------------------------------------------------------------------------------
 
 struct Sample {
-  Float corner_u[3], corner_v[3];
-  Int texel;
-  Float fx, fy;
   Float value[3];
   Float du[3], dv[3];  ///< derivative by u and v
 };
@@ -150,31 +147,60 @@ inline void load_pair(const float* texture, const std::int32_t* offset, Float* l
   load_quads<1>(texture + 2, offset, again, right[0], right[1], right[2]);
 }
 
-inline void sample_texture(const ShadeView& view, const Fragment& f, bool derivative, Sample& s) {
-  alignas(64) std::int32_t record[kLanes], offset[kLanes];
+/// Where on the texture each pixel looks.
+struct Place {
+  Float corner_u[3], corner_v[3];
+  Int texel, inside_x, inside_y;
+  Float fx, fy;
+  alignas(64) std::int32_t offset[kLanes];
+};
+
+inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
+  alignas(64) std::int32_t record[kLanes];
   const Int face = max(f.face, Int{});
   store(record, face * 2);
   Float unused0, unused1;
-  load_records(view.uvs, record, s.corner_u[0], s.corner_v[0], s.corner_u[1], s.corner_v[1]);
+  load_records(view.uvs, record, p.corner_u[0], p.corner_v[0], p.corner_u[1], p.corner_v[1]);
   store(record, face * 2 + 1);
-  load_records(view.uvs, record, s.corner_u[2], s.corner_v[2], unused0, unused1);
-  const Float u = dot(f.b, s.corner_u), v = dot(f.b, s.corner_v);
+  load_records(view.uvs, record, p.corner_u[2], p.corner_v[2], unused0, unused1);
+  const Float u = dot(f.b, p.corner_u), v = dot(f.b, p.corner_v);
   const auto width = static_cast<float>(view.texture_width), height = static_cast<float>(view.texture_height);
-  Int tx, ty, inside_x, inside_y;
-  split(u * width - 0.5f, view.texture_width, view.nearest, tx, s.fx, inside_x);
-  split((1.0f - v) * height - 0.5f, view.texture_height, view.nearest, ty, s.fy, inside_y);
-  s.texel = ty * view.texture_width + tx;
-  store(offset, s.texel * 3);
+  Int tx, ty;
+  split(u * width - 0.5f, view.texture_width, view.nearest, tx, p.fx, p.inside_x);
+  split((1.0f - v) * height - 0.5f, view.texture_height, view.nearest, ty, p.fy, p.inside_y);
+  p.texel = ty * view.texture_width + tx;
+  store(p.offset, p.texel * 3);
+}
+
+/// Texels lie anywhere in memory: asking for them before other work hides the wait.
+inline void prefetch_texels(const ShadeView& view, const Place& p, Int face) {
+  const std::int64_t row = 3 * static_cast<std::int64_t>(view.texture_width);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (face[lane] < 0) continue;
+    __builtin_prefetch(view.texture + p.offset[lane]);
+    __builtin_prefetch(view.texture + p.offset[lane] + row);
+  }
+}
+
+/// To be called one vector of pixels before sample_texture.
+inline void look_ahead(const ShadeView& view, const Fragment& f, Place& place) {
+  if (!view.texture) return;
+  find_place(view, f, place);
+  prefetch_texels(view, place, f.face);
+}
+
+inline void sample_texture(const ShadeView& view, const Place& p, bool derivative, Sample& s) {
   Float top_left[3], top_right[3], bottom_left[3], bottom_right[3];
-  load_pair(view.texture, offset, top_left, top_right);
-  load_pair(view.texture + 3 * static_cast<std::int64_t>(view.texture_width), offset, bottom_left, bottom_right);
+  load_pair(view.texture, p.offset, top_left, top_right);
+  load_pair(view.texture + 3 * static_cast<std::int64_t>(view.texture_width), p.offset, bottom_left, bottom_right);
   for (int c = 0; c < 3; ++c) {
     const Float step_top = top_right[c] - top_left[c], step_bottom = bottom_right[c] - bottom_left[c];
-    const Float top = top_left[c] + s.fx * step_top, bottom = bottom_left[c] + s.fx * step_bottom;
-    s.value[c] = top + s.fy * (bottom - top);
+    const Float top = top_left[c] + p.fx * step_top, bottom = bottom_left[c] + p.fx * step_bottom;
+    s.value[c] = top + p.fy * (bottom - top);
     if (!derivative) continue;
-    s.du[c] = inside_x ? (step_top + s.fy * (step_bottom - step_top)) * width : zero();
-    s.dv[c] = inside_y ? (top - bottom) * height : zero();
+    const auto width = static_cast<float>(view.texture_width), height = static_cast<float>(view.texture_height);
+    s.du[c] = p.inside_x ? (step_top + p.fy * (step_bottom - step_top)) * width : zero();
+    s.dv[c] = p.inside_y ? (top - bottom) * height : zero();
   }
 }
 
@@ -234,34 +260,37 @@ void clear_around(const RasterView& raster, int x0, int y0, int x_begin, int x_e
   }
 }
 
-inline void shade_pixels(const ShadeView& view, const Fragment& f, const std::int32_t (*corner)[kLanes],
-                         Float* colour) {
+/// A vector of pixels that is resolved and waits for its texels.
+struct Waiting {
+  Fragment f;
+  Place place;
+  alignas(64) std::int32_t corner[3][kLanes];
+};
+
+inline void shade_pixels(const ShadeView& view, const Waiting& w, Float* colour) {
   for (int c = 0; c < 3; ++c) colour[c] = splat(1.0f);
   if (view.normals) {
     Normal normal;
-    interpolate_normal(view, corner, f, normal);
+    interpolate_normal(view, w.corner, w.f, normal);
     Float sh[9];
     basis(normal.n, sh);
     illuminate(view.lighting, sh, colour);
   }
   if (view.texture) {
     Sample s;
-    sample_texture(view, f, false, s);
+    sample_texture(view, w.place, false, s);
     for (int c = 0; c < 3; ++c) colour[c] *= s.value[c];
   }
-  for (int c = 0; c < 3; ++c) colour[c] = f.face >= 0 ? colour[c] : zero();
+  for (int c = 0; c < 3; ++c) colour[c] = w.f.face >= 0 ? colour[c] : zero();
+}
+
+inline void finish_pixels(const ShadeView& view, const Waiting& w, int inside, float* colour) {
+  Float pixel[3];
+  shade_pixels(view, w, pixel);
+  store_pixels(colour + 3 * (static_cast<std::int64_t>(w.f.y) * view.raster->width + w.f.x), inside, pixel);
 }
 
 // --- sums per face ---------------------------------------------------------------------------------------------------
-
-/// Eight floats of a record, whatever the width of the instruction set.
-struct Eight {
-  Float4 low, high;
-};
-inline void add(float* record, const Eight& value, float factor) {
-  store(record, load<Float4>(record) + factor * value.low);
-  store(record + 4, load<Float4>(record + 4) + factor * value.high);
-}
 
 /// The record of a face within the tile, made on first sight.
 inline FaceGradient& record_of(const RasterView& raster, std::int32_t face, TileGradient& out) {
@@ -275,17 +304,38 @@ inline FaceGradient& record_of(const RasterView& raster, std::int32_t face, Tile
   return record;
 }
 
-/// Adds b_k * values to corner k of each pixel's face, pixel by pixel from left to right.
+/// Adds b_k * values to corner k of each pixel's face, pixel by pixel from left to right; neighbours of one face in one
+/// go. Without kNormals the last three values are 0.
+template <bool kNormals>
 inline void add_to_faces(const RasterView& raster, const Fragment& f, const Float* values, TileGradient& out) {
   alignas(64) float low[4 * kLanes], high[4 * kLanes], b[4 * kLanes];
+  alignas(64) std::int32_t faces[kLanes];
   store_quads(low, values[0], values[1], values[2], zero());
-  store_quads(high, values[3], values[4], values[5], zero());
+  if (kNormals) store_quads(high, values[3], values[4], values[5], zero());
   store_quads(b, f.b[0], f.b[1], f.b[2], zero());
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (f.face[lane] < 0) continue;
-    FaceGradient& record = record_of(raster, f.face[lane], out);
-    const Eight value{load<Float4>(low + 4 * lane), load<Float4>(high + 4 * lane)};
-    for (int k = 0; k < 3; ++k) add(record.sum[k], value, b[4 * lane + k]);
+  store(faces, f.face);
+  for (int lane = 0; lane < kLanes;) {
+    const std::int32_t face = faces[lane];
+    if (face < 0) {
+      ++lane;
+      continue;
+    }
+    FaceGradient& record = record_of(raster, face, out);
+    Float4 sum[3], normal_sum[3];
+    for (int k = 0; k < 3; ++k) {
+      sum[k] = load<Float4>(record.sum[k]);
+      if (kNormals) normal_sum[k] = load<Float4>(record.sum[k] + 4);
+    }
+    do {
+      for (int k = 0; k < 3; ++k) {
+        sum[k] += b[4 * lane + k] * load<Float4>(low + 4 * lane);
+        if (kNormals) normal_sum[k] += b[4 * lane + k] * load<Float4>(high + 4 * lane);
+      }
+    } while (++lane < kLanes && faces[lane] == face);
+    for (int k = 0; k < 3; ++k) {
+      store(record.sum[k], sum[k]);
+      if (kNormals) store(record.sum[k] + 4, normal_sum[k]);
+    }
   }
 }
 
@@ -324,21 +374,28 @@ inline void finish_face(const ShadeView& view, FaceGradient& record) {
 
 // --- one vector of pixels backward -----------------------------------------------------------------------------------
 
+/// Asks for the upstream gradient of a fragment to come: the rows of an image are too far apart for the processor to
+/// guess.
+inline void prefetch_upstream(const float* upstream, int width, const std::int32_t* fragment) {
+  const float* pixel = upstream + 3 * (static_cast<std::int64_t>(fragment[1]) * width + fragment[0]);
+  for (int i = 0; i < 3 * kLanes; i += 16) __builtin_prefetch(pixel + i);
+}
+
 /// What a tile collects in registers and on the stack.
 struct LightSums {
   Float sum[27];
 };
 
-inline void append_texels(const Sample& s, const Float* gradient, Int face, TileGradient& out) {
+inline void append_texels(const Place& p, const Float* gradient, Int face, TileGradient& out) {
   for (int lane = 0; lane < kLanes; ++lane) {
     if (face[lane] < 0) continue;
     out.texels[out.num_texels++] = {
-        s.texel[lane], s.fx[lane], s.fy[lane], {gradient[0][lane], gradient[1][lane], gradient[2][lane]}};
+        p.texel[lane], p.fx[lane], p.fy[lane], {gradient[0][lane], gradient[1][lane], gradient[2][lane]}};
   }
 }
 
-inline void backward_pixels(const ShadeView& view, const Fragment& f, const Float* g, TileGradient& out,
-                            LightSums& light_sums) {
+inline void backward_pixels(const ShadeView& view, const Fragment& f, const Place& place, const Float* g,
+                            TileGradient& out, LightSums& light_sums) {
   Normal normal;
   Sample s;
   Float light[3] = {splat(1.0f), splat(1.0f), splat(1.0f)}, sh[9];
@@ -349,7 +406,7 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Floa
     basis(normal.n, sh);
     illuminate(view.lighting, sh, light);
   }
-  if (view.texture) sample_texture(view, f, true, s);
+  if (view.texture) sample_texture(view, place, true, s);
 
   Float values[6] = {zero(), zero(), zero(), zero(), zero(), zero()};
   if (view.normals) {
@@ -368,17 +425,21 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Floa
   if (view.texture) {
     Float g_albedo[3];
     for (int c = 0; c < 3; ++c) g_albedo[c] = g[c] * light[c];
-    if (out.texels) append_texels(s, g_albedo, f.face, out);
+    if (out.texels) append_texels(place, g_albedo, f.face, out);
     if (out.faces && !view.nearest) {
       const Float du = dot(g_albedo, s.du), dv = dot(g_albedo, s.dv);
-      for (int k = 0; k < 3; ++k) values[k] += du * s.corner_u[k] + dv * s.corner_v[k];
+      for (int k = 0; k < 3; ++k) values[k] += du * place.corner_u[k] + dv * place.corner_v[k];
     }
   }
   if (!out.faces) return;
   const Float along = dot(f.b, values);
   const Int within = (f.b[0] > 0) & (f.b[1] > 0) & (f.b[2] > 0);  // moved to an edge, b does not follow the vertices
   for (int k = 0; k < 3; ++k) values[k] = within ? values[k] - along : zero();
-  add_to_faces(*view.raster, f, values, out);
+  if (view.normals) {
+    add_to_faces<true>(*view.raster, f, values, out);
+  } else {
+    add_to_faces<false>(*view.raster, f, values, out);
+  }
 }
 
 // --- slope of the target ---------------------------------------------------------------------------------------------
@@ -441,32 +502,44 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
   }
   std::int32_t count = 0;
   if (!any) return 0;
-  alignas(64) std::int32_t corner[3][kLanes];
   const Float lanes = to_float(lane_numbers());
+  const Float background[3] = {zero(), zero(), zero()};
+  Waiting waiting[2];
+  int turn = 0;
+  bool pending = false;
+  const auto inside_of = [&](int x) { return width - x < kLanes ? width - x : kLanes; };
+  const auto finish = [&](const Waiting& w) { finish_pixels(view, w, inside_of(w.f.x - x0), colour); };
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = first; x < rect.x1; x += kLanes) {
       std::int32_t* faces = tile.face + y * kTileStride + x;
-      Fragment f{x0 + x, y0 + y, load<Int>(faces), {zero(), zero(), zero()}, zero()};
-      const Int covered = f.face >= 0;
-      Float pixel[3] = {zero(), zero(), zero()};
-      if (bits_of(mask_of(covered)) != 0) {
-        const Pixels p = resolve_pixels(raster, faces, lanes + (static_cast<float>(f.x) + 0.5f),
-                                        splat(static_cast<float>(f.y) + 0.5f), corner);
-        for (int k = 0; k < 3; ++k) f.b[k] = covered ? p.b[k] : zero();
-        f.z = covered ? p.z : splat(1.0f);
-        if (colour) shade_pixels(view, f, corner, pixel);
-        if (fragments) store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, f);
-      }
-      const std::int64_t place = static_cast<std::int64_t>(f.y) * raster.width + f.x;
-      const int inside = width - x < kLanes ? width - x : kLanes;
-      if (colour) store_pixels(colour + 3 * place, inside, pixel);
+      const Int face = load<Int>(faces), covered = face >= 0;
+      const std::int64_t place = static_cast<std::int64_t>(y0 + y) * raster.width + x0 + x;
       if (mask) {
-        for (int lane = 0; lane < inside; ++lane) mask[place + lane] = faces[lane] >= 0;
+        for (int lane = 0; lane < inside_of(x); ++lane) mask[place + lane] = faces[lane] >= 0;
       }
+      if (bits_of(mask_of(covered)) == 0) {
+        if (colour) store_pixels(colour + 3 * place, inside_of(x), background);
+        continue;
+      }
+      Waiting& w = waiting[turn];
+      w.f.x = x0 + x;
+      w.f.y = y0 + y;
+      w.f.face = face;
+      const Pixels p = resolve_pixels(raster, faces, lanes + (static_cast<float>(w.f.x) + 0.5f),
+                                      splat(static_cast<float>(w.f.y) + 0.5f), w.corner);
+      for (int k = 0; k < 3; ++k) w.f.b[k] = covered ? p.b[k] : zero();
+      w.f.z = covered ? p.z : splat(1.0f);
       store(faces, splat(-1));
       store(tile.inverse_depth + y * kTileStride + x, zero());
+      if (fragments) store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, w.f);
+      if (!colour) continue;
+      look_ahead(view, w.f, w.place);
+      if (pending) finish(waiting[1 - turn]);
+      pending = true;
+      turn = 1 - turn;
     }
   }
+  if (pending) finish(waiting[1 - turn]);
   return count;
 }
 
@@ -478,12 +551,20 @@ void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, i
   LightSums light_sums;
   for (Float& sum : light_sums.sum) sum = zero();
   const int width = view.raster->width;
+  constexpr int kAhead = 4;
+  const auto record = [&](std::int32_t i) { return fragments + static_cast<std::int64_t>(i) * kFragmentWords; };
+  Fragment f, next;
+  Place place, next_place;
+  if (count > 0) f = load_fragment(record(0)), look_ahead(view, f, place);
   for (std::int32_t i = 0; i < count; ++i) {
-    const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords);
+    if (i + kAhead < count) prefetch_upstream(upstream, width, record(i + kAhead));
+    if (i + 1 < count) next = load_fragment(record(i + 1)), look_ahead(view, next, next_place);
     Float g[3];
     load_pixels(upstream + 3 * (static_cast<std::int64_t>(f.y) * width + f.x), width - f.x, g);
     for (Float& value : g) value = f.face >= 0 ? value : zero();
-    backward_pixels(view, f, g, out, light_sums);
+    backward_pixels(view, f, place, g, out, light_sums);
+    f = next;
+    place = next_place;
   }
   for (std::int32_t i = 0; i < out.num_faces; ++i) finish_face(view, out.faces[i]);
   if (!out.lighting) return;
@@ -512,7 +593,7 @@ void target_tile_backward(const TargetView& view, const float* upstream, int x0,
     for (int d = 0; d < 3; ++d) {
       values[d] = (du * (m[d] - u * m[8 + d]) + dv * (m[4 + d] - v * m[8 + d])) * inverse;
     }
-    add_to_faces(*view.raster, f, values, out);
+    add_to_faces<false>(*view.raster, f, values, out);
   }
 }
 
@@ -545,7 +626,9 @@ void add_face_gradients(const FaceGradient* faces, std::int64_t count, std::int6
     for (int k = 0; k < 3; ++k) {
       const std::int64_t vertex = faces[i].corner[k];
       if (vertex < begin || vertex >= end) continue;
-      add(sums + 8 * vertex, {load<Float4>(faces[i].sum[k]), load<Float4>(faces[i].sum[k] + 4)}, 1.0f);
+      float* sum = sums + 8 * vertex;
+      store(sum, load<Float4>(sum) + load<Float4>(faces[i].sum[k]));
+      store(sum + 4, load<Float4>(sum + 4) + load<Float4>(faces[i].sum[k] + 4));
     }
   }
 }

@@ -310,15 +310,15 @@ void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool t
       kernels::add_face_gradients(w.collected[part.thread].faces.data() + part.first_face, part.num_faces, begin, end,
                                   sums);
     }
+    if (!through_normals) kernels::vertex_gradients(mesh, sums, nullptr, begin, end, out);
   });
-  if (through_normals) {
-    w.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
-    at::parallel_for(0, scene.num_faces, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
-      kernels::face_normal_gradients(mesh, sums, begin, end, w.face_normals.data());
-    });
-  }
-  const float* to_faces = through_normals ? w.face_normals.data() : nullptr;
-  at::parallel_for(0, scene.num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+  if (!through_normals) return;
+  w.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
+  float* to_faces = w.face_normals.data();
+  at::parallel_for(0, scene.num_faces, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+    kernels::face_normal_gradients(mesh, sums, begin, end, to_faces);
+  });
+  at::parallel_for(0, scene.num_vertices, kItemsPerThread / 2, [&](std::int64_t begin, std::int64_t end) {
     kernels::vertex_gradients(mesh, sums, to_faces, begin, end, out);
   });
 }
@@ -476,6 +476,7 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
                                 mesh.face_records, mesh.uv_records, mesh.incident_offsets, mesh.incident_faces, normals,
                                 records, counts});
     context->mark_non_differentiable({mask, records, counts});
+    context->set_materialize_grads(false);  // else the backward pass is handed zeros of the size of the records
     return {colour, mask, records, counts};
   }
 
