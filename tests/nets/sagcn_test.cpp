@@ -84,6 +84,55 @@ TEST(SagcnAgrees, BitForBitAtAnyNumberOfThreads) {
   EXPECT_TRUE(torch::equal(results[0], results[2]));
 }
 
+TEST(SagcnAgrees, WithItsReferenceOnOneSample) {
+  const RingWeights ring = ring_of(211, 3);
+  torch::manual_seed(1);
+  const Tensor features = torch::randn({1, 211, 9}), grad = torch::randn({1, 211, 3});
+  for (const int width : {16, 5}) {
+    SagcnConfig config = small_config();
+    config.features = width;
+    config.norm = SagcnNorm::none;
+    config.dense = DenseBlock::broadcast;
+    Sagcn fast(ring, 9, 3, config), plain(ring, 9, 3, config);
+    const Tensor found = fast->forward(features), expected = plain->forward_reference(features);
+    found.backward(grad);
+    expected.backward(grad);
+    EXPECT_TRUE(test::is_near(found, expected, 1e-5, 1e-5));
+    for (const auto& item : plain->named_parameters())
+      EXPECT_TRUE(test::is_near(fast->named_parameters()[item.key()].grad(), item.value().grad(), 1e-4, 1e-4))
+          << item.key();
+  }
+}
+
+TEST(DenseBroadcastAgrees, WithItsReferenceAtAnyNumberOfThreads) {
+  auto generator = at::detail::createCPUGenerator(3);
+  const int before = at::get_num_threads();
+  for (const auto& [nodes, batch, width] : {std::tuple{200, 3, 7}, {64, 1, 16}, {1, 9, 1}, {130, 1, 33}, {70, 0, 4}}) {
+    const auto random = [&](at::IntArrayRef shape) { return torch::randn(shape, generator, torch::kFloat32); };
+    const Tensor features = random({nodes, batch, width}), kernels = random({nodes, width, width}),
+                 bias = random({nodes, width}), grad = random({nodes, batch, width});
+    std::vector<std::vector<Tensor>> results;
+    const auto run = [&](torch::ScalarType type) {
+      std::vector<Tensor> x;
+      for (const Tensor& input : {features, kernels, bias}) x.push_back(input.to(type, false, true).requires_grad_());
+      const Tensor output = elu_dense_broadcast_node_major(x[0], x[1], x[2], 0.3);
+      std::vector<Tensor> result = torch::autograd::grad({output}, x, {grad.to(type)});
+      result.push_back(output.detach());
+      return result;
+    };
+    const auto expected = run(torch::kFloat64);
+    for (const int threads : {1, 2, 3}) {
+      at::set_num_threads(threads);
+      results.push_back(run(torch::kFloat32));
+      for (std::size_t i = 0; i < expected.size(); ++i) {
+        EXPECT_TRUE(test::is_near(results.back()[i], expected[i], 2e-4, 1e-4)) << i << " nodes " << nodes;
+        EXPECT_TRUE(torch::equal(results.back()[i], results.front()[i])) << i << " threads " << threads;
+      }
+    }
+    at::set_num_threads(before);
+  }
+}
+
 TEST(SagcnAgrees, OnAnEmptyBatch) {
   Sagcn net(ring_of(8, 2), 4, 3, small_config());
   EXPECT_EQ(net->forward(torch::zeros({0, 8, 4})).sizes(), (std::vector<int64_t>{0, 8, 3}));

@@ -131,6 +131,12 @@ Tensor DenseUnitImpl::forward(const Tensor& features) {
                                                  : dense_broadcast(active, kernels, bias, scale_));
 }
 
+Tensor DenseUnitImpl::forward_node_major(const Tensor& features) {
+  if (kind_ == DenseBlock::broadcast && norm->kind() == SagcnNorm::none)
+    return elu_dense_broadcast_node_major(features, kernels, bias, scale_);
+  return forward(features.transpose(0, 1)).transpose(0, 1);
+}
+
 // ---- network ----
 
 SagcnImpl::SagcnImpl(const RingWeights& ring, int inputs, int outputs, const SagcnConfig& config,
@@ -183,7 +189,7 @@ Tensor SagcnImpl::forward(const Tensor& features) {
   if (!takes_kernel(features)) return forward_reference(features);
   Tensor x = stem_->forward_node_major(features.transpose(0, 1));
   for (int block = 0; block <= config_.residual_blocks; ++block) {
-    if (dense_follows(block)) x = dense_->forward(x.transpose(0, 1)).transpose(0, 1);
+    if (dense_follows(block)) x = dense_->forward_node_major(x);
     if (block == config_.residual_blocks) break;
     x = units_[2 * block + 1]->forward_node_major(units_[2 * block]->forward_node_major(x), x);
   }

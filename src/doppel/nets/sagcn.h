@@ -81,6 +81,8 @@ class DenseUnitImpl : public torch::nn::Module {
 
   /// @param features [B,K,H] @return [B,K,H]
   torch::Tensor forward(const torch::Tensor& features);
+  /// @param features [K,B,H] @return [K,B,H]
+  torch::Tensor forward_node_major(const torch::Tensor& features);
 
   FeatureNorm norm{nullptr};
   torch::Tensor kernels;  ///< [K,H,H] for `broadcast`, the matrix [K,K] for `matrix`

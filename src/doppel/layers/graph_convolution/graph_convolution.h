@@ -93,6 +93,10 @@ torch::Tensor node_norm_reference(const torch::Tensor& features, const NodeNorm&
 /// @param scale 1 as the thesis prints it; 1/K (what 6.6 gives for equal weights) keeps the sum from growing with K
 torch::Tensor dense_broadcast(const torch::Tensor& features, const torch::Tensor& kernels, const torch::Tensor& bias,
                               double scale);
+/// features + dense_broadcast(elu(features)) with features [K,B,H] in one pass over the kernels.
+/// @param kernels [K,H,H]  @param bias [K,H] @return [K,B,H]
+torch::Tensor elu_dense_broadcast_node_major(const torch::Tensor& features, const torch::Tensor& kernels,
+                                             const torch::Tensor& bias, double scale);
 /// What public checkpoints hold instead: f'_k = b_k + sum_l m_kl f_l with a learned matrix shared by all features.
 /// @param features [B,K,H]  @param matrix [K,K]  @param bias [K,H]
 torch::Tensor dense_matrix(const torch::Tensor& features, const torch::Tensor& matrix, const torch::Tensor& bias);

@@ -82,6 +82,16 @@ inline void multiply_block(const float* a, int64_t row, int64_t step, const floa
   for (int i = 0; i < kRows; ++i) store(c + i * c_row, sum[i]);
 }
 
+// One row alone would wait for each sum; four chains hide that.
+inline Vec multiply_row(const float* a, int64_t step, const float* b, int64_t b_row, int64_t depth) {
+  Vec sum[4] = {};
+  int64_t h = 0;
+  for (; h + 4 <= depth; h += 4)
+    for (int i = 0; i < 4; ++i) sum[i] += a[(h + i) * step] * load(b + (h + i) * b_row);
+  for (; h < depth; ++h) sum[0] += a[h * step] * load(b + h * b_row);
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
 inline void multiply(const float* a, int64_t row, int64_t step, const float* b, int64_t b_row, int64_t rows,
                      int64_t depth, int64_t columns, float* c, int64_t c_row) {
   for (int64_t v = 0; v < columns; v += kWidth) {
@@ -90,7 +100,7 @@ inline void multiply(const float* a, int64_t row, int64_t step, const float* b, 
       multiply_block<8>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
     for (; i + 4 <= rows; i += 4)
       multiply_block<4>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
-    for (; i < rows; ++i) multiply_block<1>(a + i * row, row, step, b + v, b_row, depth, c + i * c_row + v, c_row);
+    for (; i < rows; ++i) store(c + i * c_row + v, multiply_row(a + i * row, step, b + v, b_row, depth));
   }
 }
 
@@ -159,6 +169,19 @@ void store_rows(const float* from, int64_t from_stride, int64_t rows, int64_t co
   for (int64_t i = 0; i < rows; ++i)
     for (int64_t v = 0; v < count; v += kWidth)
       store_some(to + i * to_stride + v, load(from + i * from_stride + v), count - v);
+}
+
+// Nodes follow each other in an order in which their kernels do not lie in a row, so the hardware does not guess the
+// next one: asked for a few nodes ahead, they stream at the speed of the memory.
+constexpr int64_t kNodesAhead = 8;
+
+inline void prefetch_kernel(const GraphConvolutionParams& p, int64_t place, int64_t end) {
+  constexpr int64_t kLine = 16;  // floats
+  const int64_t ahead = place + kNodesAhead;
+  if (ahead >= end) return;
+  const int64_t size = p.inputs * p.outputs;
+  const float* kernel = p.kernels + p.order[ahead] * size;
+  for (int64_t i = 0; i < size; i += kLine) __builtin_prefetch(kernel + i);
 }
 
 // K_l with rows of whole vectors: in place when it already is, else a padded copy.
@@ -312,10 +335,35 @@ int64_t graph_convolution_scratch(const GraphConvolutionParams& p) {
   return p.batch * (3 * in + out) + 2 * in * out + 2 * in;
 }
 
+namespace {
+
+// One sample, no norm, features in whole vectors: what a playing character runs. Everything stays in registers.
+template <int64_t kDepth>
+void transform_sample(const GraphConvolutionParams& p, int64_t begin, int64_t end) {
+  alignas(64) float active[kDepth];
+  for (int64_t place = begin; place < end; ++place) {
+    prefetch_kernel(p, place, end);
+    const int64_t node = p.order[place];
+    const float* input = p.features.data + node * p.features.node_stride;
+    for (int64_t v = 0; v < kDepth; v += kWidth) {
+      const Vec x = load(input + v);
+      store(active + v, p.elu ? elu(x) : x);
+    }
+    const float* kernel = p.kernels + node * kDepth * p.outputs;
+    for (int64_t v = 0; v < p.outputs; v += kWidth)
+      store(p.packed + place * p.outputs + v, multiply_row(active, 1, kernel + v, p.outputs, kDepth));
+  }
+}
+
+}  // namespace
+
 void graph_convolution_transform(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
+  if (p.batch == 1 && !p.norm_weight && p.inputs == 16 && p.outputs == padded(p.outputs))
+    return transform_sample<16>(p, begin, end);
   const Scratch s = split_scratch(p, scratch);
   const int64_t in = padded(p.inputs), out = padded(p.outputs);
   for (int64_t place = begin; place < end; ++place) {
+    prefetch_kernel(p, place, end);
     const int64_t node = p.order[place];
     const float* input = node_input(p, node, s, true);
     const float* kernel = padded_kernel(p, node, s);
@@ -357,32 +405,64 @@ void graph_convolution_pack(const GraphConvolutionParams& p, float*, int64_t beg
   }
 }
 
+namespace {
+
+// dK, dy and what follows from them, of one node: dz_l stands in s.grad_output, y_l in `input`.
+void backward_of_node(const GraphConvolutionParams& p, int64_t node, const Scratch& s, const float* input) {
+  const int64_t in = padded(p.inputs), out = padded(p.outputs);
+  float* grad_kernel = p.grad_kernels + node * p.inputs * p.outputs;
+  const bool direct = p.outputs == out;
+  float* product = direct ? grad_kernel : s.transposed;
+  multiply(input, 1, in, s.grad_output, out, p.inputs, p.batch, out, product, out);
+  if (!direct) store_rows(product, out, p.inputs, p.outputs, grad_kernel, p.outputs);
+
+  if (!p.grad_features.data && !p.norm_weight) return;
+  transpose_kernel(p, padded_kernel(p, node, s), s.transposed);
+  multiply(s.grad_output, out, 1, s.transposed, in, p.batch, p.outputs, in, s.grad_active, in);
+  if (p.elu) backward_elu(p, s);
+  if (p.norm_weight) backward_norm(p, node, s);
+  if (p.grad_features.data)
+    store_rows(s.grad_active, in, p.batch, p.inputs, p.grad_features.data + node * p.grad_features.node_stride,
+               p.grad_features.batch_stride);
+}
+
+}  // namespace
+
 // With g = grad_output and y_l = act(f_l):
 //   dz_l = sum_k a_kl g_k,  dK_l = y_l^T dz_l,  dy_l = dz_l K_l^T,  then ELU and norm of the node.
 void graph_convolution_backward(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
   const Scratch s = split_scratch(p, scratch);
-  const int64_t in = padded(p.inputs), out = padded(p.outputs);
+  const int64_t out = padded(p.outputs);
   for (int64_t place = begin; place < end; ++place) {
+    prefetch_kernel(p, place, end);
     const int64_t node = p.order[place], first = p.offsets[place];
     gather_row(p.packed, p.batch * out, p.columns + first, p.transposed_values + first, p.offsets[place + 1] - first,
                s.grad_output);
     const float* input = node_input(p, node, s, false);
 
-    float* grad_kernel = p.grad_kernels + node * p.inputs * p.outputs;
-    const bool direct = p.outputs == out;
-    float* product = direct ? grad_kernel : s.transposed;
-    multiply(input, 1, in, s.grad_output, out, p.inputs, p.batch, out, product, out);
-    if (!direct) store_rows(product, out, p.inputs, p.outputs, grad_kernel, p.outputs);
-
-    if (!p.grad_features.data && !p.norm_weight) continue;
-    transpose_kernel(p, padded_kernel(p, node, s), s.transposed);
-    multiply(s.grad_output, out, 1, s.transposed, in, p.batch, p.outputs, in, s.grad_active, in);
-    if (p.elu) backward_elu(p, s);
-    if (p.norm_weight) backward_norm(p, node, s);
-    if (p.grad_features.data)
-      store_rows(s.grad_active, in, p.batch, p.inputs, p.grad_features.data + node * p.grad_features.node_stride,
-                 p.grad_features.batch_stride);
+    backward_of_node(p, node, s, input);
   }
+}
+
+void graph_dense_sum(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
+  const Scratch s = split_scratch(p, scratch);
+  const int64_t in = padded(p.inputs), out = padded(p.outputs), row = p.batch * out;
+  for (int64_t block = begin; block < end; ++block) {
+    float* total = p.packed + block * row;
+    std::memset(total, 0, row * sizeof(float));
+    const int64_t last = (block + 1) * kGraphDenseBlock;
+    for (int64_t node = block * kGraphDenseBlock; node < (last < p.nodes ? last : p.nodes); ++node) {
+      const float* input = node_input(p, node, s, false);
+      multiply(input, in, 1, padded_kernel(p, node, s), out, p.batch, p.inputs, out, s.grad_output, out);
+      for (int64_t i = 0; i < row; i += kWidth) store(total + i, load(total + i) + load(s.grad_output + i));
+    }
+  }
+}
+
+void graph_dense_backward(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
+  const Scratch s = split_scratch(p, scratch);
+  load_rows(p.grad_output.data, p.grad_output.batch_stride, p.batch, p.outputs, s.grad_output, padded(p.outputs));
+  for (int64_t node = begin; node < end; ++node) backward_of_node(p, node, s, node_input(p, node, s, false));
 }
 
 }  // namespace doppel::kernels::DOPPEL_ISA

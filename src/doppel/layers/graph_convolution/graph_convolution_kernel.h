@@ -77,4 +77,15 @@ DOPPEL_DECLARE_KERNEL(void, graph_convolution_pack,
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_backward,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
 
+// The dense block: every node hears the same sum.
+
+constexpr int64_t kGraphDenseBlock = 64;  ///< nodes whose sum is taken in one piece
+
+/// packed[i] = sum of act(f_l) K_l over block i of kGraphDenseBlock nodes, for blocks [begin, end).
+DOPPEL_DECLARE_KERNEL(void, graph_dense_sum,
+                      (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
+/// grad_kernels and grad_features of nodes [begin, end); grad_output is the gradient [batch][outputs] of the sum.
+DOPPEL_DECLARE_KERNEL(void, graph_dense_backward,
+                      (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
+
 }  // namespace doppel::kernels

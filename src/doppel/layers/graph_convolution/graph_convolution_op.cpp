@@ -234,6 +234,60 @@ class GraphConvolutionFunction : public torch::autograd::Function<GraphConvoluti
   }
 };
 
+// ---- the dense block ----
+
+kernels::GraphConvolutionParams dense_params(const Tensor& features, const Tensor& kernels) {
+  kernels::GraphConvolutionParams p;
+  p.nodes = features.size(0);
+  p.batch = features.size(1);
+  p.inputs = features.size(2);
+  p.outputs = kernels.size(2);
+  p.elu = true;
+  p.features = strided<kernels::ConstGraphFeatures>(features, true);
+  p.kernels = kernels.data_ptr<float>();
+  return p;
+}
+
+void for_each_piece(Pass pass, const kernels::GraphConvolutionParams& p, int64_t pieces) {
+  const int64_t scratch_size = kernels::graph_convolution_scratch(p);
+  at::parallel_for(0, pieces, 1, [&](int64_t begin, int64_t end) {
+    const Tensor scratch = at::empty({scratch_size}, at::kFloat);
+    pass(p, scratch.data_ptr<float>(), begin, end);
+  });
+}
+
+/// sum_l elu(f_l) K_l: [K,B,Hin], [K,Hin,Hout] -> [B,Hout].
+class DenseSumFunction : public torch::autograd::Function<DenseSumFunction> {
+ public:
+  static Tensor forward(AutogradContext* context, const Tensor& features, const Tensor& kernels) {
+    at::AutoDispatchBelowADInplaceOrView below_autograd;
+    context->save_for_backward({features, kernels});
+    kernels::GraphConvolutionParams p = dense_params(features, kernels);
+    const int64_t blocks = (p.nodes + kernels::kGraphDenseBlock - 1) / kernels::kGraphDenseBlock;
+    const int64_t width = kernels::graph_convolution_width(), out = (p.outputs + width - 1) / width * width;
+    const Tensor sums = at::empty({blocks, p.batch, out}, features.options());
+    p.packed = sums.data_ptr<float>();
+    for_each_piece(kernels::graph_dense_sum, p, blocks);
+    // Block after block: at::sum may split its work by the number of threads.
+    Tensor total = sums[0].clone();
+    for (int64_t block = 1; block < blocks; ++block)
+      for (int64_t i = 0; i < p.batch * out; ++i) total.data_ptr<float>()[i] += p.packed[block * p.batch * out + i];
+    return total.narrow(1, 0, p.outputs);
+  }
+
+  static variable_list backward(AutogradContext* context, variable_list grad_outputs) {
+    const variable_list saved = context->get_saved_variables();
+    const Tensor grad_output = grad_outputs[0].contiguous();
+    kernels::GraphConvolutionParams p = dense_params(saved[0], saved[1]);
+    const Tensor grad_features = at::empty_like(saved[0]), grad_kernels = at::empty_like(saved[1]);
+    p.grad_output = {grad_output.data_ptr<float>(), p.outputs, 0};
+    p.grad_features = strided<kernels::GraphFeatures>(grad_features, true);
+    p.grad_kernels = grad_kernels.data_ptr<float>();
+    for_each_piece(kernels::graph_dense_backward, p, p.nodes);
+    return once_differentiable({grad_features, grad_kernels}, "elu_dense_broadcast");
+  }
+};
+
 Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor& kernels, const Tensor& bias,
            const RingWeights& ring, const Tensor& skip, bool node_major) {
   Setting setting;
@@ -311,6 +365,14 @@ Tensor graph_convolution_node_major(const Tensor& features, const Tensor& kernel
   if (!takes_kernel(features))
     return graph_convolution_reference(features.transpose(0, 1), kernels, bias, ring).transpose(0, 1);
   return run(features, {}, false, kernels, bias, ring, {}, true);
+}
+
+Tensor elu_dense_broadcast_node_major(const Tensor& features, const Tensor& kernels, const Tensor& bias, double scale) {
+  check_arguments(features, kernels, bias, kernels.size(0), true);
+  if (!takes_kernel(features) || features.numel() == 0)
+    return features + dense_broadcast(at::elu(features.transpose(0, 1)), kernels, bias, scale).transpose(0, 1);
+  const Tensor sum = DenseSumFunction::apply(features.contiguous(), kernels.contiguous());
+  return features + (bias.unsqueeze(1) + sum * scale);
 }
 
 Tensor elu_graph_convolution_node_major(const Tensor& features, const NodeNorm& norm, const Tensor& kernels,
