@@ -34,6 +34,8 @@ inline Fragment load_fragment(const std::int32_t* in) {
   return f;
 }
 
+typedef std::uint8_t Bytes __attribute__((vector_size(kLanes)));
+
 inline Float dot(const Float* a, const Float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline Float zero() { return Float{}; }
 
@@ -51,8 +53,10 @@ inline Float square_root(Float v) {
 }
 
 inline void load_corners(const RasterView& raster, Int face, std::int32_t (*corner)[kLanes]) {
+  alignas(64) std::int32_t faces[kLanes];
+  store(faces, max(face, Int{}));
   for (int lane = 0; lane < kLanes; ++lane) {
-    const std::int32_t* f = raster.faces + 4 * static_cast<std::int64_t>(face[lane] < 0 ? 0 : face[lane]);
+    const std::int32_t* f = raster.faces + 4 * static_cast<std::int64_t>(faces[lane]);
     for (int k = 0; k < 3; ++k) corner[k][lane] = f[k];
   }
 }
@@ -173,10 +177,9 @@ inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
 }
 
 /// Texels lie anywhere in memory: asking for them before other work hides the wait.
-inline void prefetch_texels(const ShadeView& view, const Place& p, Int face) {
+inline void prefetch_texels(const ShadeView& view, const Place& p) {
   const std::int64_t row = 3 * static_cast<std::int64_t>(view.texture_width);
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (face[lane] < 0) continue;
     __builtin_prefetch(view.texture + p.offset[lane]);
     __builtin_prefetch(view.texture + p.offset[lane] + row);
   }
@@ -186,7 +189,7 @@ inline void prefetch_texels(const ShadeView& view, const Place& p, Int face) {
 inline void look_ahead(const ShadeView& view, const Fragment& f, Place& place) {
   if (!view.texture) return;
   find_place(view, f, place);
-  prefetch_texels(view, place, f.face);
+  prefetch_texels(view, place);
 }
 
 inline void sample_texture(const ShadeView& view, const Place& p, bool derivative, Sample& s) {
@@ -387,10 +390,16 @@ struct LightSums {
 };
 
 inline void append_texels(const Place& p, const Float* gradient, Int face, TileGradient& out) {
+  alignas(64) std::int32_t faces[kLanes], texel[kLanes];
+  alignas(64) float fx[kLanes], fy[kLanes], g[3][kLanes];
+  store(faces, face);
+  store(texel, p.texel);
+  store(fx, p.fx);
+  store(fy, p.fy);
+  for (int c = 0; c < 3; ++c) store(g[c], gradient[c]);
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (face[lane] < 0) continue;
-    out.texels[out.num_texels++] = {
-        p.texel[lane], p.fx[lane], p.fy[lane], {gradient[0][lane], gradient[1][lane], gradient[2][lane]}};
+    if (faces[lane] < 0) continue;
+    out.texels[out.num_texels++] = {texel[lane], fx[lane], fy[lane], {g[0][lane], g[1][lane], g[2][lane]}};
   }
 }
 
@@ -515,7 +524,8 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
       const Int face = load<Int>(faces), covered = face >= 0;
       const std::int64_t place = static_cast<std::int64_t>(y0 + y) * raster.width + x0 + x;
       if (mask) {
-        for (int lane = 0; lane < inside_of(x); ++lane) mask[place + lane] = faces[lane] >= 0;
+        const Bytes bytes = __builtin_convertvector(-covered, Bytes);
+        std::memcpy(mask + place, &bytes, static_cast<unsigned>(inside_of(x)));
       }
       if (bits_of(mask_of(covered)) == 0) {
         if (colour) store_pixels(colour + 3 * place, inside_of(x), background);
