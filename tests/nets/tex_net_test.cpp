@@ -89,6 +89,22 @@ TEST(UNetGradient, MatchesCentralDifferences) {
   }
 }
 
+TEST(TransposedConvolutionAgrees, WithTheOneOfTorchInValueAndGradient) {
+  auto generator = seeded(3);
+  for (const auto& [height, width] : {std::pair{1, 1}, {2, 5}, {7, 4}}) {
+    const auto random = [&](at::IntArrayRef shape) {
+      return torch::randn(shape, generator, torch::kFloat64).requires_grad_();
+    };
+    const std::vector<Tensor> x{random({2, 3, height, width}), random({3, 5, 4, 4}), random({5})};
+    const Tensor found = transposed_convolution(x[0], x[1], x[2]),
+                 expected = at::conv_transpose2d(x[0], x[1], x[2], 2, 1),
+                 grad = random({2, 5, 2 * height, 2 * width}).detach();
+    EXPECT_TRUE(test::is_near(found, expected, 1e-12));
+    const auto a = torch::autograd::grad({found}, x, {grad}), b = torch::autograd::grad({expected}, x, {grad});
+    for (std::size_t i = 0; i < x.size(); ++i) EXPECT_TRUE(test::is_near(a[i], b[i], 1e-11)) << i;
+  }
+}
+
 TEST(DropoutReference, DrawsFromTheGeneratorAlone) {
   const Tensor ones = torch::ones({4, 8, 16, 16});
   std::vector<Tensor> results;

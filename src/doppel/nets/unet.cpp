@@ -70,6 +70,17 @@ Tensor dropout(const Tensor& features, double probability, at::Generator generat
   return features * kept.div_(1.0 - probability);
 }
 
+Tensor transposed_convolution(const Tensor& features, const Tensor& weight, const Tensor& bias) {
+  // Along one axis, output 2m takes taps 3 and 1 at inputs m-1 and m; output 2m+1 takes 2 and 0 at m and m+1. Tap 4 is
+  // 0.
+  const Tensor taps = torch::tensor({3, 1, 4, 4, 2, 0}, torch::kInt64);
+  const Tensor chosen = at::constant_pad_nd(weight, {0, 1, 0, 1}).index_select(2, taps).index_select(3, taps);
+  const int64_t in = weight.size(0), out = weight.size(1);
+  const Tensor kernels = chosen.view({in, out, 2, 3, 2, 3}).permute({1, 2, 4, 0, 3, 5}).reshape({4 * out, in, 3, 3});
+  const Tensor doubled = at::pixel_shuffle(at::conv2d(features, kernels, {}, 1, 1), 2);
+  return bias.defined() ? doubled + bias.view({1, -1, 1, 1}) : doubled;
+}
+
 UNetImpl::UNetImpl(int64_t inputs, int64_t outputs, const UNetConfig& config, std::optional<at::Generator> generator)
     : config_(config), inputs_(inputs) {
   config.check();
@@ -116,7 +127,7 @@ Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::G
   const int step = config_.levels - 1 - level;
   Tensor x;
   if (config_.upsample == Upsampling::transposed) {
-    x = up_transposed_[step]->forward(features);
+    x = transposed_convolution(features, up_transposed_[step]->weight, up_transposed_[step]->bias);
   } else {
     x = up_convolution_[step]->forward(
         at::upsample_bilinear2d(features, c10::nullopt, false, std::vector<double>{2.0, 2.0}));

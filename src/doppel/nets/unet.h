@@ -37,6 +37,13 @@ struct UNetConfig {
 /// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
 torch::Tensor dropout(const torch::Tensor& features, double probability, at::Generator generator);
 
+/// A transposed 4x4 convolution of stride 2 and padding 1 as an ordinary one. Each of the four kinds of output pixel
+/// sees 2x2 inputs; all are taken as 3x3 with zeros, and their channels are shuffled into place. More multiplications
+/// than it needs, but convolutions are fast on a CPU and transposed ones are not.
+/// @param features [B,Cin,H,W] @param weight [Cin,Cout,4,4] @param bias [Cout] or undefined @return [B,Cout,2H,2W]
+torch::Tensor transposed_convolution(const torch::Tensor& features, const torch::Tensor& weight,
+                                     const torch::Tensor& bias);
+
 /// Batch normalisation over a batch of images. In evaluation mode the running statistics.
 class UNetImpl : public torch::nn::Module {
  public:
