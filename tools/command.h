@@ -25,6 +25,7 @@ Command add_character(CLI::App& program);
 Command add_prepare(CLI::App& program);
 Command add_train(CLI::App& program);
 Command add_evaluate(CLI::App& program);
+Command add_compare(CLI::App& program);
 Command add_animate(CLI::App& program);
 Command add_export(CLI::App& program);
 Command add_info(CLI::App& program);

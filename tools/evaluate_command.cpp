@@ -9,10 +9,12 @@
 #include "command.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/eval/image_metrics.h"
 #include "doppel/eval/silhouette_overlap.h"
-#include "doppel/train/egnet_stage.h"
-#include "doppel/train/report.h"
-#include "doppel/train/trained_egnet.h"
+#include "doppel/render/shading/shading.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/stage_chain.h"
+#include "doppel/train/trained_actor.h"
 
 namespace doppel::tools {
 
@@ -48,11 +50,35 @@ torch::Tensor windows(const Dataset& dataset, const std::vector<SampleId>& sampl
 
 /// What is evaluated: a character, and, with a run, its trained model.
 struct Subject {
-  std::optional<TrainedEgNet> trained;
+  std::optional<TrainedActor> trained;
   std::optional<Character> untrained;
   CharacterSurface surface{nullptr};
   const Character& character() const { return trained ? trained->character : *untrained; }
 };
+
+/// The ways to colour the finished geometry that the actor knows.
+std::vector<std::string> picture_methods(const TrainedActor& actor) {
+  std::vector<std::string> methods;
+  if (actor.static_texture.defined()) methods.push_back("static");
+  if (actor.static_texture.defined() && actor.lighting) methods.push_back("lit");
+  if (actor.texnet) methods.push_back("texnet");
+  return methods;
+}
+
+ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, const std::string& method) {
+  return [&dataset, &actor, method](const ImageRequest& request) {
+    const torch::Tensor window = windows(dataset, request.samples, actor.window());
+    ShadingOptions options;
+    options.lit = method == "lit";
+    torch::Tensor lighting;
+    if (options.lit) lighting = actor.lighting->forward(torch::full({1, 1}, request.camera, torch::kInt64));
+    const torch::Tensor texture =
+        method == "texnet" ? actor.texture(window, request.projection.select(1, 0)) : actor.static_texture;
+    const ShadedImage drawn = shade(actor.fine(window), texture, lighting, request.projection, *actor.mesh,
+                                    request.size, request.size, options);
+    return RenderedImages{drawn.colour, drawn.mask};
+  };
+}
 
 Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
   const torch::Tensor faces = face_tensor(subject.character());
@@ -63,10 +89,19 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
   result["skinning"] =
       evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
   if (!subject.trained) return result;
-  const auto deformed = [&](const std::vector<SampleId>& samples) {
-    return subject.trained->vertices(windows(dataset, samples, subject.trained->config.model.window));
+  TrainedActor& actor = *subject.trained;
+  const auto measure = [&](const std::string& name, torch::Tensor (TrainedActor::*surface)(const torch::Tensor&)) {
+    const auto deformed = [&](const std::vector<SampleId>& samples) {
+      return (actor.*surface)(windows(dataset, samples, actor.window()));
+    };
+    result[name] = evaluate_surface(dataset, split, faces, deformed, options, name + ", " + to_string(split)).to_json();
   };
-  result["egnet"] = evaluate_surface(dataset, split, faces, deformed, options, "egnet, " + to_string(split)).to_json();
+  measure("egnet", &TrainedActor::coarse);
+  if (actor.deltanet) measure("deltanet", &TrainedActor::fine);
+  for (const std::string& method : picture_methods(actor))
+    result[method] = evaluate_images(dataset, split, picture_function(dataset, actor, method), options,
+                                     method + ", " + to_string(split))
+                         .to_json();
   return result;
 }
 
@@ -78,8 +113,8 @@ Subject load_subject(const Arguments& arguments, fs::path& capture) {
     subject.untrained = load_character(read_capture(capture).character_path());
   } else {
     const auto other = arguments.capture.empty() ? std::nullopt : std::make_optional<fs::path>(arguments.capture);
-    subject.trained = TrainedEgNet::load(arguments.run, other);
-    capture = subject.trained->config.capture;
+    subject.trained = TrainedActor::load(arguments.run, other);
+    capture = subject.trained->subject.capture;
   }
   subject.surface = CharacterSurface(subject.character());
   return subject;
@@ -93,16 +128,16 @@ int run(const Arguments& arguments, const CommonOptions& common) {
   Json evaluation;
   evaluation["protocol"] = evaluation_protocol(dataset, splits, arguments.options);
   if (subject.trained) {
+    if (!picture_methods(*subject.trained).empty()) evaluation["protocol"]["pictures"] = photometric_protocol(dataset);
     evaluation["protocol"]["run"] = fs::absolute(arguments.run).lexically_normal().string();
-    evaluation["protocol"]["step"] = subject.trained->step;
-    evaluation["protocol"]["trained_on_cameras"] = subject.trained->config.loader.cameras;
+    evaluation["protocol"]["steps"] = subject.trained->steps;
+    evaluation["protocol"]["trained_on_cameras"] = subject.trained->trained_on_cameras;
   }
   for (Split split : splits)
     evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, arguments.options);
   if (subject.trained) {
-    const RunFolder folder(arguments.run);
-    write_atomically(folder.evaluation(), evaluation.dump(2) + "\n");
-    write_report(folder);
+    write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");
+    write_run_report(arguments.run);
   }
   std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
   return 0;

@@ -9,7 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
-#include "doppel/train/egnet_stage.h"
+#include "doppel/train/stage_chain.h"
 
 namespace doppel::tools {
 
@@ -20,11 +20,12 @@ namespace fs = std::filesystem;
 constexpr char kExample[] =
     "Example:\n"
     "  doppel train configs/small/egnet.yaml --set capture=prepared/anna --out runs/anna\n"
+    "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna-ddc --stages deltanet,texnet\n"
     "The same command resumes a run that was stopped or killed. docs/training.md lists the keys of CONFIG.";
 
 struct Arguments {
   std::string config, out;
-  std::vector<std::string> overrides;
+  std::vector<std::string> overrides, stages;
   bool resume = false, overwrite = false;
 };
 
@@ -37,59 +38,69 @@ std::vector<std::string> absolute_capture(std::vector<std::string> overrides) {
   return overrides;
 }
 
-void print_summary(const TrainSummary& summary, const fs::path& out, bool json) {
-  const char* reason = summary.reason == StopReason::finished     ? "finished"
-                       : summary.reason == StopReason::time_limit ? "time limit"
-                                                                  : "interrupted";
+const char* word_for(StopReason reason) {
+  return reason == StopReason::finished ? "finished" : reason == StopReason::time_limit ? "time limit" : "interrupted";
+}
+
+nlohmann::ordered_json to_json(const TrainSummary& summary) {
+  return {{"reason", word_for(summary.reason)},
+          {"step", summary.step},
+          {"resumed_at", summary.resumed_at},
+          {"seconds", summary.seconds},
+          {"loss", summary.loss}};
+}
+
+void print_summaries(const std::vector<StageSummary>& summaries, const fs::path& out, bool single, bool json) {
+  const fs::path report = out / "report.html";
   if (json) {
-    const nlohmann::ordered_json document = {{"run", out.string()},
-                                             {"reason", reason},
-                                             {"step", summary.step},
-                                             {"resumed_at", summary.resumed_at},
-                                             {"seconds", summary.seconds},
-                                             {"loss", summary.loss},
-                                             {"report", (out / "report.html").string()}};
+    nlohmann::ordered_json document = {{"run", out.string()}};
+    for (const auto& [stage, summary] : summaries)
+      if (single)
+        document.update(to_json(summary));
+      else
+        document["stages"][name_of(stage)] = to_json(summary);
+    document["report"] = report.string();
     std::printf("%s\n", document.dump().c_str());
     return;
   }
-  std::printf("run     %s\nsteps   %ld (%s)\ntime    %s\nloss    %.5g\nreport  %s\n", out.c_str(),
-              static_cast<long>(summary.step), reason, format_duration(summary.seconds).c_str(), summary.loss,
-              (out / "report.html").c_str());
+  std::printf("run     %s\n", out.c_str());
+  for (const auto& [stage, summary] : summaries)
+    std::printf("%-9s %ld steps (%s) in %s, loss %.5g\n", name_of(stage).c_str(), static_cast<long>(summary.step),
+                word_for(summary.reason), format_duration(summary.seconds).c_str(), summary.loss);
+  std::printf("report  %s\n", report.c_str());
 }
 
 int run(const Arguments& arguments, const CommonOptions& common) {
   if (arguments.resume && arguments.overwrite) fail<UsageError>("--resume and --overwrite exclude each other");
   std::vector<std::string> overrides = absolute_capture(arguments.overrides);
-  const EgNetRunConfig config = EgNetRunConfig::read(ConfigDocument::load(arguments.config, overrides));
+  const fs::path capture = StageChain::read(ConfigDocument::load(arguments.config, overrides)).capture();
   // The run's own copy must not depend on where it lies.
-  overrides.push_back("capture=" + config.capture.string());
-  const std::string resolved = ConfigDocument::load(arguments.config, overrides).resolved();
-  const RunFolder folder(arguments.out);
-  const RunMode mode = arguments.resume      ? RunMode::resume
-                       : arguments.overwrite ? RunMode::overwrite
-                                             : RunMode::automatic;
-
-  const Dataset dataset = Dataset::open(config.capture);
-  const Character character = load_character(dataset.character_path(), config.character);
-  folder.open(resolved, mode);
-  EgNetStage stage(dataset, character, config);
-  const TrainSummary summary = Trainer(stage, config.trainer, folder).run();
-  print_summary(summary, folder.path(), common.json);
-  if (summary.reason != StopReason::interrupted) return 0;
-  log::warn("stopped at step {}; the same command goes on from there", summary.step);
+  overrides.push_back("capture=" + capture.string());
+  const StageChain chain = StageChain::read(ConfigDocument::load(arguments.config, overrides));
+  ChainOptions options;
+  for (const std::string& name : arguments.stages) options.stages.push_back(stage_from(name));
+  options.mode = arguments.resume ? RunMode::resume : arguments.overwrite ? RunMode::overwrite : RunMode::automatic;
+  const fs::path out = arguments.out.empty() ? (chain.single() ? "runs/egnet" : "runs/ddc") : arguments.out;
+  const auto summaries = train_stages(chain, out, options);
+  print_summaries(summaries, out, chain.single(), common.json);
+  if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
+  log::warn("stopped at step {} of {}; the same command goes on from there", summaries.back().summary.step,
+            name_of(summaries.back().stage));
   return 1;
 }
 
 }  // namespace
 
 Command add_train(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("train", "Train a stage on a prepared capture");
+  CLI::App* app = program.add_subcommand("train", "Train an actor, stage by stage, on a prepared capture");
   app->footer(kExample);
   auto arguments = std::make_shared<Arguments>();
   app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/egnet.yaml")->required();
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
-  arguments->out = "runs/egnet";
-  app->add_option("--out", arguments->out, "Folder of the run")->capture_default_str();
+  app->add_option("--out", arguments->out, "Folder of the run (default: runs/egnet, or runs/ddc for a chain)");
+  app->add_option("--stages", arguments->stages,
+                  "Stages of a chain to train: egnet,lighting,deltanet,texnet (default: all)")
+      ->delimiter(',');
   app->add_flag("--resume", arguments->resume, "Fail unless there is a run to resume");
   app->add_flag("--overwrite", arguments->overwrite, "Replace the run in --out");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <opencv2/imgcodecs.hpp>
 
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
@@ -11,6 +12,7 @@
 #include "doppel/export/animation.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/egnet.h"
+#include "doppel/train/trained_actor.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
@@ -45,8 +47,8 @@ struct Actor {
   }
 
   void write(const std::filesystem::path& path) {
-    write_actor(path, character, description, [this](const torch::Tensor& window) { return forward(window); },
-                {{"egnet", net.get()}});
+    write_actor(path, character, description,
+                {[this](const torch::Tensor& window) { return forward(window); }, nullptr}, {{"egnet", net.get()}});
   }
 };
 
@@ -125,6 +127,91 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
           ("/usr/bin/python3 " PLAY_ACTOR + arguments + (folder / "python.npy").string() + "' >/dev/null").c_str()),
       0);
   EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
+}
+
+/// An actor with all networks, untrained, TexNet at its smallest.
+TrainedActor dressed_actor() {
+  TrainedActor actor;
+  actor.character = make_test_character();
+  actor.surface = CharacterSurface(actor.character);
+  actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
+  actor.egnet = EgNet(actor.character, EgNetConfig::preset("paper"));
+  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::preset("paper"));
+  TexNetConfig config = TexNetConfig::preset("paper");
+  config.size = 256;
+  config.levels = 4;
+  config.unet.width = 0.1;
+  actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
+  actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+  torch::NoGradGuard no_grad;
+  auto generator = at::detail::createCPUGenerator(7);
+  for (torch::nn::Module* module : std::initializer_list<torch::nn::Module*>{actor.egnet.get(), actor.deltanet.get()}) {
+    for (torch::Tensor& p : module->parameters()) p.copy_(0.1 * torch::randn(p.sizes(), generator));
+    module->eval();
+  }
+  actor.texnet->eval();
+  return actor;
+}
+
+TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
+  const TemporaryFolder folder;
+  TrainedActor actor = dressed_actor();
+  ActorDescription description;
+  description.name = "dressed";
+  description.window = actor.window() + 1;
+  for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
+  description.num_vertices = actor.character.num_vertices();
+  description.texture_size = 256;
+  const auto path = folder / "actor.pt";
+  write_actor(path, actor.character, description,
+              {[&](const torch::Tensor& window) { return actor.fine(window); },
+               [&](const torch::Tensor& window, const torch::Tensor& p) { return actor.texture(window, p); }},
+              {{"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}});
+
+  const ActorFile file = ActorFile::load(path);
+  EXPECT_EQ(file.description().texture_size, 256);
+  const torch::Tensor window = 0.3 * torch::randn({2, 3, actor.character.num_dofs()});
+  const torch::Tensor projection =
+      torch::tensor({600.f, 0.f, 200.f, 900.f, 0.f, 600.f, 200.f, 500.f, 0.f, 0.f, 1.f, 2.5f})
+          .view({1, 3, 4})
+          .repeat({2, 1, 1});
+  const auto [vertices, texture] = file.textured(window, projection);
+  EXPECT_LT((vertices - actor.fine(window)).abs().max().item<float>(), 1e-5f);
+  EXPECT_LT((texture - actor.texture(window, projection)).abs().max().item<float>(), 1e-4f);
+  EXPECT_LT((vertices - file.forward(window)).abs().max().item<float>(), 1e-6f);
+  EXPECT_THROW(file.textured(window, projection.slice(0, 0, 1)), Error);
+
+  write_motion(folder / "m.motion", test_motion(actor.character.num_dofs(), 3), true);
+  const std::string arguments = " '" + path.string() + "' '" + (folder / "m.motion").string() + "' '";
+  ASSERT_EQ(std::system((std::string(ACTOR_HOST) + arguments + (folder / "host.f32").string() + "' '" +
+                         (folder / "host.ppm").string() + "' >/dev/null")
+                            .c_str()),
+            0);
+  const cv::Mat host = cv::imread((folder / "host.ppm").string());
+  ASSERT_EQ(host.size(), cv::Size(512, 512));
+  const int drawn = cv::countNonZero(host.reshape(1) != 230) / 3;
+  EXPECT_GT(drawn, 2000);
+  if (std::system("/usr/bin/python3 -c 'import torch' 2>/dev/null") != 0)
+    GTEST_SKIP() << "Debian's python3-torch is not installed: the Python host was not tried";
+  ASSERT_EQ(std::system(("/usr/bin/python3 " PLAY_ACTOR + arguments + (folder / "python.npy").string() + "' '" +
+                         (folder / "python.ppm").string() + "' >/dev/null")
+                            .c_str()),
+            0);
+  const cv::Mat python = cv::imread((folder / "python.ppm").string());
+  ASSERT_EQ(python.size(), host.size());
+  // Two rasterizers: pixels on edges may differ.
+  cv::Mat difference;
+  cv::absdiff(host, python, difference);
+  EXPECT_LT(cv::countNonZero(difference.reshape(1) > 2) / 3, drawn / 50);
+}
+
+TEST(ActorFileRejects, ATextureWhereThereIsNone) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  EXPECT_THROW(ActorFile::load(folder / "actor.pt")
+                   .textured(torch::zeros({1, 3, actor.character.num_dofs()}), torch::zeros({1, 3, 4})),
+               Error);
 }
 
 TEST(ActorFileRejects, WhatIsNotAnActor) {

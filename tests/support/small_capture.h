@@ -13,6 +13,8 @@
 #include "doppel/layers/surface.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
+#include "doppel/render/sh_lighting.h"
+#include "doppel/render/shading/shading.h"
 #include "support/test_character.h"
 
 /// A capture of the test character, made in code in well under a second: a ring of cameras, masks drawn from a surface
@@ -25,6 +27,7 @@ struct SmallCaptureOptions {
   int mask_size = 96;  ///< pixels of the crops
   int train_frames = 12, test_frames = 5;
   double thickness = 0.02;  ///< metres along the normal between skinned template and truth
+  bool textured = false;    ///< the template has a smooth texture, and pictures show it under `true_light`
 };
 
 namespace small_capture {
@@ -81,6 +84,37 @@ inline torch::Tensor true_surface(const Character& character, const Motion& moti
   return vertices;
 }
 
+/// The light of textured captures: a little from above and from +x, the three channels not alike. [3,9]
+inline torch::Tensor true_light() {
+  torch::Tensor light = identity_lighting() * torch::tensor({0.8f, 0.75f, 0.7f}).unsqueeze(1);
+  light.select(1, 1) += torch::tensor({0.15f, 0.12f, 0.1f});
+  light.select(1, 3) += torch::tensor({0.05f, 0.08f, 0.1f});
+  return light;
+}
+
+inline cv::Mat smooth_texture(int size) {
+  cv::Mat texture(size, size, CV_8UC3);
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x)
+      for (int c = 0; c < 3; ++c)
+        texture.at<cv::Vec3b>(y, x)[c] = cv::saturate_cast<std::uint8_t>(
+            140 + 60 * std::sin(2 * M_PI * (x * (1 + c) + y * (3 - c)) / static_cast<double>(size)));
+  return texture;
+}
+
+/// What the cameras see of a textured mesh. @param vertices [1,N,3] @return [C,H,W,3] BGR bytes, green where nothing is
+inline torch::Tensor textured_pictures(const Character& character, const std::vector<Camera>& cameras,
+                                       const torch::Tensor& vertices) {
+  torch::NoGradGuard no_grad;
+  const RenderMesh mesh(character.mesh);
+  const auto light = true_light().expand({1, static_cast<std::int64_t>(cameras.size()), 3, 9}).contiguous();
+  const ShadedImage drawn = shade(vertices, texture_tensor(character.mesh), light,
+                                  projection_tensor(cameras).unsqueeze(0), mesh, cameras[0].height, cameras[0].width);
+  const torch::Tensor green = torch::tensor({60.0f, 140.0f, 60.0f});
+  const torch::Tensor bgr = drawn.colour[0].flip({3}).clamp(0, 1) * 255;
+  return torch::where(drawn.mask[0].unsqueeze(3), bgr, green).round().to(torch::kUInt8).contiguous();
+}
+
 inline void write_images(const std::filesystem::path& folder, const Character& character,
                          const std::vector<Camera>& cameras, const torch::Tensor& vertices) {
   torch::Tensor faces = torch::empty({character.mesh.num_faces(), 3}, torch::kInt32);
@@ -94,11 +128,17 @@ inline void write_images(const std::filesystem::path& folder, const Character& c
                                                  cameras[0].height, cameras[0].width)
                              .mul(255)
                              .contiguous();
+    const bool textured = !character.mesh.texture.empty();
+    const torch::Tensor pictures =
+        textured ? textured_pictures(character, cameras, vertices.slice(0, f, f + 1).contiguous()) : torch::Tensor();
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       const cv::Mat mask(cameras[c].height, cameras[c].width, CV_8UC1,
                          covered[0][static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>());
       cv::Mat picture(mask.size(), CV_8UC3, cv::Scalar(60, 140, 60));
-      picture.setTo(cv::Scalar(150, 150, 170), mask);
+      if (textured)
+        cv::Mat(mask.size(), CV_8UC3, pictures[static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>()).copyTo(picture);
+      else
+        picture.setTo(cv::Scalar(150, 150, 170), mask);
       const std::string name = "c" + std::to_string(c) + "_" + std::to_string(f) + ".png";
       std::filesystem::create_directories(folder);
       cv::imwrite((folder / ("mask_" + name)).string(), mask);
@@ -113,7 +153,8 @@ inline void write_images(const std::filesystem::path& folder, const Character& c
 inline std::filesystem::path make_small_capture(const std::filesystem::path& folder,
                                                 const SmallCaptureOptions& o = {}) {
   namespace sc = small_capture;
-  const Character character = make_test_character(4, 8, 14);
+  Character character = make_test_character(4, 8, 14);
+  if (o.textured) character.mesh.texture = sc::smooth_texture(64);
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const auto& v : character.mesh.vertices) centre += v / character.num_vertices();
   const auto cameras = sc::make_cameras(o, centre);

@@ -5,7 +5,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/train/trained_egnet.h"
+#include "doppel/train/trained_actor.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
@@ -37,8 +37,8 @@ class EgNetTraining : public ::testing::Test {
   /// Trains until `stop_at` steps are done (-1: to the end).
   static TrainSummary train(const RunFolder& run, std::int64_t stop_at = -1) {
     const EgNetRunConfig c = config();
-    const Dataset dataset = Dataset::open(c.capture);
-    const Character character = load_character(dataset.character_path(), c.character);
+    const Dataset dataset = Dataset::open(c.subject.capture);
+    const Character character = load_character(dataset.character_path(), c.subject.character);
     run.open(config_text(), RunMode::automatic);
     EgNetStage stage(dataset, character, c);
     TrainerOptions options = c.trainer;
@@ -70,12 +70,12 @@ TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
   EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-test.jpg"));
   EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-train.jpg"));
 
-  TrainedEgNet trained = TrainedEgNet::load(run.path());
-  EXPECT_EQ(trained.step, 40);
+  TrainedActor trained = TrainedActor::load(run.path());
+  EXPECT_EQ(trained.steps.at("egnet"), 40);
   const Dataset dataset = Dataset::open(prepared_);
   const SampleId sample = dataset.samples(Split::test)[1];
-  const auto window = dataset.dof_window(sample, trained.config.model.window).unsqueeze(0);
-  const auto moved = trained.vertices(window) - trained.surface->skinned_by_nodes(window.select(1, -1).contiguous());
+  const auto window = dataset.dof_window(sample, trained.window()).unsqueeze(0);
+  const auto moved = trained.coarse(window) - trained.surface->skinned_by_nodes(window.select(1, -1).contiguous());
   EXPECT_GT(moved.abs().max().item<float>(), 1e-3f);
   EXPECT_TRUE(torch::isfinite(moved).all().item<bool>());
 }
@@ -93,8 +93,8 @@ TEST_F(EgNetStageRecovers, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
 
 TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   const EgNetRunConfig c = config({"data.input_noise=0", "data.pose_noise=0", "model.head_scale=0"});
-  const Dataset dataset = Dataset::open(c.capture);
-  const Character character = load_character(dataset.character_path(), c.character);
+  const Dataset dataset = Dataset::open(c.subject.capture);
+  const Character character = load_character(dataset.character_path(), c.subject.character);
   EgNetStage stage(dataset, character, c);
   Profile profile;
   StepContext context{0, at::detail::createCPUGenerator(1), &profile};
@@ -114,8 +114,8 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
 
 TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {
   const EgNetRunConfig c = config({"model.rotation=euler"});
-  const Dataset dataset = Dataset::open(c.capture);
-  const Character character = load_character(dataset.character_path(), c.character);
+  const Dataset dataset = Dataset::open(c.subject.capture);
+  const Character character = load_character(dataset.character_path(), c.subject.character);
   EgNetStage stage(dataset, character, c);
   std::vector<torch::Tensor> windows;
   for (const SampleId& sample : dataset.samples(Split::train))
@@ -143,10 +143,10 @@ TEST_F(EgNetStageRejects, WrongConfigurations) {
 
 TEST_F(EgNetStageRejects, LoadingWhatIsNotARun) {
   const TemporaryFolder empty;
-  EXPECT_THROW(TrainedEgNet::load(empty.path()), Error);
+  EXPECT_THROW(TrainedActor::load(empty.path()), Error);
   write_atomically(empty / "config.yaml", config_text());
   try {
-    TrainedEgNet::load(empty.path());
+    TrainedActor::load(empty.path());
     FAIL() << "accepted";
   } catch (const Error& e) {
     EXPECT_THAT(e.what(), HasSubstr("no checkpoint"));
@@ -157,7 +157,7 @@ TEST(EgNetConfigReference, ShippedConfigurationsAreRead) {
   for (const std::string size : {"tiny", "quickstart", "small", "paper"}) {
     const auto path = std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs" / size / "egnet.yaml";
     const auto config = EgNetRunConfig::read(ConfigDocument::load(path, {"capture=/somewhere"}));
-    EXPECT_EQ(config.capture, "/somewhere");
+    EXPECT_EQ(config.subject.capture, "/somewhere");
     EXPECT_EQ(config.silhouette_weight, 100.0) << size;
   }
   const auto paper = EgNetRunConfig::read(ConfigDocument::load(

@@ -14,10 +14,11 @@ namespace doppel {
 namespace {
 
 constexpr int kActorVersion = 1;
-constexpr double kTraceTolerance = 1e-5;  // metres: what a host may rely on
+constexpr double kTraceTolerance = 1e-5;   // metres: what a host may rely on
+constexpr double kColourTolerance = 1e-4;  // of 1
 
 std::string metadata(const Character& character, const ActorDescription& d) {
-  const nlohmann::ordered_json json = {
+  nlohmann::ordered_json json = {
       {"doppel_actor", kActorVersion},
       {"name", d.name},
       {"input", "DoF window [batch, window, dofs], oldest frame first, in the units of the motion file"},
@@ -32,6 +33,11 @@ std::string metadata(const Character& character, const ActorDescription& d) {
       {"joint_names", d.joint_names},
       {"fingerprint", d.fingerprint},
   };
+  if (d.texture_size > 0)
+    json["texture"] = {
+        {"size", d.texture_size},
+        {"method", "textured(window, projection [batch, 3, 4], pixels from world metres) -> (vertices, texture)"},
+        {"output", "RGB [batch, size, size, 3], 0..1, row 0 at v = 1"}};
   return json.dump(1);
 }
 
@@ -69,13 +75,15 @@ torch::jit::script::Module mirror(const torch::nn::Module& module, const std::st
   return result;
 }
 
-void trace_into(torch::jit::script::Module& actor, const ActorFunction& forward, const torch::Tensor& example) {
+/// Adds `function`, traced on `inputs`, to the actor as the method `name`.
+void trace_into(torch::jit::script::Module& actor, const std::string& name, const torch::jit::Stack& inputs,
+                const std::function<torch::jit::IValue(const torch::jit::Stack&)>& function) {
   const auto [state, outputs] = torch::jit::tracer::trace(
-      {example}, [&](torch::jit::Stack inputs) -> torch::jit::Stack { return {forward(inputs.at(0).toTensor())}; },
+      inputs, [&](torch::jit::Stack given) -> torch::jit::Stack { return {function(given)}; },
       [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true, /*force_outplace=*/false,
       &actor);
-  const auto name = c10::QualifiedName(*actor.type()->name(), "forward");
-  actor.type()->addMethod(actor._ivalue()->compilation_unit()->create_function(name, state->graph));
+  const auto full_name = c10::QualifiedName(*actor.type()->name(), name);
+  actor.type()->addMethod(actor._ivalue()->compilation_unit()->create_function(full_name, state->graph));
 }
 
 void check_operations(const torch::jit::Block* block) {
@@ -88,27 +96,59 @@ void check_operations(const torch::jit::Block* block) {
   }
 }
 
+/// Random poses around the one where all DoFs are 0. @return [batch, window, D]
+torch::Tensor random_windows(const ActorDescription& description, int num_dofs, int batch, std::uint64_t seed) {
+  return 0.3 * torch::randn({batch, description.window, num_dofs}, at::detail::createCPUGenerator(seed));
+}
+
+/// Cameras some metres away that look at the origin, more or less. @return [batch,3,4]
+torch::Tensor random_projections(int batch, std::uint64_t seed) {
+  torch::Tensor projection = 0.1 * torch::randn({batch, 3, 4}, at::detail::createCPUGenerator(seed));
+  projection +=
+      torch::tensor({500.0f, 0.0f, 256.0f, 900.0f, 0.0f, 500.0f, 256.0f, 700.0f, 0.0f, 0.0f, 1.0f, 3.0f}).view({3, 4});
+  return projection;
+}
+
+void check_equal(const torch::Tensor& traced, const torch::Tensor& expected, double tolerance, const char* what) {
+  if (!traced.sizes().equals(expected.sizes()) || !((traced - expected).abs().max().item<double>() <= tolerance))
+    fail("exporting an actor: the traced {} differs from the model on input it has not seen", what);
+}
+
+void add_geometry(torch::jit::script::Module& actor, const ActorDescription& description, int num_dofs,
+                  const ActorFunction& geometry) {
+  trace_into(actor, "forward", {random_windows(description, num_dofs, 1, 1)},
+             [&](const torch::jit::Stack& inputs) { return geometry(inputs.at(0).toTensor()); });
+  check_operations(actor.get_method("forward").graph()->block());
+  const torch::Tensor unseen = random_windows(description, num_dofs, 3, 2);
+  check_equal(actor.forward({unseen}).toTensor(), geometry(unseen), kTraceTolerance, "geometry");
+}
+
+void add_texture(torch::jit::script::Module& actor, const ActorDescription& description, int num_dofs,
+                 const ActorFunctions& functions) {
+  trace_into(actor, "textured", {random_windows(description, num_dofs, 1, 3), random_projections(1, 3)},
+             [&](const torch::jit::Stack& inputs) {
+               const torch::Tensor window = inputs.at(0).toTensor();
+               const torch::Tensor texture = functions.texture(window, inputs.at(1).toTensor());
+               return c10::ivalue::Tuple::create({functions.geometry(window), texture});
+             });
+  check_operations(actor.get_method("textured").graph()->block());
+  const torch::Tensor window = random_windows(description, num_dofs, 2, 4), projection = random_projections(2, 4);
+  const auto traced = actor.get_method("textured")({window, projection}).toTuple();
+  check_equal(traced->elements()[0].toTensor(), functions.geometry(window), kTraceTolerance, "geometry");
+  check_equal(traced->elements()[1].toTensor(), functions.texture(window, projection), kColourTolerance, "texture");
+}
+
 }  // namespace
 
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
-                 const ActorFunction& forward, const std::vector<std::pair<std::string, torch::nn::Module*>>& modules) {
+                 const ActorFunctions& functions,
+                 const std::vector<std::pair<std::string, torch::nn::Module*>>& modules) {
   torch::NoGradGuard no_grad;
   const auto unit = std::make_shared<torch::jit::CompilationUnit>();
   torch::jit::script::Module actor("__torch__.doppel.Actor", unit);
   for (const auto& [name, module] : modules) actor.register_module(name, mirror(*module, name, unit));
-
-  const auto window = [&](int batch, std::uint64_t seed) {
-    auto generator = at::detail::createCPUGenerator(seed);
-    return 0.3 * torch::randn({batch, description.window, character.num_dofs()}, generator);
-  };
-  trace_into(actor, forward, window(1, 1));
-  check_operations(actor.get_method("forward").graph()->block());
-
-  const torch::Tensor unseen = window(3, 2);
-  const torch::Tensor traced = actor.forward({unseen}).toTensor(), expected = forward(unseen);
-  if (!traced.sizes().equals(expected.sizes()) || !((traced - expected).abs().max().item<double>() <= kTraceTolerance))
-    fail("exporting an actor: the traced function differs from the model on a window it has not seen");
-
+  add_geometry(actor, description, character.num_dofs(), functions.geometry);
+  if (functions.texture) add_texture(actor, description, character.num_dofs(), functions);
   actor.eval();
   const torch::jit::ExtraFilesMap files = extra_files(character, description);
   write_atomically(path, [&](const std::filesystem::path& temporary) { actor.save(temporary.string(), files); });
@@ -137,6 +177,7 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
     d.num_vertices = json.at("num_vertices");
     d.frames_per_second = json.at("frames_per_second");
     d.fingerprint = json.at("fingerprint");
+    if (json.contains("texture")) d.texture_size = json.at("texture").at("size");
   } catch (const nlohmann::json::exception& e) {
     fail_at(where, "is a TorchScript file, but not a Doppel actor: its metadata.json is missing or incomplete ({})",
             e.what());
@@ -145,13 +186,32 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
   return actor;
 }
 
-torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
+void ActorFile::check_window(const torch::Tensor& window) const {
   const auto dofs = static_cast<std::int64_t>(description_.dof_names.size());
   if (window.dim() != 3 || window.size(1) != description_.window || window.size(2) != dofs)
     fail("posing the actor {}: it takes windows of shape [batch, {}, {}], found {}", description_.name,
          description_.window, dofs, fmt::to_string(fmt::join(window.sizes().vec(), " x ")));
+}
+
+torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
+  check_window(window);
   torch::NoGradGuard no_grad;
   return module_.forward({window}).toTensor();
+}
+
+std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
+                                                            const torch::Tensor& projection) const {
+  check_window(window);
+  if (description_.texture_size == 0)
+    fail("dressing the actor {}: the file holds its geometry only; export a run whose TexNet is trained",
+         description_.name);
+  if (projection.dim() != 3 || projection.size(0) != window.size(0) || projection.size(1) != 3 ||
+      projection.size(2) != 4)
+    fail("dressing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
+         window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
+  torch::NoGradGuard no_grad;
+  const auto result = module_.get_method("textured")({window, projection}).toTuple();
+  return {result->elements()[0].toTensor(), result->elements()[1].toTensor()};
 }
 
 }  // namespace doppel

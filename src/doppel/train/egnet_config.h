@@ -1,27 +1,18 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
-#include "doppel/character/character.h"
-#include "doppel/core/config.h"
-#include "doppel/data/loader.h"
-#include "doppel/losses/silhouette.h"
 #include "doppel/nets/egnet.h"
+#include "doppel/train/pose_noise.h"
+#include "doppel/train/run_config.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
 /// Everything a run of the stage `egnet` is made of; `docs/training.md` lists the keys.
 struct EgNetRunConfig {
-  std::filesystem::path capture;  ///< prepared folder, absolute
-  std::int64_t seed = 1;
-  CharacterOptions character;
+  RunSubject subject;
 
   LoaderOptions loader;
-  double input_noise = 0.0;  ///< radians, independent per frame of the window, on what the network sees
-  double pose_noise = 0.0;   ///< radians, the same for all frames of the window: keeps velocities
+  PoseNoiseOptions noise;
 
   EgNetConfig model;
   bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames

@@ -162,17 +162,30 @@ std::string summary(const std::vector<MetricsRecord>& records) {
                      format_duration(last.seconds), last.loss, records.front().loss);
 }
 
-}  // namespace
-
-void write_report(const RunFolder& run) {
+/// What a run folder shows of its training: curves, times, pictures.
+std::string training(const RunFolder& run) {
   const auto records = read_metrics(run.metrics());
+  return summary(records) + "<h2>Curves</h2>" + charts(records) + step_times(records) + pictures(run);
+}
+
+/// A whole page around `body`, written to the run's report.
+void write_page(const RunFolder& run, const std::string& body) {
   const std::string name = escape_html(fs::absolute(run.path()).lexically_normal().filename().string());
   std::string html = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + name +
-                     "</title><style>" + kStyle + "</style></head><body><h1>Run " + name + "</h1>";
-  html +=
-      summary(records) + evaluation(run) + "<h2>Curves</h2>" + charts(records) + step_times(records) + pictures(run);
+                     "</title><style>" + kStyle + "</style></head><body><h1>Run " + name + "</h1>" + body;
   if (fs::exists(run.config())) html += "<h2>Configuration</h2><pre>" + escape_html(read_file(run.config())) + "</pre>";
   write_atomically(run.report(), html + "</body></html>\n");
+}
+
+}  // namespace
+
+void write_report(const RunFolder& run) { write_page(run, evaluation(run) + training(run)); }
+
+void write_report(const RunFolder& run, const std::vector<ReportSection>& sections) {
+  std::string body = evaluation(run);
+  for (const ReportSection& section : sections)
+    body += "<h1>" + escape_html(section.title) + "</h1>" + training(section.run);
+  write_page(run, body);
 }
 
 }  // namespace doppel

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "doppel/train/run_folder.h"
 
 namespace doppel {
@@ -8,5 +11,13 @@ namespace doppel {
 /// goes, the evaluation table (evaluation.json), pictures, configuration. One file without references to others; safe
 /// to call at any time.
 void write_report(const RunFolder& run);
+
+/// A run folder shown as a part of the report of another.
+struct ReportSection {
+  std::string title;
+  RunFolder run;
+};
+/// The same for a run made of several: its own evaluation and configuration, and of each part what it would show alone.
+void write_report(const RunFolder& run, const std::vector<ReportSection>& sections);
 
 }  // namespace doppel

@@ -1,0 +1,47 @@
+#include "doppel/train/pose_noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace doppel {
+
+namespace {
+
+/// DoF units per radian: noise of one size in radians for joints whose weights differ.
+torch::Tensor radians_to_dof(const Skeleton& skeleton) {
+  torch::Tensor scale = torch::zeros({skeleton.num_dofs()});
+  for (int d = 0; d < skeleton.num_dofs(); ++d) {
+    double largest = 0.0;
+    for (const Dof::Drive& drive : skeleton.dofs[d].joints)
+      if (skeleton.joints[drive.joint].type == Joint::Type::revolute)
+        largest = std::max(largest, std::abs(drive.weight));
+    if (largest > 0.0) scale[d] = 1.0 / largest;
+  }
+  return scale;
+}
+
+}  // namespace
+
+PoseNoiseOptions PoseNoiseOptions::read(const ConfigReader& data) {
+  PoseNoiseOptions o;
+  o.input = data.get("input_noise", o.input, between(0.0, 1.0));
+  o.pose = data.get("pose_noise", o.pose, between(0.0, 1.0));
+  return o;
+}
+
+PoseNoise::PoseNoise(const Skeleton& skeleton, const PoseNoiseOptions& options)
+    : options_(options), radians_to_dof_(radians_to_dof(skeleton)) {}
+
+torch::Tensor PoseNoise::apply(const torch::Tensor& dof_window, at::Generator generator) const {
+  torch::Tensor out = dof_window;
+  if (options_.pose > 0.0) {
+    const auto shared =
+        torch::empty({dof_window.size(0), 1, dof_window.size(2)}).normal_(0.0, options_.pose, generator);
+    out = out + shared * radians_to_dof_;
+  }
+  if (options_.input > 0.0)
+    out = out + torch::empty(dof_window.sizes()).normal_(0.0, options_.input, generator) * radians_to_dof_;
+  return out;
+}
+
+}  // namespace doppel

@@ -1,0 +1,64 @@
+#include "doppel/train/run_config.h"
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+namespace {
+
+CharacterOptions read_character_options(const ConfigReader& reader) {
+  CharacterOptions o;
+  o.bone_rule =
+      reader.choice("bone_rule", {"exact", "prefix"}, "exact") == "exact" ? BoneRule::exact : BoneRule::prefix;
+  o.num_nodes = reader.get("num_nodes", o.num_nodes, at_least(4));
+  o.graph.metric =
+      reader.choice("metric", {"hops", "geodesic"}, "hops") == "hops" ? GraphMetric::hops : GraphMetric::geodesic;
+  o.rigidity = parse_rigidity_preset(reader.choice("rigidity", {"livecap", "graph", "laplacian"}, "graph"));
+  return o;
+}
+
+}  // namespace
+
+RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage) {
+  root.choice("stage", {stage}, stage);
+  const std::string capture = root.get("capture", "");
+  if (capture.empty())
+    fail<UsageError>("{}: no capture is named; add --set capture=DIR with the folder that `doppel prepare` wrote",
+                     document.path().string());
+  const std::filesystem::path folder = std::filesystem::absolute(document.path()).parent_path();
+  return {(folder / capture).lexically_normal(), root.get<long>("seed", 1, at_least(0L)),
+          read_character_options(root.section("character"))};
+}
+
+LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample, std::int64_t seed) {
+  LoaderOptions o;
+  o.split = parse_split(data.choice("split", {"train", "test"}, "train"));
+  o.batch_size = data.get("batch_size", batch_size, at_least(1));
+  o.cameras = data.list<std::string>("cameras");
+  o.cameras_per_sample = data.get("cameras_per_sample", cameras_per_sample, at_least(0));
+  o.workers = data.get("workers", o.workers, between(0, 256));
+  o.prefetch = data.get("prefetch", o.prefetch, at_least(1));
+  o.cache_mb = data.get("cache_mb", o.cache_mb, at_least(0));
+  o.seed = static_cast<std::uint64_t>(seed);
+  return o;
+}
+
+LoaderOptions with_window(LoaderOptions options, int window) {
+  options.window = window;
+  return options;
+}
+
+SilhouetteOptions read_silhouette_options(const ConfigReader& loss) {
+  SilhouetteOptions s;
+  s.model_to_data = loss.get("model_to_data", s.model_to_data, at_least(0.0));
+  s.data_to_model = loss.get("data_to_model", s.data_to_model, at_least(0.0));
+  s.distance_scale = loss.get("distance_scale", s.distance_scale, at_least(1e-6));
+  s.contour_radius = loss.get("contour_radius", s.contour_radius, at_least(1e-6));
+  s.visible_only = loss.get("visible_only", s.visible_only);
+  s.unit = loss.choice("unit", {"crop_pixels", "image_pixels"}, "crop_pixels") == "crop_pixels"
+               ? SilhouetteUnit::crop_pixels
+               : SilhouetteUnit::image_pixels;
+  return s;
+}
+
+}  // namespace doppel

@@ -1,0 +1,209 @@
+#include "doppel/train/trained_actor.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/data/capture.h"
+#include "doppel/render/projection.h"
+#include "doppel/train/checkpoint.h"
+#include "doppel/train/crc32c.h"
+#include "doppel/train/delta_net_stage.h"
+#include "doppel/train/egnet_config.h"
+#include "doppel/train/lighting_stage.h"
+#include "doppel/train/run_folder.h"
+#include "doppel/train/stage_chain.h"
+#include "doppel/train/tex_net_stage.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Puts the weights and buffers that a checkpoint means for use into a module.
+void load_evaluation_weights(torch::nn::Module& network, const Checkpoint& checkpoint) {
+  const auto pick = [&](const std::string& preferred, const std::string& name) {
+    return checkpoint.has_tensor(preferred + name) ? preferred + name : "model." + name;
+  };
+  for (auto& item : network.named_parameters()) {
+    checkpoint.copy_tensor(pick("optimizer.mean.", item.key()), item.value());
+    item.value().requires_grad_(false);
+  }
+  for (auto& item : network.named_buffers())
+    if (item.value().defined()) checkpoint.copy_tensor(pick("evaluation.", item.key()), item.value());
+  network.eval();
+}
+
+/// A stage on disk: its configuration and its newest checkpoint.
+struct StoredStage {
+  ConfigDocument config;
+  std::int64_t step;
+  Checkpoint checkpoint;
+};
+
+std::optional<StoredStage> find_stage(const fs::path& run_path, StageKind kind) {
+  const RunFolder run(stage_folder(run_path, kind));
+  if (!fs::exists(run.config())) return std::nullopt;
+  auto latest = CheckpointFolder(run.checkpoints()).load_latest();
+  if (!latest) return std::nullopt;
+  return StoredStage{ConfigDocument::load(run.config()), latest->first, std::move(latest->second)};
+}
+
+void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run,
+                const std::optional<fs::path>& capture_path) {
+  const EgNetRunConfig config = EgNetRunConfig::read(stage.config);
+  actor.subject = config.subject;
+  if (capture_path) actor.subject.capture = fs::absolute(*capture_path);
+  actor.trained_on_cameras = config.loader.cameras;
+  const Capture capture = read_capture(actor.subject.capture);
+  actor.frames_per_second = capture.fps;
+  actor.character = load_character(capture.character_path(), actor.subject.character);
+  const std::string fingerprint = actor.character.fingerprint();
+  if (stage.checkpoint.text("identity").find(fingerprint) == std::string::npos)
+    fail("{} was trained for another character: {}; {} has fingerprint {}", run.string(),
+         stage.checkpoint.text("identity"), capture.character_path().string(), fingerprint);
+  actor.surface = CharacterSurface(actor.character);
+  actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
+  if (!actor.character.mesh.texture.empty() && actor.mesh->has_uvs())
+    actor.static_texture = texture_tensor(actor.character.mesh);
+  actor.egnet = EgNet(actor.character, config.model);
+  load_evaluation_weights(*actor.egnet, stage.checkpoint);
+}
+
+void load_stage(TrainedActor& actor, StageKind kind, const StoredStage& stage) {
+  if (kind == StageKind::lighting) {
+    actor.lighting = Lighting(stage.checkpoint.tensor("model.trained").size(0), std::vector<int>{});
+    load_evaluation_weights(*actor.lighting, stage.checkpoint);
+  }
+  if (kind == StageKind::deltanet) {
+    actor.deltanet = DeltaNet(actor.character, DeltaNetRunConfig::read(stage.config).model);
+    load_evaluation_weights(*actor.deltanet, stage.checkpoint);
+  }
+  if (kind == StageKind::texnet) {
+    const TexNetConfig config = TexNetRunConfig::read(stage.config).model;
+    actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(0));
+    actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+    load_evaluation_weights(*actor.texnet, stage.checkpoint);
+  }
+}
+
+/// A texture at another size. @param texture [1,Th,Tw,3] @return [size,size,3]
+torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
+  const torch::Tensor planes = texture.permute({0, 3, 1, 2});
+  const torch::Tensor out = planes.size(2) >= size && planes.size(3) >= size
+                                ? torch::adaptive_avg_pool2d(planes, {size, size})
+                                : torch::upsample_bilinear2d(planes, {size, size}, false);
+  return out[0].permute({1, 2, 0}).contiguous();
+}
+
+std::uint32_t checksum(const torch::nn::Module& module) {
+  std::uint32_t sum = 0;
+  const auto add = [&](const torch::Tensor& tensor) {
+    const torch::Tensor bytes = tensor.contiguous();
+    sum = crc32c(bytes.data_ptr(), bytes.nbytes(), sum);
+  };
+  for (const auto& item : module.named_parameters()) add(item.value());
+  for (const auto& item : module.named_buffers())
+    if (item.value().defined()) add(item.value());
+  return sum;
+}
+
+}  // namespace
+
+TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::path>& capture,
+                                std::optional<StageKind> before) {
+  if (!fs::exists(RunFolder(run).config()))
+    fail("{} is not a run: it holds no config.yaml; give the --out folder of `doppel train`", run.string());
+  const auto egnet_stage = find_stage(run, StageKind::egnet);
+  if (!egnet_stage) fail("{} has no checkpoint of egnet yet; train it first", run.string());
+  TrainedActor actor;
+  load_egnet(actor, *egnet_stage, run, capture);
+  actor.steps["egnet"] = egnet_stage->step;
+  const int end = before ? static_cast<int>(*before) : kNumStages;
+  for (int i = static_cast<int>(StageKind::lighting); i < end; ++i) {
+    const auto kind = static_cast<StageKind>(i);
+    const auto stage = find_stage(run, kind);
+    if (!stage) continue;
+    load_stage(actor, kind, *stage);
+    actor.steps[stage_names()[static_cast<std::size_t>(i)]] = stage->step;
+  }
+  return actor;
+}
+
+int TrainedActor::window() const {
+  int longest = egnet->config().window;
+  if (deltanet) longest = std::max(longest, deltanet->config().window);
+  if (texnet) longest = std::max(longest, texnet->config().window);
+  return longest;
+}
+
+std::pair<torch::Tensor, torch::Tensor> TrainedActor::deformation(const torch::Tensor& dof_window) {
+  torch::NoGradGuard no_grad;
+  return egnet->forward(last_rows(dof_window, egnet->config().window));
+}
+
+torch::Tensor TrainedActor::coarse(const torch::Tensor& dof_window) {
+  torch::NoGradGuard no_grad;
+  const auto [A, T] = deformation(dof_window);
+  return surface->deformed(dof_window.select(1, -1).contiguous(), A, T);
+}
+
+torch::Tensor TrainedActor::fine(const torch::Tensor& dof_window) {
+  if (!deltanet) return coarse(dof_window);
+  torch::NoGradGuard no_grad;
+  const auto [A, T] = deformation(dof_window);
+  const torch::Tensor window = last_rows(dof_window, deltanet->config().window);
+  return deltanet->displaced(surface, window, A, T, deltanet->forward(window));
+}
+
+torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection) {
+  torch::NoGradGuard no_grad;
+  return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection));
+}
+
+std::string TrainedActor::digest() const {
+  std::string text = fmt::format("egnet {:08x}", checksum(*egnet));
+  if (lighting) text += fmt::format(" lighting {:08x}", checksum(*lighting));
+  if (deltanet) text += fmt::format(" deltanet {:08x}", checksum(*deltanet));
+  return text;
+}
+
+void TrainedActor::require_texture(const std::string& what) const {
+  if (!mesh->has_uvs())
+    fail<UsageError>("{} needs texture coordinates, and the template of {} has none", what, character.name);
+  if (!static_texture.defined())
+    fail<UsageError>("{} needs a texture, and the template of {} has none; name one in its MTL file (map_Kd)", what,
+                     character.name);
+}
+
+torch::Tensor last_rows(const torch::Tensor& dof_window, int window) {
+  if (dof_window.dim() != 3 || dof_window.size(1) < window + 1)
+    fail<UsageError>("a motion window of at least {} frames is needed, found {}", window + 1,
+                     dof_window.dim() == 3 ? dof_window.size(1) : 0);
+  return dof_window.narrow(1, dof_window.size(1) - window - 1, window + 1).contiguous();
+}
+
+torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
+                            const torch::Tensor& dof_window, const torch::Tensor& projection) {
+  const torch::Tensor window = last_rows(dof_window, config.window);
+  const auto frames = window.size(1);
+  // Normals do not know where the root stands, so the window's translation need not be taken out.
+  const torch::Tensor posed = actor.surface->skinned(window.flatten(0, 1));
+  const torch::Tensor normals = space.normals(posed).view({-1, 3 * frames, space.size(), space.size()});
+  const CameraPlacement camera = camera_placement(projection);
+  const torch::Tensor centre = texnet_camera_centre(config, MotionWindow(actor.character.skeleton), camera.centre,
+                                                    window.select(1, -1).contiguous());
+  return texnet_input(normals, centre, camera.forward);
+}
+
+TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator) {
+  if (!actor.mesh->has_uvs()) actor.require_texture("texnet");
+  torch::Tensor base;
+  if (config.residual) {
+    actor.require_texture("texnet with model.residual");
+    base = resized(actor.static_texture, config.size);
+  }
+  return TexNet(config, base, generator);
+}
+
+}  // namespace doppel

@@ -1,0 +1,245 @@
+#include "doppel/train/stage_chain.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/train/delta_net_stage.h"
+#include "doppel/train/lighting_stage.h"
+#include "doppel/train/tex_net_stage.h"
+#include "doppel/train/trained_actor.h"
+#include "support/message_of.h"
+#include "support/small_capture.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using support::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr char kChain[] = R"(stage: ddc
+egnet:
+  data: {batch_size: 4, cameras_per_sample: 2}
+  model: {features: 4, residual_blocks: 2, rings: 2}
+  train: {iterations: 12, learning_rate: 0.005, log_every: 4, checkpoint_every: 8}
+lighting:
+  data: {batch_size: 2, image_size: 48}
+  train: {iterations: 150, learning_rate: 0.03, schedule: cosine, log_every: 10}
+deltanet:
+  data: {batch_size: 2, cameras_per_sample: 2, image_size: 48, pose_noise: 0.01}
+  model: {features: 4, residual_blocks: 2, rings: 2}
+  train: {iterations: 12, learning_rate: 0.002, log_every: 4, checkpoint_every: 5, mean_weights: 0.9}
+texnet:
+  data: {batch_size: 2, image_size: 48, pose_noise: 0.01}
+  model: {size: 256, levels: 4, width: 0.1, dropout: 0.5, camera_centre: root_relative}
+  train: {iterations: 8, learning_rate: 0.002, log_every: 2, checkpoint_every: 3}
+)";
+
+StageChain chain_of(const std::string& text, const std::vector<std::string>& overrides = {}) {
+  return StageChain::read(ConfigDocument::parse(text, "chain.yaml", overrides));
+}
+
+/// A capture and a trained chain that all tests here share.
+class Chain : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    SmallCaptureOptions options;
+    options.textured = true;
+    prepared_ = make_small_capture(*folder_ / "capture", options);
+    summaries_ = train_stages(chain(), *folder_ / "run", {});
+  }
+  static void TearDownTestSuite() { delete folder_; }
+
+  static StageChain chain(const std::vector<std::string>& overrides = {}) {
+    return chain_of("capture: " + prepared_.string() + "\n" + kChain, overrides);
+  }
+  static std::map<std::string, torch::Tensor> newest(const fs::path& stage) {
+    return CheckpointFolder(RunFolder(stage).checkpoints()).load_latest()->second.tensors();
+  }
+  static TemporaryFolder* folder_;
+  static fs::path prepared_;
+  static std::vector<StageSummary> summaries_;
+};
+TemporaryFolder* Chain::folder_ = nullptr;
+fs::path Chain::prepared_;
+std::vector<StageSummary> Chain::summaries_;
+
+using StageChainRecovers = Chain;
+using StageChainReference = Chain;
+using StageChainRejects = Chain;
+
+TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether) {
+  ASSERT_EQ(summaries_.size(), 4u);
+  for (const StageSummary& item : summaries_) {
+    EXPECT_EQ(item.summary.reason, StopReason::finished);
+    EXPECT_TRUE(fs::exists(RunFolder(*folder_ / "run" / name_of(item.stage)).report())) << name_of(item.stage);
+  }
+  const std::string report = read_file(*folder_ / "run" / "report.html");
+  for (const std::string& name : stage_names()) EXPECT_THAT(report, HasSubstr("<h1>" + name + "</h1>"));
+  EXPECT_THAT(report, HasSubstr("dynamic texture and its error"));
+}
+
+TEST_F(StageChainReference, ASecondCallFindsEverythingDone) {
+  for (const StageSummary& item : train_stages(chain(), *folder_ / "run", {}))
+    EXPECT_EQ(item.summary.resumed_at, item.summary.step) << name_of(item.stage);
+}
+
+TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
+  TrainedActor actor = TrainedActor::load(*folder_ / "run");
+  ASSERT_TRUE(actor.lighting && actor.deltanet && actor.texnet);
+  const Dataset dataset = Dataset::open(prepared_);
+  BatchOptions options;
+  options.window = actor.window();
+  options.images = true;
+  const Batch batch = make_batch(dataset, {dataset.samples(Split::test)[2]}, {{1}}, options);
+  const torch::Tensor coarse = actor.coarse(batch.dofs), fine = actor.fine(batch.dofs);
+  EXPECT_GT((fine - coarse).abs().max().item<float>(), 1e-6f);
+  const torch::Tensor texture = actor.texture(batch.dofs, batch.image_projection.select(1, 0));
+  EXPECT_EQ(texture.sizes(), torch::IntArrayRef({1, 256, 256, 3}));
+  EXPECT_GE(texture.min().item<float>(), 0.0f);
+  EXPECT_LE(texture.max().item<float>(), 1.0f);
+  EXPECT_FALSE(texture.requires_grad());
+}
+
+TEST(LightingStageRecovers, TheLightOfThePictures) {
+  // The skinned template itself under one light: an EGNet that does not move anything leaves only the light to learn.
+  const TemporaryFolder folder;
+  SmallCaptureOptions options;
+  options.textured = true;
+  options.thickness = 0;
+  const std::string capture = make_small_capture(folder / "capture", options).string();
+  const std::string still =
+      "model: {features: 4, residual_blocks: 2, rings: 2, head_scale: 0}, train: {iterations: 1, "
+      "learning_rate: 0}";
+  train_stages(
+      chain_of("capture: " + capture + "\nstage: ddc\negnet: {" + still + "}\nlighting: {data: {batch_size: 4}, " +
+               "train: {iterations: 400, learning_rate: 0.03, schedule: cosine}}\n"),
+      folder / "run", {});
+  TrainedActor actor = TrainedActor::load(folder / "run");
+  // One camera sees half of the normals, which leaves mixtures of coefficients open; what it sees must be right.
+  const Dataset dataset = Dataset::open(capture);
+  BatchOptions batch_options;
+  batch_options.window = actor.window();
+  batch_options.images = true;
+  const Batch batch = make_batch(dataset, {dataset.samples(Split::train)[5]}, {{0, 1, 2}}, batch_options);
+  const auto draw = [&](const torch::Tensor& light) {
+    return shade(actor.coarse(batch.dofs), actor.static_texture, light, batch.image_projection, *actor.mesh, 96, 96);
+  };
+  const torch::Tensor true_light = small_capture::true_light().expand({1, 3, 3, 9}).contiguous();
+  const ShadedImage expected = draw(true_light);
+  const auto error = [&](const torch::Tensor& light) {
+    return (draw(light).colour - expected.colour).masked_select(expected.mask.unsqueeze(4)).abs().mean().item<float>();
+  };
+  const float learnt = error(actor.lighting->forward(batch.cameras));
+  EXPECT_LT(learnt, 0.015f);
+  EXPECT_LT(learnt, 0.15f * error(identity_lighting().expand({1, 3, 3, 9}).contiguous()));
+}
+
+TEST_F(StageChainRecovers, DeltaNetAndTexNetResumedEqualAnUnbrokenRunToTheBit) {
+  const StageChain whole = chain();
+  for (const std::string stage : {"deltanet", "texnet"}) {
+    const fs::path resumed = *folder_ / ("resumed-" + stage);
+    fs::copy(*folder_ / "run", resumed, fs::copy_options::recursive);
+    fs::remove_all(resumed / stage / "checkpoints");
+    fs::create_directories(resumed / stage / "checkpoints");
+    const CheckpointFolder kept(*folder_ / "run" / stage / "checkpoints");
+    const auto first = kept.steps().front();
+    ASSERT_LT(first, kept.steps().back());
+    fs::copy(kept.path(first), resumed / stage / "checkpoints");
+    write_atomically(resumed / stage / "checkpoints" / "latest", kept.path(first).filename().string() + "\n");
+    ChainOptions options;
+    options.stages = {stage_from(stage)};
+    const auto summaries = train_stages(whole, resumed, options);
+    EXPECT_EQ(summaries.at(0).summary.resumed_at, first);
+    const auto expected = newest(*folder_ / "run" / stage), actual = newest(resumed / stage);
+    ASSERT_EQ(expected.size(), actual.size());
+    for (const auto& [name, tensor] : expected)
+      EXPECT_TRUE(torch::equal(tensor, actual.at(name))) << stage << " " << name;
+  }
+}
+
+TEST_F(StageChainReference, AFileOfOneStageTrainsIntoTheFolderItself) {
+  const std::string text = "stage: egnet\ncapture: " + prepared_.string() +
+                           "\nmodel: {features: 4, residual_blocks: 2, rings: 2}\ntrain: {iterations: 3}\n";
+  const fs::path run = *folder_ / "single";
+  EXPECT_EQ(train_stages(chain_of(text), run, {}).at(0).summary.step, 3);
+  EXPECT_EQ(train_stages(chain_of(text), run, {}).at(0).summary.resumed_at, 3);
+  EXPECT_EQ(TrainedActor::load(run).steps.at("egnet"), 3);
+  EXPECT_TRUE(fs::exists(run / "report.html"));
+}
+
+TEST_F(StageChainReference, AStageCanComeFromAnotherRun) {
+  const std::string run = (*folder_ / "run").string();
+  const auto summaries = train_stages(chain({"egnet={run: " + run + "}", "lighting={run: " + run + "}",
+                                             "deltanet.train.iterations=2", "texnet={run: " + run + "}"}),
+                                      *folder_ / "borrower", {});
+  ASSERT_EQ(summaries.size(), 1u);
+  EXPECT_EQ(summaries[0].stage, StageKind::deltanet);
+  EXPECT_EQ(TrainedActor::load(*folder_ / "borrower").steps.at("egnet"), 12);
+}
+
+TEST_F(StageChainRejects, ALaterStageOnOtherWeightsThanItWasTrainedOn) {
+  const fs::path run = *folder_ / "changed";
+  fs::copy(*folder_ / "run", run, fs::copy_options::recursive);
+  ChainOptions overwrite;
+  overwrite.stages = {StageKind::egnet};
+  overwrite.mode = RunMode::overwrite;
+  train_stages(chain({"egnet.train.iterations=3"}), run, overwrite);
+  ChainOptions later;
+  later.stages = {StageKind::deltanet};
+  EXPECT_THAT(message_of([&] { train_stages(chain({"egnet.train.iterations=3"}), run, later); }),
+              AllOf(HasSubstr("was trained on other data"), HasSubstr("egnet")));
+}
+
+TEST_F(StageChainRejects, MistakesWithFileAndLine) {
+  EXPECT_THAT(message_of([] { chain({"deltanet.los.chroma=1"}); }), AllOf(HasSubstr("los"), HasSubstr("loss")));
+  EXPECT_THAT(message_of([] { chain({"detlanet.loss.chroma=1"}); }), HasSubstr("did you mean deltanet?"));
+  EXPECT_THAT(message_of([] { chain_of("capture: x\nseed: 1\nstage: ddc\negnet:\n  seed: 3\n"); }),
+              HasSubstr("chain.yaml:5"));
+  EXPECT_THAT(message_of([] { chain_of("capture: x\nstage: ddc\ndeltanet: {}\n"); }), HasSubstr("egnet"));
+  EXPECT_THAT(message_of([] { chain({"texnet.data.cameras_per_sample=2"}); }), HasSubstr("only 1 is allowed"));
+  EXPECT_THAT(message_of([] { chain({"texnet.model.size=300"}); }), HasSubstr("power of two"));
+  EXPECT_THAT(message_of([] { stage_from("deltnet"); }), HasSubstr("did you mean deltanet?"));
+}
+
+TEST_F(StageChainRejects, StagesThatAreMissing) {
+  ChainOptions options;
+  options.stages = {StageKind::deltanet};
+  EXPECT_THAT(message_of([&] { train_stages(chain(), *folder_ / "nothing", options); }),
+              HasSubstr("no checkpoint of egnet"));
+  const StageChain without = chain_of("capture: " + prepared_.string() + "\nstage: ddc\negnet: {}\n");
+  EXPECT_THAT(message_of([&] { train_stages(without, *folder_ / "none", options); }),
+              HasSubstr("no section `deltanet`"));
+  const std::string run = (*folder_ / "run").string();
+  const std::string dark = "capture: " + prepared_.string() + "\nstage: ddc\negnet: {run: " + run + "}\ndeltanet: {}\n";
+  EXPECT_THAT(message_of([&] { train_stages(chain_of(dark), *folder_ / "dark", {}); }), HasSubstr("loss.lit"));
+}
+
+TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
+  for (const std::string size : {"tiny", "small", "paper"}) {
+    const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "ddc.yaml";
+    const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
+    EXPECT_EQ(chain.capture(), "/somewhere");
+    for (int i = 0; i < kNumStages; ++i) EXPECT_TRUE(chain.has(static_cast<StageKind>(i))) << size << " " << i;
+  }
+  const StageChain paper = StageChain::read(
+      ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/ddc.yaml", {"capture=/somewhere"}));
+  const auto delta = DeltaNetRunConfig::read(paper.stage(StageKind::deltanet));
+  EXPECT_EQ(delta.chroma_weight, 0.03775);
+  EXPECT_EQ(delta.silhouette_weight, 500.0);
+  EXPECT_EQ(delta.laplacian_weight, 1e5);
+  EXPECT_EQ(delta.trainer.iterations, 360000);
+  EXPECT_EQ(LightingRunConfig::read(paper.stage(StageKind::lighting)).trainer.iterations, 30000);
+  EXPECT_EQ(TexNetRunConfig::read(paper.stage(StageKind::texnet)).loader.batch_size, 12);
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,107 @@
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "command.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/train/run_folder.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr char kExample[] =
+    "Example:\n"
+    "  doppel compare runs/anna runs/anna-without-light --split test\n"
+    "Shows what `doppel evaluate` left in the runs' evaluation.json.";
+
+struct Arguments {
+  std::vector<std::string> runs;
+  std::string split = "test";
+};
+
+/// A figure that runs are compared by.
+struct Metric {
+  const char* key;
+  int digits;
+};
+constexpr Metric kMetrics[] = {{"AMVIoU", 4}, {"vertex_error_mm", 2}, {"Hausdorff_mm", 2}, {"MSE", 2}, {"PSNR", 2},
+                               {"SSIM", 4}};
+
+Json read_evaluation(const fs::path& run, const std::string& split) {
+  const fs::path file = RunFolder(run).evaluation();
+  if (!fs::exists(file))
+    fail("{} holds no evaluation.json; run `doppel evaluate --run {}` first", run.string(), run.string());
+  const Json evaluation = Json::parse(read_file(file), nullptr, false);
+  if (evaluation.is_discarded() || !evaluation.is_object() || !evaluation.contains("splits"))
+    fail("{} is not what `doppel evaluate` writes; evaluate the run again", file.string());
+  if (!evaluation["splits"].contains(split))
+    fail<UsageError>("{} holds no {} split; run `doppel evaluate --run {} --split {}`", file.string(), split,
+                     run.string(), split);
+  return evaluation["splits"][split];
+}
+
+/// The metrics that any of the runs has.
+std::vector<Metric> used_metrics(const Json& runs) {
+  std::vector<Metric> used;
+  for (const Metric& metric : kMetrics)
+    for (const auto& [run, methods] : runs.items())
+      if (std::any_of(methods.begin(), methods.end(), [&](const Json& m) { return m.contains(metric.key); })) {
+        used.push_back(metric);
+        break;
+      }
+  return used;
+}
+
+std::string markdown(const Json& runs) {
+  const std::vector<Metric> metrics = used_metrics(runs);
+  std::string out = "| run | method |", rule = "|---|---|";
+  for (const Metric& metric : metrics) {
+    out += fmt::format(" {} |", metric.key);
+    rule += "---:|";
+  }
+  out += "\n" + rule + "\n";
+  for (const auto& [run, methods] : runs.items())
+    for (const auto& [method, result] : methods.items()) {
+      out += fmt::format("| {} | {} |", run, method);
+      for (const Metric& metric : metrics)
+        out += result.contains(metric.key)
+                   ? fmt::format(" {:.{}f} |", result.at(metric.key).get<double>(), metric.digits)
+                   : std::string(" |");
+      out += "\n";
+    }
+  return out;
+}
+
+int run(const Arguments& arguments, const CommonOptions& common) {
+  Json runs;
+  for (const std::string& path : arguments.runs) {
+    const fs::path folder = fs::absolute(path).lexically_normal();
+    std::string name = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
+    if (runs.contains(name)) name = path;
+    runs[name] = read_evaluation(folder, arguments.split);
+  }
+  std::printf("%s", common.json ? (runs.dump() + "\n").c_str() : markdown(runs).c_str());
+  return 0;
+}
+
+}  // namespace
+
+Command add_compare(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("compare", "Put the evaluations of several runs into one table (Markdown)");
+  app->footer(kExample);
+  auto arguments = std::make_shared<Arguments>();
+  app->add_option("runs", arguments->runs, "Folders of runs")->required();
+  app->add_option("--split", arguments->split, "train or test")->capture_default_str();
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+}
+
+}  // namespace doppel::tools
