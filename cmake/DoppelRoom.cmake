@@ -58,7 +58,7 @@ endfunction()
 # The target `headers` compiles every header of every room alone, which is how a user includes it. It is no part of the
 # ordinary build; scripts/check.sh asks for it. (In rooms with TORCH the torch headers are there already.)
 function(doppel_room_headers name torch)
-  file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${CMAKE_SOURCE_DIR}/src ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
+  file(GLOB_RECURSE headers RELATIVE ${CMAKE_SOURCE_DIR}/src ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
   set(sources)
   foreach(header IN LISTS headers)
     string(MAKE_C_IDENTIFIER ${header} unit)

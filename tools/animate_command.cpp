@@ -1,76 +1,287 @@
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <optional>
 
 #include "command.h"
+#include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
+#include "doppel/character/retarget.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
+#include "doppel/export/film.h"
+#include "doppel/geometry/calibration.h"
 
 namespace doppel::tools {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct AnimateOptions {
   std::string character, motion, model, out;
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
-  TurntableOptions turntable;
+  // Motion of another skeleton.
+  std::string source_skeleton, map;
+  double bvh_unit = 0.0, source_fps = 0.0, fps = 0.0;
+  // The camera.
+  std::string camera = "orbit", calibration, capture, background, light;
+  int size = 0;
+  double turns_per_second = 0.1;
+
+  bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
 
-std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character) {
+bool is_bvh(const std::string& path) {
+  std::string extension = fs::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return extension == ".bvh";
+}
+
+// ---- the motion ----
+
+/// The joints of the motion's own skeleton, where it has another than the character.
+JointTracks source_tracks(const AnimateOptions& options, double fps) {
+  if (is_bvh(options.motion)) {
+    const BvhClip clip =
+        read_bvh(options.motion, options.bvh_unit > 0 ? std::optional<double>(options.bvh_unit) : std::nullopt);
+    return joint_tracks(clip);
+  }
+  const Skeleton skeleton = read_skeleton(options.source_skeleton);
+  return joint_tracks(skeleton, read_motion(options.motion, skeleton.num_dofs()),
+                      options.source_fps > 0 ? options.source_fps : fps);
+}
+
+JointMap joint_map(const AnimateOptions& options, const Character& character, const JointTracks& source) {
+  if (!options.map.empty()) return read_joint_map(options.map);
+  std::vector<std::string> joints;
+  for (const Joint& joint : character.skeleton.joints) joints.push_back(joint.name);
+  const JointMap map = guess_joint_map(joints, source.names);
+  const fs::path path = fs::path(options.out) / "joint_map.yaml";
+  write_atomically(path, joint_map_text(map));
+  log::info("{} joints were paired by their names; see {} and pass it with --map, put right, where they are wrong",
+            map.pairs.size(), path.string());
+  return map;
+}
+
+/// What the character does: its own motion as it stands, or another skeleton's.
+Motion driven_motion(const AnimateOptions& options, const Character& character, double fps, nlohmann::json& report) {
+  if (!is_bvh(options.motion) && options.source_skeleton.empty()) {
+    if (!options.map.empty())
+      fail<UsageError>("--map is for motions of another skeleton: give a .bvh file, or --source-skeleton");
+    return read_motion(options.motion, character.num_dofs());
+  }
+  const JointTracks source = source_tracks(options, fps);
+  RetargetOptions retargeting;
+  retargeting.frames_per_second = fps;
+  retargeting.rest_dofs = character.rest_dofs;
+  const RetargetResult result =
+      retarget(character.skeleton, source, joint_map(options, character, source), retargeting);
+  nlohmann::json tracks;
+  double farthest = 0.0;
+  std::string worst;
+  for (const RetargetResult::Track& track : result.tracks) {
+    tracks.push_back({{"target", track.target},
+                      {"source", track.source},
+                      {"mean_distance_m", track.mean_distance},
+                      {"largest_distance_m", track.largest_distance}});
+    if (track.end && track.largest_distance > farthest) {
+      farthest = track.largest_distance;
+      worst = track.target;
+    }
+  }
+  report["retargeting"] = {{"scale", result.scale}, {"joints", tracks}};
+  log::info(
+      "retargeted {} frames at scale {:.3f}; of feet, hands and head, {} strays farthest from the scaled source: "
+      "{:.1f} cm",
+      result.motion.num_frames(), result.scale, worst, 100 * farthest);
+  return result.motion;
+}
+
+// ---- the pictures ----
+
+/// The cameras that a name is looked up among, and the capture's pictures of the empty studio.
+struct Studio {
+  std::vector<Camera> cameras;
+  std::optional<Dataset> dataset;
+};
+
+/// A camera of which file: `--camera FILE` means the one camera in it.
+std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Character& character, double fps,
+                                        const Studio& studio) {
+  if (options.camera == "orbit") {
+    OrbitOptions orbit;
+    if (options.size > 0) orbit.size = options.size;
+    orbit.frames_per_second = fps;
+    orbit.turns_per_second = options.turns_per_second;
+    return make_orbit(character, orbit);
+  }
+  if (!studio.cameras.empty()) return make_calibrated_path(studio.cameras, options.camera, options.size);
+  if (!fs::exists(options.camera))
+    fail<UsageError>(
+        "--camera {}: neither `orbit` nor a calibration file that exists; for a camera by its name, say whose: "
+        "--capture "
+        "PREPARED or --calibration FILE",
+        options.camera);
+  const std::vector<Camera> cameras = read_calibration(options.camera);
+  const std::string name = cameras.front().name.substr(0, cameras.front().name.find('@'));
+  for (const Camera& camera : cameras)
+    if (camera.name.substr(0, camera.name.find('@')) != name)
+      fail<UsageError>("{} holds several cameras; say which: --calibration {} --camera NAME", options.camera,
+                       options.camera);
+  return make_calibrated_path(cameras, name, options.size);
+}
+
+Studio read_studio(const AnimateOptions& options) {
+  Studio studio;
+  if (!options.capture.empty() && !options.calibration.empty())
+    fail<UsageError>("--capture and --calibration both name cameras; give one of them");
+  if (!options.capture.empty()) {
+    studio.dataset = Dataset::open(options.capture);
+    studio.cameras = studio.dataset->cameras();
+  }
+  if (!options.calibration.empty()) studio.cameras = read_calibration(options.calibration);
+  return studio;
+}
+
+Backdrop backdrop(const AnimateOptions& options, const Studio& studio) {
+  Backdrop result;
+  if (options.background.empty()) return result;
+  if (options.background == "capture") {
+    if (!studio.dataset || options.camera == "orbit")
+      fail<UsageError>("--background capture needs a camera of a capture: --capture PREPARED --camera NAME");
+    result.picture = studio.dataset->background(studio.dataset->camera_index(options.camera));
+    result.name = "the empty studio of camera " + options.camera;
+    if (result.picture.empty())
+      fail<UsageError>("the capture has no pictures of the empty studio (`background` in its capture.yaml)");
+    return result;
+  }
+  if (!fs::is_regular_file(options.background)) {
+    result.colour = parse_colour(options.background);
+    return result;
+  }
+  result.picture = cv::imread(options.background, cv::IMREAD_COLOR);
+  result.name = options.background;
+  if (result.picture.empty()) fail_at({options.background, 0}, "this is not a picture that can be read");
+  return result;
+}
+
+FilmOptions film_options(const AnimateOptions& options, double fps, const Studio& studio) {
+  FilmOptions film;
+  film.frames_per_second = fps;
+  film.video = options.wants("mp4");
+  film.pictures = options.wants("png");
+  const std::string usual = options.camera == "orbit" ? "soft" : "flat";
+  film.light = (options.light.empty() ? usual : options.light) == "soft" ? Light::soft : Light::flat;
+  film.backdrop = backdrop(options, studio);
+  return film;
+}
+
+std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
+                                                          double fps) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
-  for (const std::string& format : options.formats) {
-    if (format == "npy") writers.push_back(make_npy_writer(options.out, character.num_vertices()));
-    if (format == "obj") writers.push_back(make_obj_writer(options.out, character));
-    if (format == "mp4") writers.push_back(make_video_writer(options.out, character, options.turntable));
+  if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
+  if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
+  if (options.wants("mp4") || options.wants("png")) {
+    const Studio studio = read_studio(options);
+    writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio),
+                                       film_options(options, fps, studio)));
   }
   return writers;
+}
+
+void write_motions(const AnimateOptions& options, const Character& character, const Motion& motion, double fps) {
+  const fs::path folder(options.out);
+  if (options.wants("motion")) write_motion(folder / "driven.motion", motion);
+  if (options.wants("bvh"))
+    write_bvh(folder / "driven.bvh", bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs));
 }
 
 int run(const AnimateOptions& options, const CommonOptions& common) {
   CharacterOptions character_options;
   character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
   const Character character = load_character(options.character, character_options);
-  const Motion motion = read_motion(options.motion, character.num_dofs());
   std::optional<ActorFile> actor;
   if (!options.model.empty()) actor = ActorFile::load(options.model);
-  animate(character, motion, actor ? &*actor : nullptr, make_writers(options, character));
+  const double fps = options.fps > 0 ? options.fps : actor ? actor->description().frames_per_second : 25.0;
+  nlohmann::json report;
+  const Motion motion = driven_motion(options, character, fps, report);
+  auto writers = make_writers(options, character, fps);
+  write_motions(options, character, motion, fps);
+  animate(character, motion, actor ? &*actor : nullptr, writers);
+  report.update({{"frames", motion.num_frames()},
+                 {"frames_per_second", fps},
+                 {"vertices", character.num_vertices()},
+                 {"formats", options.formats},
+                 {"out", options.out}});
   if (common.json)
-    std::cout << nlohmann::json{{"frames", motion.num_frames()},
-                                {"vertices", character.num_vertices()},
-                                {"formats", options.formats},
-                                {"out", options.out}}
-              << "\n";
+    std::cout << report << "\n";
   else
     std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
               << options.out << "\n";
   return 0;
 }
 
+void add_motion_options(CLI::App& app, AnimateOptions& options) {
+  app.add_option("--motion", options.motion, "What drives it: a .motion file, or a .bvh file of any body")->required();
+  app.add_option("--source-skeleton", options.source_skeleton,
+                 "The .skeleton of a .motion that was made for another body");
+  app.add_option("--map", options.map, "Which joint of the other body is which, YAML (default: guessed by name)");
+  app.add_option("--bvh-unit", options.bvh_unit, "Metres per unit of the BVH file (default: guessed by its size)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--source-fps", options.source_fps, "Frames a second of a .motion of another body (default: --fps)")
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--fps", options.fps,
+                 "Frames a second of the result (default: what the model was trained at, else 25)")
+      ->check(CLI::Range(0.1, 1000.0));
+}
+
+void add_picture_options(CLI::App& app, AnimateOptions& options) {
+  app.add_option("--camera", options.camera,
+                 "orbit, the NAME of a camera of --capture or --calibration, or a calibration file with one camera")
+      ->capture_default_str();
+  app.add_option("--capture", options.capture, "A prepared capture, for its cameras and pictures of the empty studio");
+  app.add_option("--calibration", options.calibration, "A calibration file, Skeletool or OpenCV");
+  app.add_option("--background", options.background, "A picture, a colour (#rrggbb or a word), or `capture`");
+  app.add_option("--light", options.light, "soft, or flat: the texture as it is (default: soft for orbit, else flat)")
+      ->check(CLI::IsMember({"soft", "flat"}));
+  app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
+      ->check(CLI::Range(16, 4096));
+  app.add_option("--turns-per-second", options.turns_per_second, "How fast the orbiting camera circles")
+      ->capture_default_str();
+}
+
 }  // namespace
 
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
-  CLI::App* app = program.add_subcommand("animate", "Pose a character with a motion: vertices, meshes or a video");
+  CLI::App* app =
+      program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, pictures, video");
   app->add_option("--character", options->character, "The .character file")->required();
-  app->add_option("--motion", options->motion, "The .motion file that drives it")->required();
+  add_motion_options(*app, *options);
   app->add_option("--model", options->model, "An actor file of `doppel export`; without it: pure skinning");
-  app->add_option("--format", options->formats, "npy, obj, mp4, or several with commas")
+  app->add_option("--format", options->formats, "npy, obj, mp4, png, motion, bvh, or several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   app->add_option("--bone-rule", options->bone_rule, "Which joint carries a bone: exact or prefix")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
-  app->add_option("--video-size", options->turntable.size, "Pixels of the square video")
-      ->check(CLI::Range(16, 4096))
-      ->capture_default_str();
-  app->add_option("--turns-per-second", options->turntable.turns_per_second, "How fast the video's camera circles")
-      ->capture_default_str();
+  add_picture_options(*app, *options);
   app->footer(
-      "Example: doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt "
-      "--format npy,mp4 --out walk");
+      "Examples:\n"
+      "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format npy,mp4 "
+      "--out walk\n"
+      "  doppel animate --character actor/actor.character --motion dance.bvh --map joints.yaml --model run/actor.pt "
+      "--format mp4 --capture prepared --camera 3 --background capture --out dance");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }
 

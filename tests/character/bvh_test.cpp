@@ -190,6 +190,9 @@ TEST(JointTracksReference, ResamplingKeepsBonesAndEnds) {
   EXPECT_EQ(resample(tracks, 12.0).num_frames(), 3);
   EXPECT_THROW(resample(tracks, 0.0), UsageError);
   EXPECT_THROW(resample(tracks, std::nan("")), UsageError);
+  JointTracks slow = tracks;
+  slow.seconds_per_frame = 1e4;
+  EXPECT_THROW(resample(slow, 1000.0), UsageError);
 }
 
 TEST(BvhRejects, FaultsWithTheirLine) {

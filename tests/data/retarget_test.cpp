@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <chrono>
 #include <cmath>
 #include <map>
@@ -16,6 +17,7 @@
 namespace doppel {
 namespace {
 
+using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using support::TemporaryFolder;
 
@@ -77,33 +79,77 @@ class ScaledSource {
       const auto s = std::find(source.names.begin(), source.names.end(), pair.source) - source.names.begin();
       source_of_[t] = static_cast<int>(s);
     }
+    scale_ = leg(rest_, [](int t) { return t; }) / leg(source.rest, [this](int t) { return source_of_.at(t); });
     double ours = 0.0, theirs = 0.0;
     for (const auto& [t, s] : source_of_) {
       ours = std::max(ours, rest_[root()].translation().y() - rest_[t].translation().y());
       theirs =
           std::max(theirs, source.rest[source_of_.at(root())].translation().y() - source.rest[s].translation().y());
     }
-    scale_ = ours / theirs;
+    lift_ = ours - scale_ * theirs;
   }
 
   Vector3d place(int joint, int frame) const {
     const auto& pose = source_.frames[frame];
-    if (joint == root()) return scale_ * pose[source_of_.at(joint)].translation();
-    int above = target_.joints[joint].parent;
-    while (source_of_.count(above) == 0) above = target_.joints[above].parent;
-    const double length = (rest_[joint].translation() - rest_[above].translation()).norm();
-    return place(above, frame) +
-           length * (pose[source_of_.at(joint)].translation() - pose[source_of_.at(above)].translation()).normalized();
+    const int s = source_of_.at(joint);
+    if (joint == root()) return scale_ * pose[s].translation() + turn(joint, frame) * Vector3d(0, lift_, 0);
+    const int above = above_of(joint), s_above = source_of_.at(above);
+    const Vector3d bone = rest_[joint].translation() - rest_[above].translation();
+    const Vector3d now = pose[s].translation() - pose[s_above].translation();
+    // One bone from a joint: its direction is the source's. Several: the angle between them stays our own.
+    if (bones_from(above) == 1) return place(above, frame) + bone.norm() * now.normalized();
+    const Vector3d rest = source_.rest[s].translation() - source_.rest[s_above].translation();
+    return place(above, frame) + Eigen::Quaterniond::FromTwoVectors(turn(above, frame) * rest, now) *
+                                     (turn(above, frame) * whole_body(above) * bone);
   }
   int root() const { return source_of_.begin()->first; }
   double scale() const { return scale_; }
 
  private:
+  int above_of(int joint) const {
+    int above = target_.joints[joint].parent;
+    while (source_of_.count(above) == 0) above = target_.joints[above].parent;
+    return above;
+  }
+  int bones_from(int joint) const {
+    int count = 0;
+    for (const auto& entry : source_of_) count += entry.first != root() && above_of(entry.first) == joint;
+    return count;
+  }
+  /// How the source's joint has turned since its rest pose.
+  Matrix3d turn(int joint, int frame) const {
+    const int s = source_of_.at(joint);
+    return source_.frames[frame][s].linear() * source_.rest[s].linear().transpose();
+  }
+  /// The rotation between the two rest poses, by the bones from one joint.
+  Matrix3d whole_body(int joint) const {
+    Eigen::Matrix3Xd ours(3, 2 * bones_from(joint)), theirs(3, 2 * bones_from(joint));
+    int column = 0;
+    for (const auto& [t, s] : source_of_) {
+      if (t == root() || above_of(t) != joint) continue;
+      const Vector3d bone = rest_[t].translation() - rest_[joint].translation();
+      const Vector3d other = source_.rest[s].translation() - source_.rest[source_of_.at(joint)].translation();
+      for (const double sign : {1.0, -1.0}) {  // so that their mean is 0, which umeyama takes away
+        ours.col(column) = sign * bone;
+        theirs.col(column++) = sign * bone.norm() * other.normalized();
+      }
+    }
+    return Eigen::umeyama(ours, theirs, false).topLeftCorner<3, 3>();
+  }
+  /// The length of the left leg in the rest pose, hip to toes.
+  template <typename Index>
+  double leg(const std::vector<Eigen::Affine3d>& rest, const Index& index) const {
+    double length = 0.0;
+    for (int t = *target_.find_joint("LeftFootEE"); above_of(t) != root(); t = above_of(t))
+      length += (rest[index(t)].translation() - rest[index(above_of(t))].translation()).norm();
+    return length;
+  }
+
   const Skeleton& target_;
   const JointTracks& source_;
   std::vector<Eigen::Affine3d> rest_;
   std::map<int, int> source_of_;
-  double scale_ = 1.0;
+  double scale_ = 1.0, lift_ = 0.0;
 };
 
 const std::vector<std::string> kEnds{"HeadEE", "LeftForeArmEE", "RightForeArmEE", "LeftFootEE", "RightFootEE"};
@@ -158,6 +204,97 @@ TEST(RetargetRecovers, ABvhOfAnotherBodyWithinFiveCentimetres) {
     const int head = *skeleton.find_joint("Head_rx");
     EXPECT_LT((performed_pose[head].linear() - found_pose[head].linear()).norm(), 0.4);
   }
+}
+
+/// A figure with a spine of three joints, arms out to the sides, and names as Mixamo gives them; it walks in a circle,
+/// bends and looks about.
+BvhClip walking_figure(int frames) {
+  struct Part {
+    const char *name, *parent;
+    Vector3d place;
+  };
+  const std::vector<Part> middle{{"Hips", "", {0, 0.95, 0}},        {"Spine", "Hips", {0, 1.05, 0}},
+                                 {"Spine1", "Spine", {0, 1.2, 0}},  {"Neck", "Spine1", {0, 1.45, 0}},
+                                 {"Head", "Neck", {0, 1.53, 0.01}}, {"HeadTop_End", "Head", {0, 1.72, 0.01}}};
+  const std::vector<Part> side{{"Shoulder", "Spine1", {0.05, 1.4, 0}}, {"Arm", "Shoulder", {0.18, 1.42, 0}},
+                               {"ForeArm", "Arm", {0.45, 1.42, 0}},    {"Hand", "ForeArm", {0.7, 1.42, 0}},
+                               {"UpLeg", "Hips", {0.1, 0.92, 0}},      {"Leg", "UpLeg", {0.1, 0.5, 0}},
+                               {"Foot", "Leg", {0.1, 0.09, -0.02}},    {"ToeBase", "Foot", {0.1, 0.02, 0.13}}};
+  BvhClip clip;
+  clip.seconds_per_frame = 1.0 / 30.0;
+  std::map<std::string, int> index;
+  std::vector<Vector3d> places;
+  const auto add = [&](const std::string& name, const std::string& parent, const Vector3d& place) {
+    const int above = parent.empty() ? -1 : index.at(parent);
+    BvhJoint joint{"mixamorig:" + name, above, above < 0 ? place : Vector3d(place - places[above]), {}};
+    if (above < 0) joint.channels = {BvhChannel::x_position, BvhChannel::y_position, BvhChannel::z_position};
+    for (const auto c : {BvhChannel::z_rotation, BvhChannel::x_rotation, BvhChannel::y_rotation})
+      joint.channels.push_back(c);
+    index[name] = static_cast<int>(places.size());
+    places.push_back(place);
+    clip.joints.push_back(joint);
+  };
+  for (const Part& part : middle) add(part.name, part.parent, part.place);
+  for (const std::string which : {"Left", "Right"})
+    for (const Part& part : side) {
+      const std::string parent = part.parent;
+      const bool shared = parent == "Hips" || parent == "Spine1";
+      const double x = which == "Left" ? part.place.x() : -part.place.x();
+      add(which + part.name, shared ? parent : which + parent, {x, part.place.y(), part.place.z()});
+    }
+  for (int f = 0; f < frames; ++f) {
+    const double t = 0.15 * f, swing = std::sin(t);
+    std::vector<double> row{0.5 * std::sin(0.2 * t), 0.95 + 0.02 * std::cos(2 * t), 0.5 * std::cos(0.2 * t)};
+    const std::map<std::string, Vector3d> angles{// about z, x, y
+                                                 {"Hips", {0, 0, 0.2 * t}},
+                                                 {"Spine", {0, 0.1 + 0.05 * swing, 0.1 * swing}},
+                                                 {"Head", {0, 0.1, 0.5 * std::sin(0.3 * t)}},
+                                                 {"LeftArm", {-1.1, 0, -0.3 * swing}},
+                                                 {"RightArm", {1.1, 0, -0.3 * swing}},
+                                                 {"LeftForeArm", {0, 0, -0.5 - 0.2 * swing}},
+                                                 {"RightForeArm", {0, 0, 0.5 - 0.2 * swing}},
+                                                 {"LeftUpLeg", {0, -0.35 * swing, 0}},
+                                                 {"RightUpLeg", {0, 0.35 * swing, 0}},
+                                                 {"LeftLeg", {0, 0.3 + 0.3 * std::cos(t), 0}},
+                                                 {"RightLeg", {0, 0.3 - 0.3 * std::cos(t), 0}}};
+    for (const BvhJoint& joint : clip.joints) {
+      const auto found = angles.find(joint.name.substr(10));
+      const Vector3d turn = found == angles.end() ? Vector3d::Zero() : found->second;
+      row.insert(row.end(), turn.data(), turn.data() + 3);
+    }
+    clip.frames.push_back(row);
+  }
+  return clip;
+}
+
+TEST(RetargetRecovers, AWalkingFigureWhoseNamesAreGuessed) {
+  const TemporaryFolder folder;
+  write_bvh(folder / "walk.bvh", walking_figure(120));
+  const JointTracks source = joint_tracks(read_bvh(folder / "walk.bvh"));
+  const Skeleton skeleton = synth::make_skeleton();
+  std::vector<std::string> joints;
+  for (const Joint& joint : skeleton.joints) joints.push_back(joint.name);
+  const JointMap map = guess_joint_map(joints, source.names);
+  EXPECT_EQ(map.pairs.size(), 19u);
+  RetargetOptions options;
+  options.frames_per_second = 15.0;
+  const RetargetResult result = retarget(skeleton, source, map, options);
+  ASSERT_EQ(result.motion.num_frames(), 60);
+  EXPECT_LT(farthest_end(skeleton, result.motion, ScaledSource(skeleton, source, map), 2), 0.05);
+  expect_within_limits(skeleton, result.motion);
+  // No bone's direction says where the head looks.
+  const auto head = std::find(source.names.begin(), source.names.end(), "mixamorig:Head") - source.names.begin();
+  const int ours = *skeleton.find_joint("Head_rx");
+  for (int f = 0; f < 60; ++f) {
+    const Vector3d theirs = source.frames[2 * f][head].linear().col(2);
+    const Vector3d looks = skeleton.pose(result.motion.frames[f])[ours].linear().col(2);
+    EXPECT_GT(theirs.dot(looks), 0.96) << "frame " << f;
+  }
+  // No frame is lost on the way: nothing turns by more than 0.5 rad from one to the next, where the source never does.
+  for (int f = 1; f < 60; ++f)
+    for (int d = 3; d < skeleton.num_dofs(); ++d)
+      EXPECT_LT(std::abs(result.motion.frames[f][d] - result.motion.frames[f - 1][d]), 0.5)
+          << skeleton.dofs[d].name << " frame " << f;
 }
 
 }  // namespace

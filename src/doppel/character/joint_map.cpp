@@ -23,7 +23,7 @@ Eigen::Vector3d read_rotation(const ConfigReader& rotations, const std::string& 
 
 /// `scale: hip_height`, `leg_length`, or a number.
 void read_scale(const ConfigReader& root, JointMap& map) {
-  const std::string word = root.get("scale", "hip_height");
+  const std::string word = root.get("scale", "leg_length");
   if (word == "hip_height" || word == "leg_length") {
     map.scale = word == "hip_height" ? JointMap::Scale::hip_height : JointMap::Scale::leg_length;
     return;

@@ -25,7 +25,7 @@ struct JointMap {
   enum class Scale { hip_height, leg_length, number };
 
   std::vector<Pair> pairs;
-  Scale scale = Scale::hip_height;
+  Scale scale = Scale::leg_length;
   double factor = 1.0;  ///< for Scale::number: metres of the target per metre of the source
   bool z_up = false;    ///< the source's world; BVH files mostly have y up
 };
@@ -35,7 +35,7 @@ struct JointMap {
 ///   joints:            # joint or bone of the character: joint of the motion
 ///     Root: Hips
 ///     LeftArm: LeftUpperArm
-///   scale: hip_height  # or leg_length, or a number
+///   scale: leg_length  # or hip_height, or a number
 ///   up: y              # or z
 ///   rest_rotation:     # degrees about x, y, z, where the two rest poses differ in twist
 ///     LeftArm: [0, 0, 45]

@@ -12,9 +12,10 @@ namespace doppel {
 /// Any skeleton in motion, seen from outside: where its joints are, frame by frame. What retargeting takes.
 struct JointTracks {
   std::vector<std::string> names;
-  std::vector<int> parents;                          ///< smaller than the joint's own index, -1 for the root
-  std::vector<Eigen::Affine3d> rest;                 ///< [S] world from joint in the skeleton's own rest pose, metres
-  std::vector<std::vector<Eigen::Affine3d>> frames;  ///< [F][S] world from joint, metres; y up unless a joint map says z
+  std::vector<int> parents;           ///< smaller than the joint's own index, -1 for the root
+  std::vector<Eigen::Affine3d> rest;  ///< [S] world from joint in the skeleton's own rest pose, metres
+  std::vector<std::vector<Eigen::Affine3d>>
+      frames;  ///< [F][S] world from joint, metres; y up unless a joint map says z
   double seconds_per_frame = 0.04;
 
   int num_joints() const { return static_cast<int>(names.size()); }

@@ -22,8 +22,7 @@ constexpr double kNoLength = 1e-4;  // metres: below this two joints stand in on
 /// One pair of the map, resolved.
 struct Node {
   int target = 0, source = 0;
-  int parent = -1;      ///< node
-  double length = 0.0;  ///< to the parent, in the target's rest pose
+  int parent = -1;  ///< node
   bool end = true;
   Matrix3d rest_turn = Matrix3d::Identity();          ///< the source's rest pose turned as the map says
   Matrix3d joint_from_source = Matrix3d::Identity();  ///< C: the target's wanted rotation is (the source's) * C
@@ -107,7 +106,6 @@ class RestPoses {
     for (Node& node : nodes_) {
       if (node.parent < 0) continue;
       const Node& parent = nodes_[static_cast<std::size_t>(node.parent)];
-      node.length = (place(node) - place(parent)).norm();
       node.offset_from_parent = target_[static_cast<std::size_t>(parent.target)].inverse() * place(node);
     }
     const Matrix3d whole = alignment(all_bones(), Matrix3d::Identity());
@@ -121,6 +119,21 @@ class RestPoses {
       node.joint_from_source =
           source_rest.transpose() * turns.back() * target_[static_cast<std::size_t>(node.target)].linear();
     }
+  }
+
+  /// How much higher the target's root stands above its feet than the source's scaled one: the two need not be the same
+  /// point of the body.
+  double lift(double scale) const { return hip_height(false) - scale * hip_height(true); }
+
+  /// How a node's source has turned since its rest pose.
+  Matrix3d source_turn(const Node& node, const std::vector<Affine3d>& frame) const {
+    return frame[static_cast<std::size_t>(node.source)].linear() *
+           source_[static_cast<std::size_t>(node.source)].linear().transpose() * node.rest_turn.transpose();
+  }
+  /// The source's rest bone that leads to a node, turned as the map says.
+  Vector3d source_bone(const Node& node) const {
+    const Node& parent = nodes_[static_cast<std::size_t>(node.parent)];
+    return parent.rest_turn * (source_place(node) - source_place(parent));
   }
 
   double scale(const JointMap& map) const {
@@ -184,11 +197,14 @@ class RestPoses {
   double hip_height(bool source) const {
     return place_in(nodes_[0], source).y() - place_in(nodes_[lowest()], source).y();
   }
+  /// From the foot up to the hip: without the bone to the root, which may be anywhere in the trunk.
   double leg_length(bool source) const {
     double length = 0.0;
-    for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = static_cast<std::size_t>(nodes_[n].parent))
+    for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = static_cast<std::size_t>(nodes_[n].parent)) {
+      if (nodes_[n].parent == 0 && length > 0.0) break;
       length +=
           (place_in(nodes_[n], source) - place_in(nodes_[static_cast<std::size_t>(nodes_[n].parent)], source)).norm();
+    }
     return length;
   }
 
@@ -197,9 +213,9 @@ class RestPoses {
   std::vector<Node>& nodes_;
 };
 
-/// The scaled source of one frame: where every node should be and how it should be turned.
-std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector<Affine3d>& frame, double scale,
-                               const RetargetOptions& options) {
+/// The scaled source of one frame (retarget.h): where every node should be and how it should be turned.
+std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector<Affine3d>& frame,
+                               const RestPoses& rest, double scale, const RetargetOptions& options) {
   std::vector<PoseGoal> goals;
   for (const Node& node : nodes) {
     const Affine3d& source = frame[static_cast<std::size_t>(node.source)];
@@ -209,15 +225,17 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
     goal.rotation_weight = options.rotation_weight;
     goal.position_weight = node.end ? options.end_weight : 1.0;
     if (node.parent < 0) {
-      goal.position = scale * source.translation();
+      goal.position = scale * source.translation() + rest.source_turn(node, frame) * Vector3d(0, rest.lift(scale), 0);
     } else {
+      const Node& parent = nodes[static_cast<std::size_t>(node.parent)];
       const PoseGoal& above = goals[static_cast<std::size_t>(node.parent)];
-      const Vector3d bone =
-          source.translation() -
-          frame[static_cast<std::size_t>(nodes[static_cast<std::size_t>(node.parent)].source)].translation();
+      const Vector3d ours = above.rotation * node.offset_from_parent;
+      const Vector3d theirs = rest.source_turn(parent, frame) * rest.source_bone(node);
+      const Vector3d now = source.translation() - frame[static_cast<std::size_t>(parent.source)].translation();
       // Where the source's bone has no length there is no direction to follow: the joint rides on the one above.
-      goal.position = above.position + (bone.norm() < kNoLength ? Vector3d(above.rotation * node.offset_from_parent)
-                                                                : Vector3d(node.length * bone.normalized()));
+      const bool rides = now.norm() < kNoLength || theirs.norm() < kNoLength;
+      goal.position =
+          above.position + (rides ? ours : Vector3d(Eigen::Quaterniond::FromTwoVectors(theirs, now) * ours));
     }
     goals.push_back(goal);
   }
@@ -280,7 +298,8 @@ RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, cons
   std::vector<Node> nodes = resolve(skeleton, source, map);
   const std::vector<Affine3d> rest_pose = skeleton.pose(rest);
   RetargetResult result;
-  result.scale = RestPoses(rest_pose, source.rest, nodes).scale(map);
+  const RestPoses rests(rest_pose, source.rest, nodes);
+  result.scale = rests.scale(map);
   for (const Node& node : nodes)
     result.tracks.push_back({skeleton.joints[static_cast<std::size_t>(node.target)].name,
                              source.names[static_cast<std::size_t>(node.source)], node.target, node.end, 0.0, 0.0});
@@ -288,7 +307,7 @@ RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, cons
   PoseSolver solver(skeleton, options.iterations);
   std::vector<double> dofs = rest;
   for (int f = 0; f < source.num_frames(); ++f) {
-    const auto goals = goals_of(nodes, source.frames[static_cast<std::size_t>(f)], result.scale, options);
+    const auto goals = goals_of(nodes, source.frames[static_cast<std::size_t>(f)], rests, result.scale, options);
     double cost = HUGE_VAL;
     if (f > 0) cost = solver.solve(goals, dofs);
     // A jump in the source can leave the frame before too far away to come from.

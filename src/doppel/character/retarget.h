@@ -34,13 +34,19 @@ struct RetargetResult {
 /// DoFs that bring the mapped joints nearest to the *scaled source*, beginning with the frame before. DoFs stay within
 /// their limits.
 ///
-/// The scaled source, g, of a pair (t, s): let p be the nearest mapped joint above t and L_t the distance between t and
-/// p in the target's rest pose.
-///   g = scale * position(s)                                      for the root of the map
-///   g = g_p + L_t * direction from position(s_p) to position(s)  else
-/// so bones point where the source's point and have the target's lengths. What bones leave open (twist, where the head
-/// looks) follows the source's rotations relative to its rest pose; where the rest poses differ (arms out or down), by
-/// the smallest rotation that lays the target's rest bone along the source's.
+/// The scaled source, g, of a pair (t, s): let p be the nearest mapped joint above t, and b the target's rest bone from
+/// p to t, turned as the source's p has turned since its rest pose.
+///   g = scale * position(s) + lift   for the root of the map
+///   g = g_p + swing(b)               else
+/// `swing` is the smallest rotation that takes the source's rest bone from p to t, turned likewise, to where it points
+/// now. So bones point where the source's point and have the target's lengths; those that leave one joint together (the
+/// hips from the root) keep the angles of the target's own body. `lift`, vertical in the rest pose and turned with the
+/// root, makes up for roots at different places of the body: by how much the target's root stands higher above the
+/// lowest mapped joint than the source's, scaled.
+///
+/// What bones leave open (twist, where the head looks) follows the source's rotations relative to its rest pose; where
+/// the rest poses differ (arms out or down), by the smallest rotation that lays the target's rest bone along the
+/// source's.
 ///
 /// @throws FileError / UsageError for a joint of the map that is not there (with the nearest one), a map without one
 /// root

@@ -60,7 +60,8 @@ void animate(const Character& character, const Motion& motion, const ActorFile* 
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);
     for (int f = first; f < last; ++f)
-      for (const auto& writer : writers) writer->write(vertices[f - first].data_ptr<float>());
+      for (const auto& writer : writers)
+        writer->write({vertices[f - first].data_ptr<float>(), windows[static_cast<std::size_t>(f - first)]});
     progress.advance(last - first);
   }
   for (const auto& writer : writers) writer->close();

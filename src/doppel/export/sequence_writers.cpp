@@ -14,7 +14,7 @@ class NpyWriter : public SequenceWriter {
  public:
   NpyWriter(const std::filesystem::path& folder, int num_vertices)
       : stream_(folder / "vertices.npy", {num_vertices, 3}) {}
-  void write(const float* vertices) override { stream_.append(vertices); }
+  void write(const PosedFrame& frame) override { stream_.append(frame.vertices); }
   void close() override { stream_.close(); }
 
  private:
@@ -45,8 +45,9 @@ class ObjWriter : public SequenceWriter {
     }
   }
 
-  void write(const float* vertices) override {
+  void write(const PosedFrame& frame) override {
     std::string text = head_;
+    const float* vertices = frame.vertices;
     for (int i = 0; i < num_vertices_; ++i)
       fmt::format_to(std::back_inserter(text), "v {:.7g} {:.7g} {:.7g}\n", vertices[3 * i], vertices[3 * i + 1],
                      vertices[3 * i + 2]);

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "doppel/export/animation.h"
+#include "doppel/export/camera_path.h"
+
+namespace doppel {
+
+/// What stands behind the actor: a picture, or one colour.
+struct Backdrop {
+  cv::Mat picture;                    ///< 8-bit BGR; empty: the colour
+  cv::Vec3b colour{52, 46, 44};       ///< BGR
+  std::string name = "the backdrop";  ///< of the picture, for messages
+};
+/// `#rrggbb`, or one of the words black, white, grey, green, blue. @throws UsageError for anything else
+cv::Vec3b parse_colour(const std::string& text);
+/// The picture at `width` x `height`: resized, and cut evenly at two sides where `may_crop` allows it.
+/// @throws UsageError when the proportions differ by more than 1 % and it may not be cropped
+cv::Mat fit_backdrop(const Backdrop& backdrop, int width, int height, bool may_crop);
+
+/// How the surface is lit: softly from above the camera, or not at all (the texture as it is, which carries the light
+/// of the studio it was scanned in).
+enum class Light { soft, flat };
+
+struct FilmOptions {
+  double frames_per_second = 25.0;
+  Light light = Light::soft;
+  Backdrop backdrop;
+  bool video = true;      ///< `<path's name>.mp4`
+  bool pictures = false;  ///< `<path's name>_000000.png`, ...
+  int supersampling = 3;  ///< per side of a pixel
+};
+
+/// Films the textured surface from a camera path, over a backdrop. A character without texture is grey.
+/// @throws Error while writing, when the camera stands inside the surface (with the frame)
+std::unique_ptr<SequenceWriter> make_film_writer(const std::filesystem::path& folder, const Character& character,
+                                                 std::unique_ptr<CameraPath> path, const FilmOptions& options);
+
+/// How often a closed surface winds around a point: 1 inside, 0 outside.
+/// @param vertices [N,3]
+double winding_number(const TriangleMesh& mesh, const float* vertices, const Eigen::Vector3d& point);
+
+}  // namespace doppel
