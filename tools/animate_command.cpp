@@ -185,14 +185,15 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
 }
 
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          double fps) {
+                                                          const ActorFile* actor, double fps) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
-    writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio),
-                                       film_options(options, fps, studio)));
+    FilmOptions film = film_options(options, fps, studio);
+    film.actor = actor;
+    writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio), film));
   }
   return writers;
 }
@@ -213,9 +214,10 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   const double fps = options.fps > 0 ? options.fps : actor ? actor->description().frames_per_second : 25.0;
   nlohmann::json report;
   const Motion motion = driven_motion(options, character, fps, report);
-  auto writers = make_writers(options, character, fps);
+  const ActorFile* model = actor ? &*actor : nullptr;
+  const auto writers = make_writers(options, character, model, fps);
   write_motions(options, character, motion, fps);
-  animate(character, motion, actor ? &*actor : nullptr, writers);
+  animate(character, motion, model, writers);
   report.update({{"frames", motion.num_frames()},
                  {"frames_per_second", fps},
                  {"vertices", character.num_vertices()},

@@ -8,6 +8,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/layers/surface.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
@@ -60,7 +61,7 @@ cv::Mat film(std::unique_ptr<CameraPath> path, FilmOptions options) {
   options.pictures = true;
   const std::string name = path->name();
   const auto writer = make_film_writer(folder.path(), actor(), std::move(path), options);
-  writer->write({rest_vertices().data(), {}});
+  writer->write({rest_vertices().data(), torch::zeros({1, actor().num_dofs()})});
   writer->close();
   return cv::imread((folder / (name + "_000000.png")).string());
 }
@@ -78,6 +79,34 @@ TEST(FilmReference, FlatLightShowsTheTextureOverTheBackdropPixelByPixel) {
   EXPECT_LE(std::abs(centre[0] - 20) + std::abs(centre[1] - 60) + std::abs(centre[2] - 200), 3);
   const cv::Vec3b corner = picture.at<cv::Vec3b>(70, 3);  // the mean of pixels 140, 141 and 6, 7 of the backdrop
   EXPECT_LE(std::abs(corner[0] - 6.5) + std::abs(corner[1] - 140.5) + std::abs(corner[2] - 7), 2.5);
+}
+
+TEST(FilmReference, ADynamicTextureIsMadeForTheFramesPoseAndCamera) {
+  // Its red tells the camera's focal length, its green the first DoF.
+  const TemporaryFolder folder;
+  CharacterSurface surface(actor());
+  ActorDescription description;
+  description.window = 1;
+  for (const Dof& dof : actor().skeleton.dofs) description.dof_names.push_back(dof.name);
+  description.num_vertices = actor().num_vertices();
+  description.texture_size = 16;
+  const auto texture = [](const torch::Tensor& window, const torch::Tensor& projection) {
+    const torch::Tensor red = projection.select(1, 0).select(1, 0).abs() / 1000;
+    const torch::Tensor green = 0.5 + window.select(1, 0).select(1, 0);
+    return torch::stack({red, green, 0 * red}, 1).view({-1, 1, 1, 3}).expand({-1, 16, 16, 3});
+  };
+  write_actor(folder / "actor.pt", actor(), description,
+              {[&](const torch::Tensor& window) { return surface->skinned(window.select(1, 0)); }, texture}, {});
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  FilmOptions options;
+  options.actor = &file;
+  options.light = Light::soft;  // of no effect on it
+  const cv::Mat picture = film(make_calibrated_path({front_camera()}, "front", 0), options);
+  const Eigen::Vector2d at = front_camera().project(middle());
+  const cv::Vec3b centre = picture.at<cv::Vec3b>(static_cast<int>(at.y()), static_cast<int>(at.x()));
+  EXPECT_NEAR(centre[2], 255 * 1.2 * 80 / 1000, 1);
+  EXPECT_NEAR(centre[1], 127.5, 1);
+  EXPECT_EQ(centre[0], 0);
 }
 
 TEST(FilmReference, SoftLightComesFromTheRightOfTheCamera) {

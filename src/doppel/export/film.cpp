@@ -101,7 +101,7 @@ class FilmWriter : public SequenceWriter {
           "filming {}: in frame {} the camera stands inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
           "camera, or check the units of the calibration",
           camera.name, frame_, camera.centre().x(), camera.centre().y(), camera.centre().z());
-    const cv::Mat picture = draw(vertices, camera);
+    const cv::Mat picture = draw(frame, camera);
     if (options_.video) video_.write(picture);
     if (options_.pictures) write_picture(picture);
     ++frame_;
@@ -117,15 +117,17 @@ class FilmWriter : public SequenceWriter {
   }
 
  private:
-  cv::Mat draw(const float* vertices, const Camera& camera) {
+  cv::Mat draw(const PosedFrame& frame, const Camera& camera) {
     torch::NoGradGuard no_grad;
     RenderScene scene;
-    scene.vertices = torch::from_blob(const_cast<float*>(vertices), {1, mesh_.num_vertices(), 3});
+    scene.vertices = torch::from_blob(const_cast<float*>(frame.vertices), {1, mesh_.num_vertices(), 3});
     scene.projection = projection_tensor({camera}).unsqueeze(0);
-    scene.texture = texture_;
+    const bool dynamic = options_.actor && options_.actor->description().texture_size > 0;
+    scene.texture =
+        dynamic ? options_.actor->textured(frame.window.unsqueeze(0), scene.projection[0]).second : texture_;
     ShadingOptions shading;
     // Without a texture there would be nothing to see but an outline.
-    shading.lit = options_.light == Light::soft || !texture_.defined();
+    shading.lit = !dynamic && (options_.light == Light::soft || !texture_.defined());
     if (shading.lit) scene.lighting = soft_light(camera, texture_.defined() ? 1.0 : kGrey);
     const SupersampledImage drawn = render_supersampled(scene, render_mesh_, camera.height, camera.width,
                                                         RenderMode::colour, options_.supersampling, shading);

@@ -32,6 +32,9 @@ struct FilmOptions {
   bool video = true;      ///< `<path's name>.mp4`
   bool pictures = false;  ///< `<path's name>_000000.png`, ...
   int supersampling = 3;  ///< per side of a pixel
+  /// Its dynamic texture is shown where it has one, unlit: it carries the light of the capture. May be null; must
+  /// outlive the writer.
+  const ActorFile* actor = nullptr;
 };
 
 /// Films the textured surface from a camera path, over a backdrop. A character without texture is grey.
