@@ -11,8 +11,8 @@
 #include <random>
 #include <thread>
 
-#include "doppel/train/checkpoint.h"
 #include "doppel/train/metrics.h"
+#include "support/same_run.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
@@ -58,16 +58,6 @@ int train(const fs::path& prepared, const fs::path& run, int kill_at, int delay 
   return status;
 }
 
-std::vector<std::string> timeless_metrics(const fs::path& run) {
-  std::vector<std::string> lines;
-  for (MetricsRecord record : read_metrics(run / "metrics.jsonl")) {
-    record.seconds = 0;
-    record.milliseconds.clear();
-    lines.push_back(record.to_line());
-  }
-  return lines;
-}
-
 TEST(TrainCommandRecovers, EgNetKilledAtFiveRandomStepsEqualsAnUnbrokenRun) {
   const TemporaryFolder folder;
   const fs::path prepared = folder / "prepared", unbroken = folder / "unbroken", broken = folder / "broken";
@@ -89,13 +79,7 @@ TEST(TrainCommandRecovers, EgNetKilledAtFiveRandomStepsEqualsAnUnbrokenRun) {
   EXPECT_GE(killed, 4) << "the run came to its end too early for this test to mean anything";
   ASSERT_EQ(train(prepared, broken, -1), 0);
 
-  const Checkpoint expected = Checkpoint::load(unbroken / "checkpoints" / "step-000060.pt"),
-                   actual = Checkpoint::load(broken / "checkpoints" / "step-000060.pt");
-  ASSERT_EQ(expected.tensors().size(), actual.tensors().size());
-  for (const auto& [name, tensor] : expected.tensors())
-    EXPECT_TRUE(torch::equal(tensor, actual.tensor(name))) << name << " differs";
-  EXPECT_EQ(expected.text("data"), actual.text("data"));
-  EXPECT_EQ(timeless_metrics(unbroken), timeless_metrics(broken));
+  support::expect_same_run(unbroken, broken);
 }
 
 }  // namespace

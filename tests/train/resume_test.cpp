@@ -9,7 +9,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/train/checkpoint.h"
-#include "doppel/train/metrics.h"
+#include "support/same_run.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
@@ -50,28 +50,6 @@ int run_driver(const fs::path& run, int kill_at, int delay = 0) {
   return status;
 }
 
-/// Lines of metrics.jsonl without what a clock says.
-std::vector<std::string> timeless_metrics(const fs::path& run) {
-  std::vector<std::string> lines;
-  for (MetricsRecord record : read_metrics(run / "metrics.jsonl")) {
-    record.seconds = 0;
-    record.milliseconds.clear();
-    lines.push_back(record.to_line());
-  }
-  return lines;
-}
-
-void expect_same_bits(const fs::path& expected_run, const fs::path& actual_run) {
-  const auto expected = Checkpoint::load(expected_run / "checkpoints" / "step-000060.pt");
-  const auto actual = Checkpoint::load(actual_run / "checkpoints" / "step-000060.pt");
-  ASSERT_EQ(expected.tensors().size(), actual.tensors().size());
-  for (const auto& [name, tensor] : expected.tensors())
-    EXPECT_TRUE(torch::equal(tensor, actual.tensor(name))) << name << " differs";
-  for (const std::string name : {"data", "step", "loss", "optimizer.steps"})
-    EXPECT_EQ(expected.text(name), actual.text(name)) << name;
-  EXPECT_EQ(timeless_metrics(expected_run), timeless_metrics(actual_run));
-}
-
 TEST(ResumeRecovers, KilledAtFiveRandomStepsEqualsAnUnbrokenRun) {
   const TemporaryFolder folder;
   const fs::path unbroken = folder.path() / "unbroken", broken = folder.path() / "broken";
@@ -90,7 +68,7 @@ TEST(ResumeRecovers, KilledAtFiveRandomStepsEqualsAnUnbrokenRun) {
     EXPECT_TRUE(WIFSIGNALED(status) || WEXITSTATUS(status) == 0);
   }
   ASSERT_EQ(run_driver(broken, -1), 0);
-  expect_same_bits(unbroken, broken);
+  support::expect_same_run(unbroken, broken);
 }
 
 TEST(ResumeRecovers, DamagedNewestCheckpointFallsBackToAnOlderOne) {
@@ -103,7 +81,7 @@ TEST(ResumeRecovers, DamagedNewestCheckpointFallsBackToAnOlderOne) {
   const fs::path newest = CheckpointFolder(broken / "checkpoints").path(steps.back());
   fs::resize_file(newest, fs::file_size(newest) / 2);
   ASSERT_EQ(run_driver(broken, -1), 0);
-  expect_same_bits(unbroken, broken);
+  support::expect_same_run(unbroken, broken);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "doppel/train/tex_net_stage.h"
 #include "doppel/train/trained_actor.h"
 #include "support/message_of.h"
+#include "support/same_run.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
@@ -60,9 +61,6 @@ class Chain : public ::testing::Test {
 
   static StageChain chain(const std::vector<std::string>& overrides = {}) {
     return chain_of("capture: " + prepared_.string() + "\n" + kChain, overrides);
-  }
-  static std::map<std::string, torch::Tensor> newest(const fs::path& stage) {
-    return CheckpointFolder(RunFolder(stage).checkpoints()).load_latest()->second.tensors();
   }
   static TemporaryFolder* folder_;
   static fs::path prepared_;
@@ -159,10 +157,7 @@ TEST_F(StageChainRecovers, DeltaNetAndTexNetResumedEqualAnUnbrokenRunToTheBit) {
     options.stages = {stage_from(stage)};
     const auto summaries = train_stages(whole, resumed, options);
     EXPECT_EQ(summaries.at(0).summary.resumed_at, first);
-    const auto expected = newest(*folder_ / "run" / stage), actual = newest(resumed / stage);
-    ASSERT_EQ(expected.size(), actual.size());
-    for (const auto& [name, tensor] : expected)
-      EXPECT_TRUE(torch::equal(tensor, actual.at(name))) << stage << " " << name;
+    support::expect_same_run(*folder_ / "run" / stage, resumed / stage);
   }
 }
 
