@@ -56,8 +56,8 @@ struct Subject {
   const Character& character() const { return trained ? trained->character : *untrained; }
 };
 
-/// The ways to colour the finished geometry that the actor knows. One that was trained on silhouettes alone has none: its
-/// pictures would only say that nobody learnt from pictures.
+/// The ways to colour the finished geometry that the actor knows. One that was trained on silhouettes alone has none:
+/// its pictures would only say that nobody learnt from pictures.
 std::vector<std::string> picture_methods(const TrainedActor& actor) {
   std::vector<std::string> methods;
   if (!actor.lighting && !actor.deltanet && !actor.texnet) return methods;
