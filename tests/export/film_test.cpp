@@ -179,14 +179,16 @@ TEST(WindingNumberReference, InsideAndOutside) {
   const std::vector<float> vertices = rest_vertices();
   const auto at = [&](const Eigen::Vector3d& p) { return winding_number(actor().mesh, vertices.data(), p); };
   EXPECT_NEAR(at(middle() + Eigen::Vector3d(2, 0, 0)), 0.0, 1e-9);
-  const auto joint = actor().skeleton.pose(actor().rest_dofs)[test_character::segment_joint(2)].translation();
+  const Eigen::Vector3d joint =
+      actor().skeleton.pose(actor().rest_dofs)[test_character::segment_joint(2)].translation();
   EXPECT_NEAR(std::abs(at(joint)), 1.0, 1e-9);
 }
 
 TEST(FilmRejects, ACameraInsideTheActor) {
   const TemporaryFolder folder;
   Camera camera = front_camera();
-  const auto joint = actor().skeleton.pose(actor().rest_dofs)[test_character::segment_joint(2)].translation();
+  const Eigen::Vector3d joint =
+      actor().skeleton.pose(actor().rest_dofs)[test_character::segment_joint(2)].translation();
   camera.t = -camera.R * joint;
   const auto writer =
       make_film_writer(folder.path(), actor(), make_calibrated_path({camera}, "front", 0), FilmOptions{});
