@@ -55,6 +55,24 @@ TEST(TextReaderReference, Numbers) {
   EXPECT_THROW(reader.integer(6, "x", 0, 10), FileError);
 }
 
+TEST(TextReaderReference, Tables) {
+  const TemporaryFolder folder;
+  support::write_bytes(folder / "t.csv", "name, x_mm\r\nleft hand , 2.5\n\n,3\na,b,c\n");
+  TextReader reader(folder / "t.csv", "a test table", Separator::comma);
+  reader.require_header("name,x_mm");
+  ASSERT_TRUE(reader.next_row(2));
+  EXPECT_EQ(reader.tokens()[0], "left hand");
+  EXPECT_EQ(reader.number(1, "x_mm"), 2.5);
+  ASSERT_TRUE(reader.next_row(2));
+  EXPECT_THAT(reader.tokens(), ElementsAre("", "3"));
+  EXPECT_THAT(message_of<FileError>([&] { reader.next_row(2); }),
+              AllOf(HasSubstr("t.csv:5: "), HasSubstr("3 columns"), HasSubstr("2")));
+  EXPECT_FALSE(reader.next_row(2));
+  TextReader other(folder / "t.csv", "a test table", Separator::comma);
+  EXPECT_THAT(message_of<FileError>([&] { other.require_header("frame,x_mm"); }),
+              AllOf(HasSubstr("'frame,x_mm'"), HasSubstr("'name, x_mm'")));
+}
+
 TEST(TextReaderRejects, TokensThatAreNoNumbers) {
   TextReaderFile file;
   TextReader reader = file.read("first\nnan inf 1.5x 0x10 - 1e999 1,5\n");

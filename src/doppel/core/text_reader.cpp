@@ -32,6 +32,14 @@ void split(std::string_view line, std::vector<std::string_view>& tokens) {
   }
 }
 
+void split_at_commas(std::string_view line, std::vector<std::string_view>& tokens) {
+  tokens.clear();
+  for (std::size_t begin = 0, end = 0; end != std::string_view::npos; begin = end + 1) {
+    end = line.find(',', begin);
+    tokens.push_back(trimmed(line.substr(begin, end == std::string_view::npos ? end : end - begin)));
+  }
+}
+
 /// What stands in a broken file may be anything: a message shows its beginning, printable.
 std::string shown(std::string_view token) {
   constexpr std::size_t kMost = 40;
@@ -71,8 +79,8 @@ std::filesystem::path resolve_path(const std::filesystem::path& referring_file, 
   return (referring_file.parent_path() / text).lexically_normal();
 }
 
-TextReader::TextReader(const std::filesystem::path& path, std::string what)
-    : path_(path), what_(std::move(what)), where_{path.string(), 0} {
+TextReader::TextReader(const std::filesystem::path& path, std::string what, Separator separator)
+    : path_(path), what_(std::move(what)), separator_(separator), where_{path.string(), 0} {
   content_ = read_file(path);
   if (content_.compare(0, 3, "\xEF\xBB\xBF") == 0) position_ = 3;
   const std::size_t nul = content_.find('\0');
@@ -93,7 +101,7 @@ bool TextReader::next_line() {
     position_ = std::min(end + 1, content_.size());
     ++where_.line;
     if (!line_.empty()) {
-      split(line_, tokens_);
+      separator_ == Separator::comma ? split_at_commas(line_, tokens_) : split(line_, tokens_);
       return true;
     }
   }
@@ -104,6 +112,20 @@ bool TextReader::next_line() {
 
 void TextReader::require_line(std::string_view expected) {
   if (!next_line()) fail_here("reading {}: the file ends where {} should stand", what_, expected);
+}
+
+void TextReader::require_header(std::string_view header) {
+  require_line(fmt::format("the line '{}'", header));
+  std::vector<std::string_view> names;
+  separator_ == Separator::comma ? split_at_commas(header, names) : split(header, names);
+  if (names != tokens_) fail_here("reading {}: the first line must be '{}', found '{}'", what_, header, shown(line_));
+}
+
+bool TextReader::next_row(std::size_t columns) {
+  if (!next_line()) return false;
+  if (tokens_.size() != columns)
+    fail_here("reading {}: the line has {} columns, the table has {}", what_, tokens_.size(), columns);
+  return true;
 }
 
 double TextReader::number(std::size_t token, std::string_view what) const {

@@ -10,19 +10,28 @@
 
 namespace doppel {
 
+/// What stands between the tokens of a line: runs of blanks and tabs, or one comma (blanks around a token are dropped,
+/// and a token may be empty; there are no quotation marks).
+enum class Separator { blanks, comma };
+
 /// Reads the line-based text formats of the field (Skeletool files, OBJ, tables) with `file:line` in every error.
 ///
-/// Lines may end in LF or CRLF; a UTF-8 byte order mark is skipped; tokens are separated by runs of blanks and
-/// tabs. A NUL byte anywhere is an error ("not a text file"), as is a file that is missing or empty.
+/// Lines may end in LF or CRLF; a UTF-8 byte order mark is skipped. A NUL byte anywhere is an error ("not a text
+/// file"), as is a file that is missing or empty.
 class TextReader {
  public:
   /// Reads `path` whole. `what` names the kind of file in messages ("a skeleton file").
-  TextReader(const std::filesystem::path& path, std::string what);
+  TextReader(const std::filesystem::path& path, std::string what, Separator separator = Separator::blanks);
 
   /// Moves to the next line that holds a token. False at the end of the file.
   bool next_line();
   /// As `next_line`, but the end of the file is an error: "ends where <expected> should stand".
   void require_line(std::string_view expected);
+  /// Moves to the next line that holds a token, which must be the head of a table: `header` as its line stands, blanks
+  /// around names aside.
+  void require_header(std::string_view header);
+  /// As `next_line`, but a line with another number of tokens than `columns` is an error.
+  bool next_row(std::size_t columns);
 
   /// The current line without its end-of-line characters and outer blanks, and its tokens.
   std::string_view line() const { return line_; }
@@ -49,6 +58,7 @@ class TextReader {
  private:
   std::filesystem::path path_;
   std::string what_;
+  Separator separator_;
   std::string content_;
   std::size_t position_ = 0;
   FileLocation where_;
