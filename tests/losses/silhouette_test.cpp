@@ -168,6 +168,20 @@ TEST(SilhouetteReference, DescentWithRhoEndsOnTheOutlineTheVertexFaces) {
   }
 }
 
+TEST(SilhouetteReference, InsetMovesTheGoalInwards) {
+  const Strip s;
+  SilhouetteOptions options;
+  options.data_to_model = 0;
+  options.distance_scale = 1;
+  options.inset = 1.5;
+  const auto value = [&](double x) {
+    return silhouette_loss(s.at(x, 1), s.faces, s.boundary, s.target, options).model_to_data.item<double>();
+  };
+  EXPECT_NEAR(value(8.5), 0, 1e-5);
+  EXPECT_NEAR(value(10), 1.5 * 1.5, 1e-4);
+  EXPECT_NEAR(value(7), 1.5 * 1.5, 1e-4);
+}
+
 TEST(SilhouetteReference, UnitsAndWeights) {
   const Scene s(1);
   const Tensor vertices = s.vertices.to(torch::kFloat64);
@@ -198,6 +212,7 @@ TEST(SilhouetteAgrees, KernelAndReferenceForOneTwoAndThreeThreads) {
   for (const bool visible_only : {false, true}) {
     SilhouetteOptions options;
     options.visible_only = visible_only;
+    options.inset = visible_only ? 0.7 : 0.0;
     options.data_to_model = 0.5;
     const Tensor vertices = s.vertices.clone().requires_grad_();
     Tensor value, gradient[2];

@@ -158,6 +158,19 @@ TEST(AdamRejects, NonFiniteGradientIsNamed) {
   }
 }
 
+TEST(AdamDecays, KernelsAndNotBiases) {
+  torch::nn::Linear model(3, 2);
+  const torch::Tensor weight = model->weight.detach().clone(), bias = model->bias.detach().clone();
+  AdamOptions options;
+  options.weight_decay = 2.0;
+  Adam adam(*model, options);
+  model->weight.mutable_grad() = torch::zeros_like(weight);
+  model->bias.mutable_grad() = torch::zeros_like(bias);
+  adam.step(0.1, 0.0);
+  EXPECT_TRUE(torch::allclose(model->weight, weight * 0.8));
+  EXPECT_TRUE(torch::equal(model->bias, bias));
+}
+
 TEST(AdamRejects, DoubleParameters) {
   torch::nn::Module model;
   model.register_parameter("wide", torch::ones({2}, torch::kFloat64));

@@ -21,7 +21,9 @@ struct SilhouetteOptions {
   double data_to_model = 1;     ///< weight of the second sum
   double distance_scale = 255;  ///< crop pixels of model-to-data distance that make a residual of 1
   double contour_radius = 30;   ///< crop pixels: how far a contour pixel looks for a vertex; also its residual's unit
-  bool visible_only = false;    ///< boundary vertices pass a depth test (see boundary.h)
+  /// Crop pixels that a boundary vertex should lie inside the outline: the drawn outline runs outside its vertices.
+  double inset = 0;
+  bool visible_only = false;  ///< boundary vertices pass a depth test (see boundary.h)
   /// Unit of the distance images; the published 8-bit images leave it open. image_pixels multiplies the distance by
   /// pixel_scale.
   SilhouetteUnit unit = SilhouetteUnit::crop_pixels;

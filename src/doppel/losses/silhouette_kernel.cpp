@@ -36,7 +36,7 @@ double pull_to_outline(const CameraInput& in, BoundaryPoint& point) {
   const float* d = in.distance + y0 * in.size + x0;
   const float d00 = d[0], d10 = d[1], d01 = d[in.size], d11 = d[in.size + 1];
   const float top = d00 + fx * (d10 - d00), bottom = d01 + fx * (d11 - d01);
-  const float distance = top + fy * (bottom - top);
+  const float distance = top + fy * (bottom - top) + in.inset;
   const float du = (1 - fy) * (d10 - d00) + fy * (d11 - d01), dv = (1 - fx) * (d01 - d00) + fx * (d11 - d10);
 
   const float* n = in.normals + 3 * static_cast<std::int64_t>(point.vertex);

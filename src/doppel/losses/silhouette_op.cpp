@@ -53,7 +53,7 @@ std::tuple<Tensor, Tensor> silhouette_cpu(const Tensor& vertices_in, const Tenso
                                           const Tensor& boundary_in, const Tensor& projection_in,
                                           const Tensor& distance_in, const Tensor& scale_in, const Tensor& valid_in,
                                           const Tensor& contour_in, const Tensor& offsets_in, double model_to_data,
-                                          double data_to_model, double radius) {
+                                          double data_to_model, double radius, double inset) {
   const auto floats = [](const Tensor& t) { return t.to(torch::kFloat32).contiguous(); };
   const Tensor vertices = floats(vertices_in), normals = floats(normals_in), projection = floats(projection_in);
   const Tensor distance = floats(distance_in), scale = floats(scale_in), contour = floats(contour_in);
@@ -79,6 +79,7 @@ std::tuple<Tensor, Tensor> silhouette_cpu(const Tensor& vertices_in, const Tenso
                        contour.data_ptr<float>() + 2 * first[i],
                        first[i + 1] - first[i],
                        scale.data_ptr<float>()[i],
+                       static_cast<float>(inset),
                        static_cast<float>(radius),
                        model_to_data != 0,
                        data_to_model != 0};
@@ -119,9 +120,9 @@ class SilhouetteFunction : public torch::autograd::Function<SilhouetteFunction> 
                         const SilhouetteTarget& target, const Tensor& scale, const SilhouetteOptions& options) {
     static const auto op = find_op<decltype(silhouette_cpu)>("doppel::silhouette_loss");
     at::AutoDispatchBelowADInplaceOrView guard;
-    auto [values, gradient] =
-        op.call(vertices, normals, boundary, target.projection, target.distance, scale, target.valid, target.contour,
-                target.contour_offsets, options.model_to_data, options.data_to_model, options.contour_radius);
+    auto [values, gradient] = op.call(vertices, normals, boundary, target.projection, target.distance, scale,
+                                      target.valid, target.contour, target.contour_offsets, options.model_to_data,
+                                      options.data_to_model, options.contour_radius, options.inset);
     context->save_for_backward({gradient});
     return values;
   }
@@ -152,8 +153,7 @@ TORCH_LIBRARY_FRAGMENT(doppel, m) {
   m.def(
       "silhouette_loss(Tensor vertices, Tensor normals, Tensor boundary, Tensor projection, Tensor distance, Tensor "
       "residual_scale, Tensor valid, Tensor contour, Tensor contour_offsets, float model_to_data, float data_to_model, "
-      "float "
-      "radius) -> (Tensor values, Tensor gradient)");
+      "float radius, float inset) -> (Tensor values, Tensor gradient)");
   m.def("silhouette_loss_backward(Tensor upstream, Tensor gradient) -> Tensor");
 }
 

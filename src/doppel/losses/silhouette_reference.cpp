@@ -55,7 +55,7 @@ Tensor with_gradient_times(const Tensor& sign, const Tensor& x) { return sign * 
 
 /// First sum of 6.8 for every vertex, [B,C,N].
 Tensor model_to_data(const Tensor& h, const Tensor& normals, const Tensor& use, const Tensor& projection,
-                     const Tensor& distance, const Tensor& scale) {
+                     const Tensor& distance, double inset, const Tensor& scale) {
   const double size = static_cast<double>(distance.size(3));
   const Tensor w = component(h, 2);
   const Tensor u = component(h, 0) / w, v = component(h, 1) / w;
@@ -63,7 +63,8 @@ Tensor model_to_data(const Tensor& h, const Tensor& normals, const Tensor& use, 
   // Vertices that take no part are moved to a harmless place before sampling, so that no NaN reaches their gradient.
   const Tensor safe_h = torch::where(inside.unsqueeze(3), h, torch::tensor({size / 2, size / 2, 1.0}, h.options()));
   const Tensor pixels = safe_h.index({Ellipsis, Slice(0, 2)}) / safe_h.index({Ellipsis, Slice(2, 3)});
-  const Sample at = sample(distance, pixels);
+  Sample at = sample(distance, pixels);
+  at.distance = at.distance + inset;
   const Tensor residual = at.distance * scale.unsqueeze(2);
   const Tensor sign = rho(at, safe_h.detach(), normals, projection).detach();
   return torch::where(inside, with_gradient_times(sign, residual.square()), torch::zeros_like(residual));
@@ -93,8 +94,8 @@ SilhouetteLoss reference(const Tensor& vertices, const Tensor& faces, const Tens
   if (options.model_to_data != 0 && distance.size(3) > 2 * kInset) {
     const Tensor scale = residual_scale(target, options, dtype);
     const Tensor normals = silhouette_normals(vertices, faces);
-    loss.model_to_data =
-        model_to_data(h, normals, use, projection, distance, scale).sum() * (weight * options.model_to_data);
+    loss.model_to_data = model_to_data(h, normals, use, projection, distance, options.inset, scale).sum() *
+                         (weight * options.model_to_data);
   }
   if (options.data_to_model != 0) {
     const Tensor pixels = h.index({Ellipsis, Slice(0, 2)}) / h.index({Ellipsis, Slice(2, 3)});

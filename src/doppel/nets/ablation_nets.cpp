@@ -222,6 +222,11 @@ NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback) 
   return static_cast<NetworkKind>(std::find(words.begin(), words.end(), word) - words.begin());
 }
 
+Tensor standardised(const Tensor& input, const Tensor& mean, const Tensor& std, double limit) {
+  const Tensor scaled = (input - mean) / std;
+  return limit > 0.0 ? scaled.clamp(-limit, limit) : scaled;
+}
+
 void set_standardisation(Tensor& mean, Tensor& std, const Tensor& found_mean, const Tensor& found_std, double floor,
                          const char* network) {
   torch::NoGradGuard no_grad;

@@ -114,6 +114,11 @@ std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTo
 /// The key `network`. @throws FileError at the key
 NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback);
 
+/// What a network sees: (x - mean) / std, held within [-limit, limit] when limit > 0. A pose far from the training set
+/// then looks like the farthest one the network was trained on; convolutions without bounds would make it explode.
+torch::Tensor standardised(const torch::Tensor& input, const torch::Tensor& mean, const torch::Tensor& std,
+                           double limit);
+
 /// The affine map (x - mean) / std in front of a network; identity until set. `mean` and `std` are buffers [rows,Hin]
 /// of the owner, so that they are saved with the model.
 /// @param found_mean, found_std [rows,Hin] or [Hin]; a std below `floor` is raised to it

@@ -39,6 +39,7 @@ DeltaNetConfig DeltaNetConfig::read(const ConfigReader& reader) {
   config.space = reader.choice("space", kSpaceWords, kSpaceWords[static_cast<std::size_t>(config.space)]) == "canonical"
                      ? DisplacementSpace::canonical
                      : DisplacementSpace::global;
+  config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
   config.network = read_network_kind(reader, config.network);
   config.ablation = AblationConfig::read(reader, config.ablation);
   return config;
@@ -90,7 +91,7 @@ Tensor DeltaNetImpl::network_input(const Tensor& dof_window) {
 }
 
 Tensor DeltaNetImpl::forward(const Tensor& dof_window) {
-  return network_->forward((network_input(dof_window) - input_mean_) / input_std_);
+  return network_->forward(standardised(network_input(dof_window), input_mean_, input_std_, config_.input_limit));
 }
 
 Tensor DeltaNetImpl::displaced(CharacterSurface& surface, const Tensor& dof_window, const Tensor& A, const Tensor& T,

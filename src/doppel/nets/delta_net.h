@@ -23,8 +23,9 @@ namespace doppel {
 enum class DisplacementSpace { canonical, global };
 
 struct DeltaNetConfig {
-  SagcnConfig sagcn;  ///< of the template's mesh graph
-  int window = 2;     ///< F: past frames beside the current one
+  SagcnConfig sagcn;         ///< of the template's mesh graph
+  int window = 2;            ///< F: past frames beside the current one
+  double input_limit = 0.0;  ///< standardised inputs are held within this many standard deviations; 0: not at all
   DisplacementSpace space = DisplacementSpace::canonical;
   NetworkKind network = NetworkKind::sagcn;
   AblationConfig ablation;

@@ -53,6 +53,7 @@ EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
                         ? RotationFeatures::euler
                         : RotationFeatures::rotation_6d;
   config.rest_inverse = reader.get("rest_inverse", config.rest_inverse);
+  config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
   config.network = read_network_kind(reader, config.network);
   config.ablation = AblationConfig::read(reader, config.ablation);
   if (config.node_features == NodeFeatures::graph && !config.rest_inverse)
@@ -129,7 +130,8 @@ Tensor EgNetImpl::network_input(const Tensor& dof_window) {
 }
 
 std::pair<Tensor, Tensor> EgNetImpl::forward(const Tensor& dof_window) {
-  const Tensor output = network_->forward((network_input(dof_window) - input_mean_) / input_std_);
+  const Tensor output =
+      network_->forward(standardised(network_input(dof_window), input_mean_, input_std_, config_.input_limit));
   return {output.narrow(-1, 3, 3), output.narrow(-1, 0, 3)};
 }
 

@@ -26,7 +26,8 @@ enum class RotationFeatures { euler, rotation_6d };
 
 struct EgNetConfig {
   SagcnConfig sagcn;
-  int window = 2;  ///< F: past frames beside the current one
+  int window = 2;            ///< F: past frames beside the current one
+  double input_limit = 0.0;  ///< standardised inputs are held within this many standard deviations; 0: not at all
   NodeFeatures node_features = NodeFeatures::graph;
   RotationFeatures rotation = RotationFeatures::euler;
   /// Blend A_b(theta) A_b(rest)^-1 (identity in the rest pose), or A_b(theta) alone as one public checkpoint wants.

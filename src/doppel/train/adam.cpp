@@ -16,6 +16,11 @@ namespace {
 /// Fixed, so that partial sums do not depend on the number of threads.
 constexpr std::int64_t kChunk = 1 << 16;
 
+/// Biases and the scales of normalisation layers say where outputs lie, not how they depend on inputs.
+bool is_kernel(const std::string& name) {
+  return name.find("bias") == std::string::npos && name.find("norm") == std::string::npos;
+}
+
 }  // namespace
 
 AdamOptions AdamOptions::read(const ConfigReader& reader) {
@@ -35,9 +40,12 @@ Adam::Adam(std::vector<Group> groups, const AdamOptions& options) : options_(opt
 }
 
 Adam::Adam(const torch::nn::Module& module, const AdamOptions& options) : options_(options) {
-  Group group;
-  for (const auto& item : module.named_parameters()) group.parameters.emplace_back(item.key(), item.value());
-  add(group);
+  Group kernels, others;
+  others.weight_decay_scale = 0.0;
+  for (const auto& item : module.named_parameters())
+    (is_kernel(item.key()) ? kernels : others).parameters.emplace_back(item.key(), item.value());
+  add(kernels);
+  add(others);
 }
 
 void Adam::add(const Group& group) {
