@@ -34,9 +34,16 @@ struct RingWeights {
   torch::Tensor weights;        ///< float64 [K,P]
   torch::Tensor weights_float;  ///< the same in float32
 
+  // The same rows without padding, for traces.
+  torch::Tensor entries;              ///< int32 [E]
+  torch::Tensor entry_offsets;        ///< int32 [K], where each row begins
+  torch::Tensor entry_weights;        ///< float64 [E]
+  torch::Tensor entry_weights_float;  ///< the same in float32
+
   // For the kernel: nodes renumbered so that neighbours lie near each other in memory. Row p belongs to node order[p];
   // columns are positions in that order. The pattern is symmetric, so the transpose shares it.
   torch::Tensor order;              ///< int32 [K]
+  torch::Tensor places;             ///< int32 [K], its inverse: node order[p] has place p
   torch::Tensor offsets;            ///< int32 [K+1]
   torch::Tensor columns;            ///< int32 [E]
   torch::Tensor values;             ///< float32 [E] a_kl in row k
@@ -46,8 +53,8 @@ struct RingWeights {
   static RingWeights from_topology(const MeshTopology& topology, int rings);
   static RingWeights from_graph(const EmbeddedGraph& graph, int rings);
 
-  /// order, offsets, columns, values, transposed_values: the `ring` argument of the dispatcher ops.
-  std::vector<torch::Tensor> packed() const { return {order, offsets, columns, values, transposed_values}; }
+  /// order, places, offsets, columns, values, transposed_values: the `ring` argument of the dispatcher ops.
+  std::vector<torch::Tensor> packed() const { return {order, places, offsets, columns, values, transposed_values}; }
 };
 
 /// 6.5 in the public layout.

@@ -171,17 +171,15 @@ void store_rows(const float* from, int64_t from_stride, int64_t rows, int64_t co
       store_some(to + i * to_stride + v, load(from + i * from_stride + v), count - v);
 }
 
-// Nodes follow each other in an order in which their kernels do not lie in a row, so the hardware does not guess the
-// next one: asked for a few nodes ahead, they stream at the speed of the memory.
+// Kernels are asked for some nodes ahead, into the second-level cache: the first has too few places for lines on their
+// way, and everything else that is loaded would queue behind them.
 constexpr int64_t kNodesAhead = 8;
 
-inline void prefetch_kernel(const GraphConvolutionParams& p, int64_t place, int64_t end) {
+inline void prefetch_kernel(const GraphConvolutionParams& p, int64_t node) {
   constexpr int64_t kLine = 16;  // floats
-  const int64_t ahead = place + kNodesAhead;
-  if (ahead >= end) return;
   const int64_t size = p.inputs * p.outputs;
-  const float* kernel = p.kernels + p.order[ahead] * size;
-  for (int64_t i = 0; i < size; i += kLine) __builtin_prefetch(kernel + i);
+  const float* kernel = p.kernels + node * size;
+  for (int64_t i = 0; i < size; i += kLine) __builtin_prefetch(kernel + i, 0, 2);
 }
 
 // K_l with rows of whole vectors: in place when it already is, else a padded copy.
@@ -337,37 +335,44 @@ int64_t graph_convolution_scratch(const GraphConvolutionParams& p) {
 
 namespace {
 
-// One sample, no norm, features in whole vectors: what a playing character runs. Everything stays in registers.
-template <int64_t kDepth>
-void transform_sample(const GraphConvolutionParams& p, int64_t begin, int64_t end) {
-  alignas(64) float active[kDepth];
-  for (int64_t place = begin; place < end; ++place) {
-    prefetch_kernel(p, place, end);
-    const int64_t node = p.order[place];
-    const float* input = p.features.data + node * p.features.node_stride;
-    for (int64_t v = 0; v < kDepth; v += kWidth) {
-      const Vec x = load(input + v);
-      store(active + v, p.elu ? elu(x) : x);
-    }
-    const float* kernel = p.kernels + node * kDepth * p.outputs;
-    for (int64_t v = 0; v < p.outputs; v += kWidth)
-      store(p.packed + place * p.outputs + v, multiply_row(active, 1, kernel + v, p.outputs, kDepth));
+// One sample, no norm, 16 features: what a playing character runs. Everything stays in registers.
+constexpr int64_t kSampleInputs = 16;
+
+bool is_sample(const GraphConvolutionParams& p) {
+  return p.batch == 1 && !p.norm_weight && p.inputs == kSampleInputs && p.outputs == padded(p.outputs);
+}
+
+// use(v, vector v of act(f_l) K_l)
+template <typename Use>
+inline void transform_sample(const GraphConvolutionParams& p, int64_t node, const Use& use) {
+  alignas(64) float active[kSampleInputs];
+  const float* input = p.features.data + node * p.features.node_stride;
+  for (int64_t v = 0; v < kSampleInputs; v += kWidth) {
+    const Vec x = load(input + v);
+    store(active + v, p.elu ? elu(x) : x);
   }
+  const float* kernel = p.kernels + node * kSampleInputs * p.outputs;
+  for (int64_t v = 0; v < p.outputs; v += kWidth) use(v, multiply_row(active, 1, kernel + v, p.outputs, kSampleInputs));
+}
+
+void transform_node(const GraphConvolutionParams& p, int64_t node, const Scratch& s, float* to) {
+  const int64_t in = padded(p.inputs), out = padded(p.outputs);
+  const float* input = node_input(p, node, s, true);
+  multiply(input, in, 1, padded_kernel(p, node, s), out, p.batch, p.inputs, out, to, out);
 }
 
 }  // namespace
 
 void graph_convolution_transform(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
-  if (p.batch == 1 && !p.norm_weight && p.inputs == 16 && p.outputs == padded(p.outputs))
-    return transform_sample<16>(p, begin, end);
   const Scratch s = split_scratch(p, scratch);
-  const int64_t in = padded(p.inputs), out = padded(p.outputs);
-  for (int64_t place = begin; place < end; ++place) {
-    prefetch_kernel(p, place, end);
-    const int64_t node = p.order[place];
-    const float* input = node_input(p, node, s, true);
-    const float* kernel = padded_kernel(p, node, s);
-    multiply(input, in, 1, kernel, out, p.batch, p.inputs, out, p.packed + place * p.batch * out, out);
+  const bool sample = is_sample(p);
+  for (int64_t node = begin; node < end; ++node) {
+    if (node + kNodesAhead < end) prefetch_kernel(p, node + kNodesAhead);
+    float* to = p.packed + p.places[node] * p.batch * padded(p.outputs);
+    if (sample)
+      transform_sample(p, node, [to](int64_t v, Vec product) { store(to + v, product); });
+    else
+      transform_node(p, node, s, to);
   }
 }
 
@@ -434,7 +439,7 @@ void graph_convolution_backward(const GraphConvolutionParams& p, float* scratch,
   const Scratch s = split_scratch(p, scratch);
   const int64_t out = padded(p.outputs);
   for (int64_t place = begin; place < end; ++place) {
-    prefetch_kernel(p, place, end);
+    if (place + kNodesAhead < end) prefetch_kernel(p, p.order[place + kNodesAhead]);
     const int64_t node = p.order[place], first = p.offsets[place];
     gather_row(p.packed, p.batch * out, p.columns + first, p.transposed_values + first, p.offsets[place + 1] - first,
                s.grad_output);
@@ -444,17 +449,29 @@ void graph_convolution_backward(const GraphConvolutionParams& p, float* scratch,
   }
 }
 
+namespace {
+
+// total += act(f_l) K_l
+void add_node(const GraphConvolutionParams& p, int64_t node, const Scratch& s, float* total) {
+  if (is_sample(p))
+    return transform_sample(p, node, [total](int64_t v, Vec product) { store(total + v, load(total + v) + product); });
+  transform_node(p, node, s, s.grad_output);
+  for (int64_t i = 0; i < p.batch * padded(p.outputs); i += kWidth)
+    store(total + i, load(total + i) + load(s.grad_output + i));
+}
+
+}  // namespace
+
 void graph_dense_sum(const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end) {
   const Scratch s = split_scratch(p, scratch);
-  const int64_t in = padded(p.inputs), out = padded(p.outputs), row = p.batch * out;
+  const int64_t row = p.batch * padded(p.outputs);
   for (int64_t block = begin; block < end; ++block) {
     float* total = p.packed + block * row;
     std::memset(total, 0, row * sizeof(float));
     const int64_t last = (block + 1) * kGraphDenseBlock;
     for (int64_t node = block * kGraphDenseBlock; node < (last < p.nodes ? last : p.nodes); ++node) {
-      const float* input = node_input(p, node, s, false);
-      multiply(input, in, 1, padded_kernel(p, node, s), out, p.batch, p.inputs, out, s.grad_output, out);
-      for (int64_t i = 0; i < row; i += kWidth) store(total + i, load(total + i) + load(s.grad_output + i));
+      if (node + kNodesAhead < p.nodes) prefetch_kernel(p, node + kNodesAhead);
+      add_node(p, node, s, total);
     }
   }
 }

@@ -23,6 +23,7 @@ struct GraphConvolutionParams {
 
   // the ring weights (RingWeights::packed)
   const int32_t* order = nullptr;
+  const int32_t* places = nullptr;
   const int32_t* offsets = nullptr;
   const int32_t* columns = nullptr;
   const float* values = nullptr;
@@ -62,9 +63,10 @@ DOPPEL_DECLARE_KERNEL(int64_t, graph_convolution_width, ())
 DOPPEL_DECLARE_KERNEL(int64_t, graph_convolution_scratch, (const GraphConvolutionParams& p))
 
 // Forward: first all nodes through `transform`, then all through `gather`. Backward: `pack`, then `backward`.
-// Each runs for packed rows [begin, end) and writes only what belongs to them, so any split gives the same bits.
+// Each runs for packed rows [begin, end), `transform` for nodes, and writes only what belongs to them, so any split
+// gives the same bits.
 
-/// packed[p] = act(f_l) K_l for the nodes l = order[p].
+/// packed[places[l]] = act(f_l) K_l for the nodes l of [begin, end): kernels stream as they lie in memory.
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_transform,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
 /// output[k] = b_k + sum_l a_kl packed[l] (+ skip[k]).

@@ -79,10 +79,11 @@ kernels::GraphConvolutionParams make_params(const Sizes& n, const Setting& setti
   p.inputs = n.inputs;
   p.outputs = n.outputs;
   p.order = setting.ring[0].data_ptr<int32_t>();
-  p.offsets = setting.ring[1].data_ptr<int32_t>();
-  p.columns = setting.ring[2].data_ptr<int32_t>();
-  p.values = setting.ring[3].data_ptr<float>();
-  p.transposed_values = setting.ring[4].data_ptr<float>();
+  p.places = setting.ring[1].data_ptr<int32_t>();
+  p.offsets = setting.ring[2].data_ptr<int32_t>();
+  p.columns = setting.ring[3].data_ptr<int32_t>();
+  p.values = setting.ring[4].data_ptr<float>();
+  p.transposed_values = setting.ring[5].data_ptr<float>();
   p.elu = setting.elu;
   p.batch_statistics = setting.training;
   p.momentum = static_cast<float>(setting.momentum);
@@ -308,8 +309,8 @@ Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor&
 // ---- dispatcher ----
 
 Setting op_setting(at::TensorList ring, bool node_major) {
-  if (ring.size() != 5)
-    fail<UsageError>("graph_convolution: ring must hold the 5 tensors of RingWeights::packed(), received {}",
+  if (ring.size() != 6)
+    fail<UsageError>("graph_convolution: ring must hold the 6 tensors of RingWeights::packed(), received {}",
                      ring.size());
   Setting setting;
   setting.ring = ring.vec();

@@ -56,6 +56,10 @@ std::vector<int> near_order(const MeshTopology& topology) {
   return order;
 }
 
+torch::Tensor int_tensor(const std::vector<int32_t>& values) {
+  return torch::tensor(at::ArrayRef<int32_t>(values), torch::kInt32);
+}
+
 void fill_padded(const std::vector<Row>& rows, RingWeights& ring) {
   std::size_t longest = 0;
   for (const Row& row : rows) longest = std::max(longest, row.nodes.size());
@@ -72,8 +76,18 @@ void fill_padded(const std::vector<Row>& rows, RingWeights& ring) {
   ring.weights_float = ring.weights.to(torch::kFloat32);
 }
 
-torch::Tensor int_tensor(const std::vector<int32_t>& values) {
-  return torch::tensor(at::ArrayRef<int32_t>(values), torch::kInt32);
+void fill_entries(const std::vector<Row>& rows, RingWeights& ring) {
+  std::vector<int32_t> nodes, offsets;
+  std::vector<double> weights;
+  for (const Row& row : rows) {
+    offsets.push_back(static_cast<int32_t>(nodes.size()));
+    nodes.insert(nodes.end(), row.nodes.begin(), row.nodes.end());
+    weights.insert(weights.end(), row.weights.begin(), row.weights.end());
+  }
+  ring.entries = int_tensor(nodes);
+  ring.entry_offsets = int_tensor(offsets);
+  ring.entry_weights = torch::tensor(at::ArrayRef<double>(weights), torch::kFloat64);
+  ring.entry_weights_float = ring.entry_weights.to(torch::kFloat32);
 }
 
 void fill_packed(const std::vector<Row>& rows, const std::vector<int>& order, RingWeights& ring) {
@@ -96,6 +110,7 @@ void fill_packed(const std::vector<Row>& rows, const std::vector<int>& order, Ri
   }
   ring.num_entries = static_cast<int64_t>(columns.size());
   ring.order = int_tensor({order.begin(), order.end()});
+  ring.places = int_tensor(place);
   ring.offsets = int_tensor(offsets);
   ring.columns = int_tensor(columns);
   ring.values = torch::tensor(at::ArrayRef<float>(values), torch::kFloat32);
@@ -112,6 +127,7 @@ RingWeights RingWeights::from_topology(const MeshTopology& topology, int rings) 
   ring.rings = rings;
   const std::vector<Row> rows = weight_rows(topology, rings);
   fill_padded(rows, ring);
+  fill_entries(rows, ring);
   fill_packed(rows, near_order(topology), ring);
   return ring;
 }
