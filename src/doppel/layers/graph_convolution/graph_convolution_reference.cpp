@@ -1,6 +1,8 @@
-#include <ATen/ATen.h>
+#include <torch/csrc/jit/frontend/tracer.h>
+#include <torch/torch.h>
 
 #include "doppel/layers/graph_convolution/graph_convolution.h"
+#include "doppel/layers/transform_math.h"
 
 namespace doppel {
 
@@ -8,25 +10,58 @@ using torch::Tensor;
 
 namespace {
 
+/// An index where `like` is; untouched (and unrecorded by a trace) if it is there already.
+Tensor on_device_of(const Tensor& index, const Tensor& like) {
+  return index.device() == like.device() ? index : index.to(like.device());
+}
+
+/// out[i] = the sum over the entries of bag i, from offsets[i] on, of weights[e] table[items[e]]: one pass that torch
+/// runs at the speed of memory. It has no second derivative.
+Tensor sums_of_rows(const Tensor& table, const Tensor& items, const Tensor& offsets, const Tensor& weights) {
+  constexpr int64_t kSum = 0;
+  return std::get<0>(at::embedding_bag(table, items, offsets, /*scale_grad_by_freq=*/false, kSum, /*sparse=*/false,
+                                       weights, /*include_last_offset=*/false));
+}
+
+/// apply_kernels as sums of rows: K_l f_l is the sum of the rows of K_l with weights f_l. Bags are (item of the batch,
+/// node); the batch size must not become a constant in a trace.
+Tensor apply_kernels_by_rows(const Tensor& features, const Tensor& kernels) {
+  const int64_t K = kernels.size(0), Hin = kernels.size(1), Hout = kernels.size(2);
+  const auto ints = features.options().dtype(at::kInt);
+  const Tensor rows = at::arange(K * Hin, ints).unsqueeze(0).expand_as(features.flatten(1));
+  const Tensor item = at::ones_like(features.select(1, 0).narrow(1, 0, 1), ints).cumsum(0, at::kInt) - 1;
+  const Tensor offsets = item * (K * Hin) + at::arange(0, K * Hin, Hin, ints);
+  const Tensor z = sums_of_rows(kernels.flatten(0, 1), rows.flatten(), offsets.flatten(), features.flatten());
+  return z.view({-1, K, Hout}).transpose(0, 1);
+}
+
 /// z_l = K_l f_l for every node: [B,K,Hin] -> [K,B,Hout].
 Tensor apply_kernels(const Tensor& features, const Tensor& kernels) {
+  // What runs a trace has nothing else, and torch multiplies thousands of small matrices one by one.
+  if (torch::jit::tracer::isTracing()) return apply_kernels_by_rows(features, kernels);
   return at::bmm(features.transpose(0, 1), kernels);
+}
+
+/// sum_l a_kl z_l of rows z [K,X].
+Tensor mix_neighbours(const Tensor& z, const RingWeights& ring) {
+  const bool single = z.scalar_type() == at::kFloat;
+  if (torch::jit::tracer::isTracing()) {
+    const Tensor weights = constant_like(single ? ring.entry_weights_float : ring.entry_weights, z);
+    return sums_of_rows(z, on_device_of(ring.entries, z), on_device_of(ring.entry_offsets, z), weights);
+  }
+  const int64_t K = ring.num_nodes, P = ring.neighbours.size(1);
+  const Tensor weights = (single ? ring.weights_float : ring.weights).to(z.device(), z.scalar_type());
+  const Tensor gathered = z.index_select(0, ring.neighbours.to(z.device()).flatten()).view({K, P, -1});
+  return at::bmm(weights.unsqueeze(1), gathered).squeeze(1);
 }
 
 }  // namespace
 
 Tensor graph_convolution_reference(const Tensor& features, const Tensor& kernels, const Tensor& bias,
                                    const RingWeights& ring) {
-  const int64_t K = ring.num_nodes, P = ring.neighbours.size(1), H = kernels.size(2);
   const Tensor z = apply_kernels(features, kernels);
   if (features.size(0) == 0) return z.transpose(0, 1) + bias;
-
-  const bool single = features.scalar_type() == at::kFloat;
-  const Tensor weights = (single ? ring.weights_float : ring.weights).to(features.device(), features.scalar_type());
-  const Tensor neighbours = ring.neighbours.to(features.device());
-  // The batch size must not become a constant in a trace, so it is the one dimension left open.
-  const Tensor gathered = z.flatten(1).index_select(0, neighbours.flatten()).view({K, P, -1});
-  const Tensor mixed = at::bmm(weights.unsqueeze(1), gathered).view({K, -1, H});
+  const Tensor mixed = mix_neighbours(z.flatten(1), ring).view({ring.num_nodes, -1, kernels.size(2)});
   return mixed.transpose(0, 1) + bias;
 }
 
@@ -40,8 +75,7 @@ Tensor node_norm_reference(const Tensor& features, const NodeNorm& norm) {
 }
 
 Tensor dense_broadcast(const Tensor& features, const Tensor& kernels, const Tensor& bias, double scale) {
-  // One vector per batch item: the sum over nodes and inputs is a single matrix product.
-  const Tensor sum = at::matmul(features.flatten(1), kernels.flatten(0, 1));
+  const Tensor sum = apply_kernels(features, kernels).sum(0);  // one vector per item of the batch
   return (sum * scale).unsqueeze(1) + bias;
 }
 
