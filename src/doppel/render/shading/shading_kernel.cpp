@@ -6,31 +6,38 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-/// A vector of pixels that the mesh covers in part: place, then face (-1: none), three barycentrics, depth.
-constexpr int kFragmentWords = 16 + 5 * kLanes;  // the place on a cache line of its own keeps the rest aligned
+/// A vector of pixels that the mesh covers in part: place, then face (-1: none), three barycentrics, depth, and with a
+/// texture the coordinates on it.
+constexpr int kFragmentWords = 16 + 7 * kLanes;  // the place on a cache line of its own keeps the rest aligned
 constexpr int kVectorsPerTile = kTile * kTile / kLanes;
 
 struct Fragment {
   int x, y;  ///< of the first pixel, in the image
   Int face;
   Float b[3], z;
+  Float u, v;  ///< on the texture; left alone where there is none
 };
 
-inline void store_fragment(std::int32_t* out, const Fragment& f) {
+inline void store_fragment(std::int32_t* out, const Fragment& f, bool textured) {
   out[0] = f.x;
   out[1] = f.y;
   store(out + 16, f.face);
   for (int k = 0; k < 3; ++k) store(out + 16 + (k + 1) * kLanes, f.b[k]);
   store(out + 16 + 4 * kLanes, f.z);
+  if (!textured) return;
+  store(out + 16 + 5 * kLanes, f.u);
+  store(out + 16 + 6 * kLanes, f.v);
 }
 
-inline Fragment load_fragment(const std::int32_t* in) {
+inline Fragment load_fragment(const std::int32_t* in, bool textured) {
   Fragment f;
   f.x = in[0];
   f.y = in[1];
   f.face = load<Int>(in + 16);
   for (int k = 0; k < 3; ++k) f.b[k] = load<Float>(in + 16 + (k + 1) * kLanes);
   f.z = load<Float>(in + 16 + 4 * kLanes);
+  f.u = textured ? load<Float>(in + 16 + 5 * kLanes) : Float{};
+  f.v = textured ? load<Float>(in + 16 + 6 * kLanes) : Float{};
   return f;
 }
 
@@ -151,27 +158,41 @@ inline void load_pair(const float* texture, const std::int32_t* offset, Float* l
   load_quads<1>(texture + 2, offset, again, right[0], right[1], right[2]);
 }
 
+/// UVs of the corners of each pixel's face.
+struct CornerUvs {
+  Float u[3], v[3];
+};
+
+inline CornerUvs corner_uvs(const ShadeView& view, Int face) {
+  CornerUvs out;
+  alignas(64) std::int32_t record[kLanes];
+  const Int covered = max(face, Int{});
+  store(record, covered * 2);
+  Float unused0, unused1;
+  load_records(view.uvs, record, out.u[0], out.v[0], out.u[1], out.v[1]);
+  store(record, covered * 2 + 1);
+  load_records(view.uvs, record, out.u[2], out.v[2], unused0, unused1);
+  return out;
+}
+
+inline void find_uv(const ShadeView& view, Fragment& f) {
+  const CornerUvs corner = corner_uvs(view, f.face);
+  f.u = dot(f.b, corner.u);
+  f.v = dot(f.b, corner.v);
+}
+
 /// Where on the texture each pixel looks.
 struct Place {
-  Float corner_u[3], corner_v[3];
   Int texel, inside_x, inside_y;
   Float fx, fy;
   alignas(64) std::int32_t offset[kLanes];
 };
 
 inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
-  alignas(64) std::int32_t record[kLanes];
-  const Int face = max(f.face, Int{});
-  store(record, face * 2);
-  Float unused0, unused1;
-  load_records(view.uvs, record, p.corner_u[0], p.corner_v[0], p.corner_u[1], p.corner_v[1]);
-  store(record, face * 2 + 1);
-  load_records(view.uvs, record, p.corner_u[2], p.corner_v[2], unused0, unused1);
-  const Float u = dot(f.b, p.corner_u), v = dot(f.b, p.corner_v);
   const auto width = static_cast<float>(view.texture_width), height = static_cast<float>(view.texture_height);
   Int tx, ty;
-  split(u * width - 0.5f, view.texture_width, view.nearest, tx, p.fx, p.inside_x);
-  split((1.0f - v) * height - 0.5f, view.texture_height, view.nearest, ty, p.fy, p.inside_y);
+  split(f.u * width - 0.5f, view.texture_width, view.nearest, tx, p.fx, p.inside_x);
+  split((1.0f - f.v) * height - 0.5f, view.texture_height, view.nearest, ty, p.fy, p.inside_y);
   p.texel = ty * view.texture_width + tx;
   store(p.offset, p.texel * 3);
 }
@@ -349,6 +370,16 @@ inline void cross(const float* a, const float* b, float* out) {
 }
 inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+/// Without light, the gradient to barycentric j is du (u_j - u) + dv (v_j - v): the sums over du, dv and their product
+/// with (u, v) become those over barycentrics here, once a face.
+inline void sums_over_barycentrics(const ShadeView& view, FaceGradient& record) {
+  const float* uv = view.uvs + 8 * static_cast<std::int64_t>(record.face);
+  for (auto& sum : record.sum) {
+    const float du = sum[0], dv = sum[1], along = sum[2];
+    for (int j = 0; j < 3; ++j) sum[j] = du * uv[2 * j] + dv * uv[2 * j + 1] - along;
+  }
+}
+
 /// From the sums over barycentrics to the corners: with r_k from the camera centre to corner k and W = [r_0 r_1 r_2],
 /// b is W^-1 d scaled to a sum of 1, hence dL/dr_k = -W^-T sum(b_k a), a the gradient to b without its part along b.
 inline void finish_face(const ShadeView& view, FaceGradient& record) {
@@ -415,7 +446,8 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
     basis(normal.n, sh);
     illuminate(view.lighting, sh, light);
   }
-  if (view.texture) sample_texture(view, place, true, s);
+  const bool slopes = out.faces && !view.nearest;
+  if (view.texture && (slopes || view.normals)) sample_texture(view, place, slopes, s);
 
   Float values[6] = {zero(), zero(), zero(), zero(), zero(), zero()};
   if (view.normals) {
@@ -431,24 +463,32 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
       for (int k = 0; k < 3; ++k) values[k] += dot(values + 3, normal.corner[k]);
     }
   }
+  Float du = zero(), dv = zero();
   if (view.texture) {
     Float g_albedo[3];
     for (int c = 0; c < 3; ++c) g_albedo[c] = g[c] * light[c];
     if (out.texels) append_texels(place, g_albedo, f.face, out);
-    if (out.faces && !view.nearest) {
-      const Float du = dot(g_albedo, s.du), dv = dot(g_albedo, s.dv);
-      for (int k = 0; k < 3; ++k) values[k] += du * place.corner_u[k] + dv * place.corner_v[k];
+    if (slopes) {
+      du = dot(g_albedo, s.du);
+      dv = dot(g_albedo, s.dv);
     }
   }
   if (!out.faces) return;
-  const Float along = dot(f.b, values);
   const Int within = (f.b[0] > 0) & (f.b[1] > 0) & (f.b[2] > 0);  // moved to an edge, b does not follow the vertices
-  for (int k = 0; k < 3; ++k) values[k] = within ? values[k] - along : zero();
-  if (view.normals) {
-    add_to_faces<true>(*view.raster, f, values, out);
-  } else {
+  if (!view.normals) {
+    values[0] = within ? du : zero();
+    values[1] = within ? dv : zero();
+    values[2] = values[0] * f.u + values[1] * f.v;
     add_to_faces<false>(*view.raster, f, values, out);
+    return;
   }
+  if (view.texture) {
+    const CornerUvs corner = corner_uvs(view, f.face);
+    for (int k = 0; k < 3; ++k) values[k] += du * corner.u[k] + dv * corner.v[k];
+  }
+  const Float along = dot(f.b, values);
+  for (int k = 0; k < 3; ++k) values[k] = within ? values[k] - along : zero();
+  add_to_faces<true>(*view.raster, f, values, out);
 }
 
 // --- slope of the target ---------------------------------------------------------------------------------------------
@@ -541,7 +581,10 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
       w.f.z = covered ? p.z : splat(1.0f);
       store(faces, splat(-1));
       store(tile.inverse_depth + y * kTileStride + x, zero());
-      if (fragments) store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, w.f);
+      if (view.texture) find_uv(view, w.f);
+      if (fragments) {
+        store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, w.f, view.texture != nullptr);
+      }
       if (!colour) continue;
       look_ahead(view, w.f, w.place);
       if (pending) finish(waiting[1 - turn]);
@@ -565,10 +608,14 @@ void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, i
   const auto record = [&](std::int32_t i) { return fragments + static_cast<std::int64_t>(i) * kFragmentWords; };
   Fragment f, next;
   Place place, next_place;
-  if (count > 0) f = load_fragment(record(0)), look_ahead(view, f, place);
+  const auto load_one = [&](std::int32_t i, Fragment& to, Place& its_place) {
+    to = load_fragment(record(i), view.texture != nullptr);
+    look_ahead(view, to, its_place);
+  };
+  if (count > 0) load_one(0, f, place);
   for (std::int32_t i = 0; i < count; ++i) {
     if (i + kAhead < count) prefetch_upstream(upstream, width, record(i + kAhead));
-    if (i + 1 < count) next = load_fragment(record(i + 1)), look_ahead(view, next, next_place);
+    if (i + 1 < count) load_one(i + 1, next, next_place);
     Float g[3];
     load_pixels(upstream + 3 * (static_cast<std::int64_t>(f.y) * width + f.x), width - f.x, g);
     for (Float& value : g) value = f.face >= 0 ? value : zero();
@@ -576,7 +623,10 @@ void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, i
     f = next;
     place = next_place;
   }
-  for (std::int32_t i = 0; i < out.num_faces; ++i) finish_face(view, out.faces[i]);
+  for (std::int32_t i = 0; i < out.num_faces; ++i) {
+    if (!view.normals && view.texture) sums_over_barycentrics(view, out.faces[i]);
+    finish_face(view, out.faces[i]);
+  }
   if (!out.lighting) return;
   for (int j = 0; j < 27; ++j) {
     double sum = 0;
@@ -592,7 +642,7 @@ void target_tile_backward(const TargetView& view, const float* upstream, int x0,
   out.num_faces = out.num_texels = 0;
   const float* m = view.raster->matrix;
   for (std::int32_t i = 0; i < count; ++i) {
-    const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords);
+    const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords, false);
     Float du, dv;
     target_slopes(view, f, upstream, du, dv);
     // u = (row 0 . x) / w: du/dx = (row 0 - u row 2) / w
