@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <numeric>
 
+#include "doppel/core/process.h"
 #include "doppel/nets/delta_net.h"
 #include "support/ratio.h"
 #include "support/test_character.h"
@@ -99,6 +100,7 @@ void training_step(const doppel::Character& character, int64_t batch) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  doppel::setup_process();
   at::set_num_threads(argc > 1 ? std::atoi(argv[1]) : 2);
   const doppel::Character character =
       argc > 2 ? doppel::load_character(argv[2]) : doppel::make_test_character(20, 53, 104);

@@ -6,6 +6,7 @@
 
 #include <cstdlib>
 
+#include "doppel/core/process.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/render/shading/shading.h"
 #include "render/bench_mesh.h"
@@ -37,6 +38,7 @@ struct Step {
 }  // namespace
 
 int main(int argc, char** argv) {
+  doppel::setup_process();
   const int threads = argc > 1 ? std::atoi(argv[1]) : 2, size = argc > 2 ? std::atoi(argv[2]) : 512;
   at::set_num_threads(threads);
   const BenchMesh mesh = bench_mesh();

@@ -1,0 +1,126 @@
+// A playing character: motion window -> EGNet -> DeltaNet -> posed vertices at batch 1, by the library and by the
+// exported file, part by part, against 25 frames a second.
+//
+//   actor_bench [threads=2] [file.character]        without a file a tube of 5,514 vertices and 852 nodes
+//
+// Weights are random: what a frame costs does not depend on them.
+
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "doppel/core/process.h"
+#include "doppel/export/actor_file.h"
+#include "doppel/layers/surface.h"
+#include "doppel/nets/delta_net.h"
+#include "doppel/nets/egnet.h"
+#include "support/ratio.h"
+#include "support/temporary_folder.h"
+#include "support/test_character.h"
+
+namespace {
+
+using torch::Tensor;
+
+constexpr double kWantedFrames = 25.0;
+
+/// The networks of the paper preset on a character.
+struct Actor {
+  doppel::Character character;
+  doppel::EgNet egnet;
+  doppel::DeltaNet deltanet;
+  doppel::CharacterSurface surface;
+  doppel::ActorDescription description;
+
+  explicit Actor(doppel::Character given)
+      : character(std::move(given)),
+        egnet(character, doppel::EgNetConfig::preset("paper")),
+        deltanet(character, doppel::DeltaNetConfig::preset("paper")),
+        surface(character) {
+    egnet->eval();
+    deltanet->eval();
+    description.name = character.name;
+    description.window = egnet->config().window + 1;
+    for (const doppel::Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
+    for (const doppel::Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
+    description.num_vertices = character.num_vertices();
+  }
+
+  Tensor frame(const Tensor& window) {
+    const auto [A, T] = egnet->forward(window);
+    return deltanet->displaced(surface, window, A, T, deltanet->forward(window));
+  }
+};
+
+/// One part of a frame, from the window to what it makes.
+struct Part {
+  const char* name;
+  doppel::ActorFunction function;
+};
+
+/// Each network with and without what it is fed with, then the frame. What is left of the frame when the networks are
+/// taken away is deformation and skinning.
+std::vector<Part> parts_of(Actor& actor) {
+  return {
+      {"motion window, node features", [&](const Tensor& window) { return actor.egnet->network_input(window); }},
+      {"  + EGNet",
+       [&](const Tensor& window) {
+         const auto [A, T] = actor.egnet->forward(window);
+         return at::cat({A, T}, -1);
+       }},
+      {"motion window, posed template", [&](const Tensor& window) { return actor.deltanet->network_input(window); }},
+      {"  + DeltaNet", [&](const Tensor& window) { return actor.deltanet->forward(window); }},
+      {"frame", [&](const Tensor& window) { return actor.frame(window); }}};
+}
+
+void print_shares(const std::vector<doppel::bench::Timing>& times) {
+  const auto ms = [&](int i) { return times[static_cast<std::size_t>(i)].median_ms; };
+  std::printf("  EGNet %.2f, DeltaNet %.2f, deformation and skinning %.2f ms\n", ms(1) - ms(0), ms(3) - ms(2),
+              ms(4) - ms(3) - ms(1));
+  std::printf("  %.0f frames/s, %.1f x %.0f frames/s\n\n", 1000.0 / ms(4), 1000.0 / ms(4) / kWantedFrames,
+              kWantedFrames);
+}
+
+double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs().max().item<double>(); }
+
+void run(Actor& actor) {
+  const torch::NoGradGuard no_grad;
+  const Tensor rest = torch::tensor(at::ArrayRef<double>(actor.character.rest_dofs), torch::kFloat32);
+  const Tensor window = rest + 0.1 * torch::randn({1, actor.description.window, actor.character.num_dofs()},
+                                                  at::detail::createCPUGenerator(1));
+  const doppel::support::TemporaryFolder folder;
+  std::vector<doppel::bench::Candidate> ours, exported;
+  for (const Part& part : parts_of(actor)) {
+    const auto path = folder / "part.pt";
+    doppel::write_actor(path, actor.character, actor.description, {part.function, nullptr},
+                        {{"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}});
+    const auto file = std::make_shared<doppel::ActorFile>(doppel::ActorFile::load(path));
+    std::printf("%-32s the file differs by at most %.1e\n", part.name,
+                largest_difference(file->forward(window), part.function(window)));
+    ours.push_back({part.name, [=] { part.function(window); }});
+    exported.push_back({part.name, [=] { file->forward(window); }});
+  }
+  const std::string size = std::to_string(at::get_num_threads()) + " threads";
+  print_shares(doppel::bench::compare("the library, " + size, ours));
+  print_shares(doppel::bench::compare("the exported file, " + size, exported));
+  doppel::bench::compare("a frame", {{"exported file", exported.back().run}, {"library", ours.back().run}});
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  doppel::setup_process();
+  at::set_num_threads(argc > 1 ? std::atoi(argv[1]) : 2);
+  doppel::Character character = argc > 2 ? doppel::load_character(argv[2]) : doppel::make_test_character(20, 53, 104);
+  if (argc <= 2) {
+    character.graph = doppel::build_graph(character.mesh, 852, character.options.graph);
+    doppel::complete_character(character);
+  }
+  std::printf("%d vertices, %d nodes, %d DoFs, window of %d\n", character.num_vertices(), character.num_nodes(),
+              character.num_dofs(), 3);
+  Actor actor(std::move(character));
+  run(actor);
+  return 0;
+}
