@@ -15,6 +15,7 @@
 #include "doppel/render/rasterizer.h"
 #include "doppel/render/sh_lighting.h"
 #include "doppel/render/shading/shading.h"
+#include "support/ring_of_cameras.h"
 #include "support/test_character.h"
 
 /// A capture of the test character, made in code in well under a second: a ring of cameras, masks drawn from a surface
@@ -33,22 +34,7 @@ struct SmallCaptureOptions {
 namespace small_capture {
 
 inline std::vector<Camera> make_cameras(const SmallCaptureOptions& o, const Eigen::Vector3d& target) {
-  std::vector<Camera> cameras;
-  for (int i = 0; i < o.cameras; ++i) {
-    const double angle = 2.0 * M_PI * i / o.cameras + 0.3;
-    Camera camera;
-    camera.name = "c" + std::to_string(i);
-    camera.width = camera.height = o.size;
-    camera.K << 1.3 * o.size, 0, 0.5 * o.size, 0, 1.3 * o.size, 0.5 * o.size, 0, 0, 1;
-    const Eigen::Vector3d centre = target + 3.0 * Eigen::Vector3d(std::sin(angle), 0.1, std::cos(angle));
-    const Eigen::Vector3d z = (target - centre).normalized(), x = Eigen::Vector3d(0, -1, 0).cross(z).normalized();
-    camera.R.row(0) = x;
-    camera.R.row(1) = z.cross(x);
-    camera.R.row(2) = z;
-    camera.t = -camera.R * centre;
-    cameras.push_back(camera);
-  }
-  return cameras;
+  return ring_of_cameras(o.cameras, o.size, target);
 }
 
 inline Motion make_motion(const Character& character, int frames, double phase) {

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "doppel/data/keypoints.h"
+#include "doppel/data/mask.h"
+#include "doppel/geometry/camera.h"
+
+namespace doppel {
+
+/// Keypoints below this confidence are not used.
+constexpr float kSmallestConfidence = 0.4f;
+/// Pixels are counted as in pictures of this width, so that weights mean the same at any resolution.
+constexpr double kReferenceWidth = 1024.0;
+/// How far away, in those pixels, something counts that lies behind a camera which saw it.
+constexpr double kBehindCamera = kReferenceWidth;
+inline double reference_pixels(const Camera& camera) { return kReferenceWidth / camera.width; }
+
+/// The signed distance to the outline of a mask (+ outside, - inside), in a square window of the camera's picture.
+class OutlineField {
+ public:
+  OutlineField() = default;
+  /// @param mask 0 or 255, of the camera's size; without any or with nothing but person there is no field
+  /// @param pixels side of the window that the mask is resized to, @param margin around the person, of its longer side
+  OutlineField(const cv::Mat& mask, int pixels, double margin = 0.1);
+
+  bool empty() const { return distance_.empty(); }
+  const CropBox& box() const { return box_; }
+  int pixels() const { return distance_.cols; }
+
+  struct Sample {
+    double distance;           ///< pixels of the camera's picture
+    Eigen::Vector2d gradient;  ///< d distance / d (u, v)
+  };
+  /// Bilinear; outside of the window the value at its nearest point and the way there, so that what strays is drawn
+  /// back. The field must not be empty. @param pixel of the camera's picture
+  Sample at(const Eigen::Vector2d& pixel) const;
+
+ private:
+  CropBox box_;
+  cv::Mat distance_;  ///< float, pixels of the window
+};
+
+/// What one camera saw at one instant.
+struct ViewEvidence {
+  std::vector<Keypoint> keypoints;  ///< [M] in the order of the landmarks, pixels of the picture without distortion
+  OutlineField outline;
+};
+
+/// What all cameras saw at one instant, in the order of the cameras.
+using FrameEvidence = std::vector<ViewEvidence>;
+
+/// A pixel and its slope along a movement of the point, or nothing for a point that is not clearly in front.
+struct ProjectedPoint {
+  Eigen::Vector2d pixel;
+  Eigen::Matrix<double, 2, 3> slope;  ///< d pixel / d point in the world
+};
+std::optional<ProjectedPoint> project_with_slope(const Camera& camera, const Eigen::Vector3d& point);
+
+}  // namespace doppel

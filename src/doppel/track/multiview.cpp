@@ -1,0 +1,252 @@
+#include "doppel/track/multiview.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "doppel/core/error.h"
+#include "doppel/track/alignment.h"
+#include "doppel/track/terms/keypoint_term.h"
+#include "doppel/track/terms/limit_term.h"
+#include "doppel/track/terms/point_term.h"
+#include "doppel/track/terms/prior_term.h"
+#include "doppel/track/terms/silhouette_term.h"
+
+namespace doppel {
+namespace {
+
+// The first fit from afar: points a hand's breadth off still pull, outliers of triangulation do not.
+constexpr double kPointScale = 0.15;    // metres
+constexpr double kPointWeight = 1.0e5;  // as three cameras at 2 mm a pixel
+constexpr int kStartIterations = 60;    // from the rest pose to any other
+constexpr int kFewestPoints = 4;        // triangulated, to start from
+
+using Terms = std::vector<std::unique_ptr<PoseTerm>>;
+
+double cost_of(const std::vector<TermCost>& terms, const std::string& name) {
+  for (const TermCost& term : terms)
+    if (term.name == name) return term.cost;
+  return 0.0;
+}
+
+void check(const MultiviewOptions& o) {
+  const std::pair<const char*, double> numbers[] = {
+      {"keypoint weight", o.keypoint_weight}, {"silhouette weight", o.silhouette_weight},
+      {"limit weight", o.limit_weight},       {"temporal weight", o.temporal_weight},
+      {"steady weight", o.steady_weight},     {"prior weight", o.prior_weight},
+      {"smallest share", o.smallest_share},   {"farthest landmark", o.farthest_landmark}};
+  for (const auto& [name, value] : numbers)
+    if (!(value >= 0.0) || !std::isfinite(value)) fail("the {} of the fit is {}; it must be 0 or more", name, value);
+  if (!(o.keypoint_weight > 0.0)) fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
+  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.agreement > 0.0))
+    fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
+         o.agreement);
+  if (o.outline_pixels < 16 || o.outline_vertices < 1 || o.outline_rounds < 0)
+    fail("the outlines of the fit need windows of at least 16 pixels, and 1 vertex or more");
+}
+
+}  // namespace
+
+std::string to_string(FrameState state) {
+  switch (state) {
+    case FrameState::tracked:
+      return "tracked";
+    case FrameState::initialised:
+      return "initialised";
+    case FrameState::recovered:
+      return "recovered";
+    case FrameState::lost:
+      return "lost";
+  }
+  return "unknown";
+}
+
+/// A fit from one start.
+struct MultiviewTracker::Fit {
+  TrackedFrame frame;
+  double keypoint_cost = std::numeric_limits<double>::infinity();
+};
+
+MultiviewTracker::MultiviewTracker(const Character& character, const std::vector<Marker>& landmarks,
+                                   const std::vector<int>& dofs, std::vector<Camera> cameras,
+                                   const MultiviewOptions& options)
+    : model_(character, landmarks, dofs),
+      cameras_(std::move(cameras)),
+      options_(options),
+      outlines_(character, cameras_, options.outline_pixels, options.outline_vertices),
+      rigidity_(rigidity_of_landmarks(model_)),
+      last_trusted_(character.rest_dofs) {
+  check(options);
+  if (cameras_.size() < 2)
+    fail<UsageError>(
+        "the multi-view fit places landmarks where rays of several cameras meet; it needs at least 2 "
+        "cameras, received {}",
+        cameras_.size());
+  if (model_.num_landmarks() < kFewestPoints)
+    fail("the multi-view fit needs at least {} landmarks on the skeleton, received {}", kFewestPoints,
+         model_.num_landmarks());
+}
+
+void MultiviewTracker::cut() {
+  history_.clear();
+  segment_begins_ = true;
+}
+
+TrackedFrame MultiviewTracker::track(const FrameEvidence& frame) {
+  const Points points = triangulate_all(cameras_, frame, model_.num_landmarks());
+  Fit best;
+  best.frame.dofs = last_trusted_;
+  judge(frame, best.frame);
+  const bool follows = !history_.empty(), visible = best.frame.keypoints >= options_.fewest_keypoints;
+  if (visible && follows) {
+    const std::vector<double> expected = predicted();
+    best = fit(frame, expected, &expected);
+    if (best.frame.trusted()) best.frame.state = FrameState::tracked;
+  }
+  if (visible && (!best.frame.trusted() || strays(best.frame, points))) {
+    if (const auto start = start_anew(points)) {
+      Fit anew = fit(frame, *start, nullptr);
+      anew.frame.iterations += best.frame.iterations;
+      if (anew.frame.trusted() && !(anew.keypoint_cost >= best.keypoint_cost)) {
+        best = std::move(anew);
+        best.frame.state = segment_begins_ ? FrameState::initialised : FrameState::recovered;
+      }
+    }
+  }
+  remember(best.frame);
+  return best.frame;
+}
+
+void MultiviewTracker::remember(const TrackedFrame& found) {
+  if (!found.trusted()) {
+    history_.clear();
+    return;
+  }
+  segment_begins_ = false;
+  last_trusted_ = found.dofs;
+  if (found.state != FrameState::tracked) history_.clear();
+  history_.push_back(found.dofs);
+  if (history_.size() > 2) history_.erase(history_.begin());
+}
+
+/// The last two poses, continued at the same speed.
+std::vector<double> MultiviewTracker::predicted() const {
+  const std::vector<double>& last = history_.back();
+  if (history_.size() < 2) return last;
+  std::vector<double> next = last;
+  for (std::size_t d = 0; d < next.size(); ++d) next[d] += last[d] - history_.front()[d];
+  if (const auto& root = model_.root()) {
+    const Eigen::Matrix3d before = root->matrix(history_.front()), now = root->matrix(last);
+    for (const int dof : root->root().rotation)
+      next[static_cast<std::size_t>(dof)] = last[static_cast<std::size_t>(dof)];
+    root->set_matrix(next, now * before.transpose() * now);
+  }
+  return next;
+}
+
+/// A pose from triangulated landmarks alone: the root first, then all. Of two starts, the rest pose and the last pose
+/// that was trusted, the one that comes nearer is taken.
+std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& points) const {
+  std::vector<PointTerm::Target> targets;
+  for (std::size_t m = 0; m < points.size(); ++m)
+    if (points[m]) targets.push_back({static_cast<int>(m), points[m]->position, 1.0});
+  if (targets.size() < kFewestPoints) return std::nullopt;
+  const std::vector<double>& rest = model_.character().rest_dofs;
+  std::optional<std::vector<double>> best;
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::vector<double>* from : {&rest, &last_trusted_}) {
+    std::vector<double> dofs = align_root(model_, *from, points, rigidity_).value_or(*from);
+    Terms terms;
+    terms.push_back(std::make_unique<PointTerm>("points", targets, kPointWeight,
+                                                RobustKernel{RobustKernel::Kind::geman_mcclure, kPointScale}));
+    terms.push_back(std::make_unique<LimitTerm>(options_.limit_weight));
+    terms.push_back(std::make_unique<PriorTerm>("prior", rest, std::max(1.0, options_.prior_weight)));
+    SolverOptions solver = options_.solver;
+    solver.iterations = kStartIterations;
+    const SolverSummary summary = fit_pose(model_, std::move(terms), dofs, solver);
+    if (!(summary.final_cost < least)) continue;
+    least = summary.final_cost;
+    best = std::move(dofs);
+  }
+  return best;
+}
+
+Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<double>* expected) const {
+  Terms result;
+  const MultiviewOptions& o = options_;
+  result.push_back(std::make_unique<KeypointTerm>(cameras_, frame, o.keypoint_weight,
+                                                  RobustKernel{RobustKernel::Kind::geman_mcclure, o.keypoint_scale}));
+  if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
+  if (o.prior_weight > 0.0)
+    result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
+  if (expected && o.steady_weight > 0.0)
+    result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));
+  if (expected && o.temporal_weight > 0.0) {
+    const PosedBody body = model_.pose(*expected, false);
+    std::vector<PointTerm::Target> targets;
+    for (int m = 0; m < model_.num_landmarks(); ++m) targets.push_back({m, model_.landmark(body, m), 1.0});
+    result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), o.temporal_weight));
+  }
+  return result;
+}
+
+/// Keypoints first, then keypoints and outlines. @param expected where the last frames lead, or null
+MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vector<double> start,
+                                            const std::vector<double>* expected) const {
+  Fit result;
+  SolverSummary summary = fit_pose(model_, terms(frame, expected), start, options_.solver);
+  result.frame.iterations = summary.iterations;
+  for (int round = 0; options_.silhouette_weight > 0.0 && round < options_.outline_rounds; ++round) {
+    Terms all = terms(frame, expected);
+    all.push_back(std::make_unique<SilhouetteTerm>(
+        cameras_, frame, outlines_.find(frame, posed_vertices(model_, model_.pose(start, false))),
+        options_.silhouette_weight, RobustKernel{RobustKernel::Kind::geman_mcclure, options_.silhouette_scale}));
+    summary = fit_pose(model_, std::move(all), start, options_.solver);
+    result.frame.iterations += summary.iterations;
+  }
+  result.frame.dofs = std::move(start);
+  result.frame.terms = summary.terms;
+  result.frame.reason = summary.reason;
+  result.keypoint_cost = cost_of(summary.terms, "keypoints");
+  judge(frame, result.frame);
+  const bool good = result.frame.keypoints >= options_.fewest_keypoints &&
+                    result.frame.agreeing >= options_.smallest_share && std::isfinite(summary.final_cost);
+  result.frame.state = good ? FrameState::tracked : FrameState::lost;
+  return result;
+}
+
+/// How many keypoints agree with the pose.
+void MultiviewTracker::judge(const FrameEvidence& frame, TrackedFrame& found) const {
+  const PosedBody body = model_.pose(found.dofs, false);
+  int agreeing = 0;
+  double sum = 0.0;
+  found.keypoints = 0;
+  for (std::size_t c = 0; c < cameras_.size(); ++c)
+    for (int m = 0; m < model_.num_landmarks(); ++m) {
+      const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(m)];
+      if (!(seen.confidence >= kSmallestConfidence)) continue;
+      ++found.keypoints;
+      const auto projected = project_with_slope(cameras_[c], model_.landmark(body, m));
+      if (!projected) continue;
+      const double distance =
+          reference_pixels(cameras_[c]) * (projected->pixel - Eigen::Vector2d(seen.x, seen.y)).norm();
+      if (distance > options_.agreement) continue;
+      ++agreeing;
+      sum += distance;
+    }
+  found.agreeing = found.keypoints > 0 ? static_cast<double>(agreeing) / found.keypoints : 0.0;
+  found.keypoint_error = agreeing > 0 ? sum / agreeing : 0.0;
+}
+
+/// Whether a landmark lies far from where at least three views place it: a limb is in the wrong place, though most
+/// keypoints agree.
+bool MultiviewTracker::strays(const TrackedFrame& found, const Points& points) const {
+  const PosedBody body = model_.pose(found.dofs, false);
+  for (std::size_t m = 0; m < points.size(); ++m)
+    if (points[m] && points[m]->views >= 3 &&
+        (model_.landmark(body, static_cast<int>(m)) - points[m]->position).norm() > options_.farthest_landmark)
+      return true;
+  return false;
+}
+
+}  // namespace doppel

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "doppel/track/evidence.h"
+#include "doppel/track/pose_model.h"
+#include "doppel/track/terms/silhouette_term.h"
+
+namespace doppel {
+
+/// Finds the vertices on the outline of a surface in every camera, with the window of each camera's outline field as
+/// its picture (`boundary_vertices`).
+class OutlineFinder {
+ public:
+  /// @param pixels side of the windows @param most of one camera; more are thinned out evenly
+  OutlineFinder(const Character& character, std::vector<Camera> cameras, int pixels, int most);
+  ~OutlineFinder();
+  OutlineFinder(OutlineFinder&&) noexcept;
+  OutlineFinder& operator=(OutlineFinder&&) noexcept;
+
+  /// @param vertices [N] world metres
+  std::vector<OutlineVertex> find(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+
+ private:
+  struct State;
+  std::unique_ptr<const State> state_;
+};
+
+/// The posed surface, [N] world metres.
+std::vector<Eigen::Vector3d> posed_vertices(const PoseModel& model, const PosedBody& body);
+
+}  // namespace doppel

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <vector>
+
+#include "doppel/character/skeleton.h"
+
+namespace doppel {
+
+/// The root's rotation as a matrix and back. A skeleton states it as three angles, which are singular when the second
+/// is a quarter turn; steps, averages and extrapolations are taken on the matrix instead.
+class RootRotation {
+ public:
+  /// @return nothing when the root is not three translations and then three rotations about one point, each driven by
+  ///   a DoF of its own that drives nothing else
+  static std::optional<RootRotation> of(const Skeleton& skeleton);
+
+  /// World from root.
+  Eigen::Matrix3d matrix(const std::vector<double>& dofs) const;
+  /// Writes the angles of `rotation` into the three DoFs: of all that give it, those nearest to what stands there, so
+  /// that a full turn counts on instead of jumping.
+  void set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& rotation) const;
+  Eigen::Vector3d position(const std::vector<double>& dofs) const;
+  void set_position(std::vector<double>& dofs, const Eigen::Vector3d& position) const;
+
+  const Skeleton::Root& root() const { return root_; }
+  /// The joint whose frame turns with the whole rotation; its origin is the point that is turned about.
+  int joint() const { return joint_; }
+
+ private:
+  Skeleton::Root root_;
+  int joint_ = 0;
+  Eigen::Vector3d offset_ = Eigen::Vector3d::Zero();  ///< of the root's origin when all translations are 0
+};
+
+/// exp of the rotation vector `turn`.
+Eigen::Matrix3d rotation_of_vector(const Eigen::Vector3d& turn);
+/// The rotation nearest to a sum of rotations (least squares of the entries).
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
+
+}  // namespace doppel

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "doppel/track/solver/residuals.h"
+
+namespace doppel {
+
+/// Normal equations of a problem with some tens or hundreds of unknowns.
+class DenseSystem {
+ public:
+  void reset(Eigen::Index num_unknowns);
+  /// Adds the rows of a term, which are used up.
+  void add(Residuals& residuals) { residuals.add_to(hessian_, gradient_); }
+
+  /// step of (H + damping diag(H)) step = -gradient. An unknown that no row depends on stays where it is.
+  /// @return false when the system is not positive definite or not finite
+  bool solve(double damping, Eigen::VectorXd& step) const;
+
+  /// Only the lower half is filled.
+  const Eigen::MatrixXd& hessian() const { return hessian_; }
+  const Eigen::VectorXd& gradient() const { return gradient_; }
+
+ private:
+  Eigen::MatrixXd hessian_;
+  Eigen::VectorXd gradient_;
+};
+
+}  // namespace doppel

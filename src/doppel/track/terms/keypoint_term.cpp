@@ -1,0 +1,32 @@
+#include "doppel/track/terms/keypoint_term.h"
+
+namespace doppel {
+
+KeypointTerm::KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
+                           const RobustKernel& kernel)
+    : cameras_(cameras), frame_(frame), weight_(weight), kernel_(kernel) {}
+
+void KeypointTerm::evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const {
+  rows.reset(model.num_unknowns(), 2, kernel_, slopes);
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    const double scale = reference_pixels(cameras_[c]);
+    for (int m = 0; m < model.num_landmarks(); ++m) {
+      const Keypoint& keypoint = frame_[c].keypoints[static_cast<std::size_t>(m)];
+      if (!(keypoint.confidence >= kSmallestConfidence)) continue;
+      const Eigen::Index first = rows.add_group(weight_ * keypoint.confidence);
+      const auto projected = project_with_slope(cameras_[c], model.landmark(body, m));
+      if (!projected) {
+        rows.value(first) = kBehindCamera;
+        continue;
+      }
+      const Eigen::Vector2d error = scale * (projected->pixel - Eigen::Vector2d(keypoint.x, keypoint.y));
+      for (int i = 0; i < 2; ++i) {
+        rows.value(first + i) = error[i];
+        if (slopes)
+          model.add_landmark_slope(body, m, scale * projected->slope.row(i).transpose(), rows.slope(first + i));
+      }
+    }
+  }
+}
+
+}  // namespace doppel

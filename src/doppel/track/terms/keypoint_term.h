@@ -1,0 +1,30 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/track/evidence.h"
+#include "doppel/track/terms/term.h"
+
+namespace doppel {
+
+/// Landmarks belong where detectors saw them: pi_c(p_m) - k_cm in every camera (4.3), in pixels of a picture 1024 wide,
+/// weighted with the confidence, which counts as 0 below kSmallestConfidence. A landmark behind a camera counts as
+/// kBehindCamera pixels away.
+class KeypointTerm : public PoseTerm {
+ public:
+  /// @param cameras without distortion, @param frame what they saw; both must outlive the term
+  /// @param kernel in reference pixels
+  KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
+               const RobustKernel& kernel);
+
+  std::string name() const override { return "keypoints"; }
+  void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
+
+ private:
+  const std::vector<Camera>& cameras_;
+  const FrameEvidence& frame_;
+  double weight_;
+  RobustKernel kernel_;
+};
+
+}  // namespace doppel

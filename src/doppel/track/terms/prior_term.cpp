@@ -1,0 +1,22 @@
+#include "doppel/track/terms/prior_term.h"
+
+#include <algorithm>
+
+namespace doppel {
+
+PriorTerm::PriorTerm(std::string name, std::vector<double> centre, double weight)
+    : name_(std::move(name)), centre_(std::move(centre)), weight_(weight) {}
+
+void PriorTerm::evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const {
+  rows.reset(model.num_unknowns(), 1, {}, slopes);
+  for (int u = 0; u < model.num_unknowns(); ++u) {
+    const std::optional<int> dof = model.dof_of(u);
+    if (!dof || model.moves_root(*dof)) continue;
+    const auto d = static_cast<std::size_t>(*dof);
+    const Eigen::Index row = rows.add_group(weight_);
+    rows.value(row) = model.reach(*dof) * (body.dofs[d] - centre_[d]);
+    if (slopes) rows.slope(row)[u] = model.reach(*dof);
+  }
+}
+
+}  // namespace doppel

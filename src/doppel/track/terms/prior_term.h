@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "doppel/track/terms/term.h"
+
+namespace doppel {
+
+/// DoFs stay near a given pose unless something speaks for another value: their difference from it, in radians (metres)
+/// of their joints. The root is free: its translations and its turn have no row.
+class PriorTerm : public PoseTerm {
+ public:
+  /// @param centre [D]
+  PriorTerm(std::string name, std::vector<double> centre, double weight);
+
+  std::string name() const override { return name_; }
+  void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
+
+ private:
+  std::string name_;
+  std::vector<double> centre_;
+  double weight_;
+};
+
+}  // namespace doppel

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/track/evidence.h"
+#include "doppel/track/terms/term.h"
+
+namespace doppel {
+
+/// A vertex on the outline of the posed surface, as one camera sees it.
+struct OutlineVertex {
+  int camera = 0, vertex = 0;
+};
+
+/// The outline of the surface belongs on the outline of the mask (4.5): for each outline vertex the distance of its
+/// projection to the mask's outline, in pixels of a picture 1024 wide. Each camera counts `weight`, shared by its
+/// vertices, so that a finer mesh does not count more.
+///
+/// A vertex inside the mask whose normal points away from the nearest outline belongs to the opposite one (b = -1 in
+/// the thesis). Its residual stays |d| while its slope is negated: that is the residual
+/// d - 2 d0 with d0 the distance at the pose the step starts from, which is what a row here holds. So the cost falls
+/// along the step, and a damped solver can tell a good one.
+class SilhouetteTerm : public PoseTerm {
+ public:
+  /// @param cameras without distortion, @param frame what they saw; both must outlive the term
+  SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, std::vector<OutlineVertex> vertices,
+                 double weight, const RobustKernel& kernel);
+
+  std::string name() const override { return "silhouette"; }
+  void freeze(const PoseModel& model, const PosedBody& body) override;
+  void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
+
+ private:
+  const std::vector<Camera>& cameras_;
+  const FrameEvidence& frame_;
+  std::vector<OutlineVertex> vertices_;
+  std::vector<double> weights_;  ///< [vertices]
+  std::vector<double> targets_;  ///< [vertices] distance that the row is measured from, reference pixels
+  RobustKernel kernel_;
+};
+
+/// Whether a vertex inside the mask is drawn to the wrong side of the body: -1 in the thesis's b (4.5).
+/// @param normal of the vertex in the world, @param sample the mask's distance at its projection
+bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::Vector3d& normal,
+                                 const OutlineField::Sample& sample);
+
+}  // namespace doppel

@@ -1,0 +1,28 @@
+#include "doppel/track/terms/prior_term.h"
+
+#include <gtest/gtest.h>
+
+#include "track/term_check.h"
+#include "track/track_fixture.h"
+
+namespace doppel {
+namespace {
+
+TEST(PriorTerm, HoldsWhatNothingSpeaksForAndLeavesTheRootFree) {
+  const Character character = make_test_character(4);
+  const PoseModel model(character, tube_landmarks(4), all_dofs(character));
+  PriorTerm term("prior", character.rest_dofs, 3.0);
+  const std::vector<double> dofs = bent_pose(character, 0.2);
+  Residuals rows;
+  term.evaluate(model, model.pose(dofs, true), true, rows);
+  ASSERT_EQ(rows.num_rows(), character.num_dofs() - 6);
+  EXPECT_NEAR(rows.value(0), std::hypot(0.6, 0.4) * (dofs[6] - character.rest_dofs[6]), 1e-12);
+  for (Eigen::Index row = 0; row < rows.num_rows(); ++row)
+    for (int u = 0; u < 6; ++u) EXPECT_EQ(rows.slope(row)[u < 3 ? u : model.num_unknowns() - u + 2], 0.0);
+  support::check_term(term, model, dofs);
+  support::check_energy_gradient(term, model, dofs);
+  support::check_weight([&](double weight) { return PriorTerm("prior", character.rest_dofs, weight); }, model, dofs);
+}
+
+}  // namespace
+}  // namespace doppel
