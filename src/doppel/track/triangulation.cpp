@@ -1,5 +1,6 @@
 #include "doppel/track/triangulation.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>

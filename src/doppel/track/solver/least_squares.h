@@ -1,8 +1,8 @@
 #pragma once
 
 /// Minimises sums of squares. The loop here knows neither characters nor matrices: a problem says how much a state
-/// costs, linearises itself there and proposes a step. A dense problem solves its normal equations
-/// (`dense_system.h`), a sparse one factorises (`sparse_system.h`); the loop is the same.
+/// costs, linearises itself there and proposes a step. How it finds the step is its own affair: from dense normal
+/// equations (`dense_system.h`), by a sparse factorisation, or without ever forming a matrix.
 
 #include <Eigen/Core>
 #include <string>

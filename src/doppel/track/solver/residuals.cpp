@@ -63,6 +63,7 @@ double Residuals::cost() const {
 }
 
 void Residuals::add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
+  if (num_rows() == 0) return;
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Eigen::Map<Rows> jacobian(slopes_.data(), num_rows(), num_unknowns_);
   Eigen::Map<Eigen::VectorXd> values(values_.data(), num_rows());

@@ -1,0 +1,114 @@
+#include "doppel/track/pose_sequence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace doppel {
+namespace {
+
+using Poses = std::vector<std::vector<double>>;
+
+struct Segment {
+  std::size_t begin, end;
+};
+
+std::vector<Segment> segments_of(std::size_t frames, const std::vector<long>& cuts) {
+  std::vector<Segment> segments;
+  std::size_t begin = 0;
+  for (const long cut : cuts)
+    if (cut > static_cast<long>(begin) && cut < static_cast<long>(frames)) {
+      segments.push_back({begin, static_cast<std::size_t>(cut)});
+      begin = static_cast<std::size_t>(cut);
+    }
+  if (begin < frames) segments.push_back({begin, frames});
+  return segments;
+}
+
+/// The pose at share `s` of the way from a to b.
+std::vector<double> between(const std::vector<double>& a, const std::vector<double>& b, double s,
+                            const std::optional<RootRotation>& root) {
+  std::vector<double> pose = a;
+  for (std::size_t d = 0; d < pose.size(); ++d) pose[d] += s * (b[d] - a[d]);
+  if (!root) return pose;
+  const Eigen::Matrix3d from = root->matrix(a);
+  const Eigen::AngleAxisd turn(Eigen::Matrix3d(root->matrix(b) * from.transpose()));
+  root->set_matrix(pose, Eigen::AngleAxisd(s * turn.angle(), turn.axis()).toRotationMatrix() * from);
+  return pose;
+}
+
+/// The trusted frame of the whole sequence that is nearest to a frame.
+std::optional<std::size_t> nearest_trusted(const std::vector<bool>& trusted, std::size_t frame) {
+  std::optional<std::size_t> best;
+  const auto distance = [&](std::size_t f) { return f > frame ? f - frame : frame - f; };
+  for (std::size_t f = 0; f < trusted.size(); ++f)
+    if (trusted[f] && (!best || distance(f) < distance(*best))) best = f;
+  return best;
+}
+
+void make_root_continuous(Poses& poses, const Segment& segment, const RootRotation& root) {
+  for (std::size_t f = segment.begin + 1; f < segment.end; ++f) {
+    const Eigen::Matrix3d rotation = root.matrix(poses[f]);
+    for (const int dof : root.root().rotation)
+      poses[f][static_cast<std::size_t>(dof)] = poses[f - 1][static_cast<std::size_t>(dof)];
+    root.set_matrix(poses[f], rotation);
+  }
+}
+
+std::vector<double> averaged(const Poses& poses, const Segment& segment, std::size_t frame,
+                             const std::optional<RootRotation>& root, double sigma) {
+  const long radius = std::lround(std::ceil(2.0 * sigma));
+  std::vector<double> mean(poses[frame].size(), 0.0);
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Zero();
+  double sum = 0.0;
+  for (long offset = -radius; offset <= radius; ++offset) {
+    const long at = static_cast<long>(frame) + offset;
+    if (at < static_cast<long>(segment.begin) || at >= static_cast<long>(segment.end)) continue;
+    const double weight = std::exp(-0.5 * std::pow(static_cast<double>(offset) / sigma, 2));
+    const std::vector<double>& pose = poses[static_cast<std::size_t>(at)];
+    for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += weight * pose[d];
+    if (root) rotation += weight * root->matrix(pose);
+    sum += weight;
+  }
+  for (double& value : mean) value /= sum;
+  if (root) root->set_matrix(mean, nearest_rotation(rotation));
+  return mean;
+}
+
+}  // namespace
+
+void bridge_poses(Poses& poses, const std::vector<bool>& trusted, const std::vector<long>& cuts,
+                  const std::optional<RootRotation>& root) {
+  for (const Segment& segment : segments_of(poses.size(), cuts)) {
+    std::vector<std::size_t> good;
+    for (std::size_t f = segment.begin; f < segment.end; ++f)
+      if (trusted[f]) good.push_back(f);
+    for (std::size_t f = segment.begin; f < segment.end; ++f) {
+      if (trusted[f]) continue;
+      const auto after = std::lower_bound(good.begin(), good.end(), f);
+      if (good.empty()) {
+        if (const auto other = nearest_trusted(trusted, f)) poses[f] = poses[*other];
+      } else if (after == good.begin()) {
+        poses[f] = poses[*after];
+      } else if (after == good.end()) {
+        poses[f] = poses[good.back()];
+      } else {
+        const std::size_t a = *(after - 1), b = *after;
+        poses[f] = between(poses[a], poses[b], static_cast<double>(f - a) / static_cast<double>(b - a), root);
+      }
+    }
+  }
+}
+
+void smooth_poses(Poses& poses, const std::vector<long>& cuts, const std::optional<RootRotation>& root, double sigma) {
+  for (const Segment& segment : segments_of(poses.size(), cuts)) {
+    if (root) make_root_continuous(poses, segment, *root);
+    if (!(sigma > 0.0)) continue;
+    Poses smooth;
+    for (std::size_t f = segment.begin; f < segment.end; ++f)
+      smooth.push_back(averaged(poses, segment, f, root, sigma));
+    std::move(smooth.begin(), smooth.end(), poses.begin() + static_cast<std::ptrdiff_t>(segment.begin));
+  }
+}
+
+}  // namespace doppel

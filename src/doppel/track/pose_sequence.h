@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "doppel/track/root_rotation.h"
+
+namespace doppel {
+
+/// The poses of consecutive frames, [F][D], and where segments begin (`cuts`: frames counted from 0, ascending).
+/// Nothing below reaches over a cut.
+
+/// Gives frames that are not trusted a pose: between two trusted frames of a segment the way from one to the other, at
+/// the ends of a segment that of the nearest one; a segment without any takes the nearest of the sequence. The root
+/// turns about one axis where `root` is given. Without any trusted frame nothing changes.
+void bridge_poses(std::vector<std::vector<double>>& poses, const std::vector<bool>& trusted,
+                  const std::vector<long>& cuts, const std::optional<RootRotation>& root);
+
+/// Averages each pose with its neighbours under a Gaussian, two sigma far; rotations of the root are averaged as
+/// matrices. The root's angles are made continuous. @param sigma frames; 0: only the latter
+void smooth_poses(std::vector<std::vector<double>>& poses, const std::vector<long>& cuts,
+                  const std::optional<RootRotation>& root, double sigma);
+
+}  // namespace doppel

@@ -1,0 +1,66 @@
+#include "doppel/track/pose_sequence.h"
+
+#include <gtest/gtest.h>
+
+#include "track/track_fixture.h"
+
+namespace doppel {
+namespace {
+
+class PoseSequence : public ::testing::Test {
+ protected:
+  PoseSequence() : character_(make_test_character(3)), root_(RootRotation::of(character_.skeleton)) {
+    for (int f = 0; f < 12; ++f) {
+      poses_.push_back(character_.rest_dofs);
+      poses_.back()[0] = 0.1 * f;
+      poses_.back()[7] = f % 2 ? 1.0 : -1.0;
+      poses_.back()[3] = 0.2 * f;
+    }
+  }
+  Character character_;
+  std::optional<RootRotation> root_;
+  std::vector<std::vector<double>> poses_;
+};
+
+TEST_F(PoseSequence, BridgesGapsWithinASegmentOnly) {
+  const auto before = poses_;
+  std::vector<bool> trusted(12, true);
+  for (const int f : {0, 3, 4, 8, 9, 10, 11}) trusted[static_cast<std::size_t>(f)] = false;
+  bridge_poses(poses_, trusted, {7}, root_);
+  EXPECT_EQ(poses_[0], before[1]);
+  EXPECT_NEAR(poses_[3][0], 0.3, 1e-12);
+  EXPECT_NEAR(poses_[3][7], before[2][7] + (before[5][7] - before[2][7]) / 3.0, 1e-12);
+  EXPECT_LT((root_->matrix(poses_[3]) - root_->matrix(before[3])).norm(), 1e-9);
+  EXPECT_EQ(poses_[8], before[7]) << "at the end of a segment the nearest trusted frame is held";
+  EXPECT_EQ(poses_[6], before[6]);
+}
+
+TEST_F(PoseSequence, ASegmentThatWasNeverFoundTakesTheNearestPose) {
+  const auto before = poses_;
+  std::vector<bool> trusted(12, true);
+  for (std::size_t f = 7; f < 12; ++f) trusted[f] = false;
+  bridge_poses(poses_, trusted, {7}, root_);
+  EXPECT_EQ(poses_[11], before[6]);
+  bridge_poses(poses_, std::vector<bool>(12, false), {7}, root_);
+  EXPECT_EQ(poses_[11], before[6]);
+}
+
+TEST_F(PoseSequence, SmoothsWithinSegmentsAndTurnsTheRootAsARotation) {
+  const auto before = poses_;
+  // The same rotations, written with angles a whole turn apart.
+  for (std::size_t f = 6; f < 12; ++f) poses_[f][3] -= 2.0 * M_PI / 3.0;
+  smooth_poses(poses_, {}, root_, 1.0);
+  EXPECT_LT(std::abs(poses_[5][7]), 0.3);
+  for (std::size_t f = 2; f < 10; ++f)
+    EXPECT_LT((root_->matrix(poses_[f]) - root_->matrix(before[f])).norm(), 0.02) << "frame " << f;
+  for (std::size_t f = 1; f < 12; ++f) EXPECT_LT(std::abs(poses_[f][3] - poses_[f - 1][3]), 0.3);
+
+  poses_ = before;
+  for (std::size_t f = 6; f < 12; ++f) poses_[f][0] += 100.0;
+  smooth_poses(poses_, {6}, root_, 1.0);
+  EXPECT_LT(poses_[5][0], 1.0);
+  EXPECT_GT(poses_[6][0], 100.0);
+}
+
+}  // namespace
+}  // namespace doppel
