@@ -13,7 +13,7 @@ namespace {
 TEST(LayersReference, EveryOpIsInTheDispatcher) {
   const Character actor = make_test_character();
   CharacterSurface surface(actor);
-  for (const char* op : {"forward_kinematics", "skinning", "embedded_deformation"}) {
+  for (const char* op : {"forward_kinematics", "skinning", "embedded_deformation", "global_alignment"}) {
     for (const char* suffix : {"", "_backward"}) {
       const std::string name = std::string("doppel::") + op + suffix;
       const auto handle = c10::Dispatcher::singleton().findSchema({name, ""});
