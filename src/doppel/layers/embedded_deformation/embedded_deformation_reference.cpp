@@ -1,5 +1,6 @@
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_checks.h"
+#include "doppel/layers/rotation_math.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {
@@ -33,24 +34,7 @@ torch::Tensor euler_to_matrix(const torch::Tensor& angles) {
 }
 
 torch::Tensor matrix_to_euler(const torch::Tensor& rotation) {
-  if (!rotation.defined() || !rotation.is_floating_point() || rotation.dim() < 2 || rotation.size(-1) != 3 ||
-      rotation.size(-2) != 3) {
-    fail<UsageError>("matrix_to_euler: rotation must be a floating-point tensor [...,3,3], found {}",
-                     describe(rotation));
-  }
-  const auto m = [&](int row, int column) { return rotation.select(-2, row).select(-1, column); };
-  constexpr double kPole = 1e-6;
-  const torch::Tensor squared = m(0, 0) * m(0, 0) + m(1, 0) * m(1, 0);
-  const torch::Tensor singular = squared < kPole * kPole;
-  // Chosen before atan2, whose derivative at (0,0) is not finite; the clamp does the same for the root.
-  const auto choose = [&](const torch::Tensor& at_pole, const torch::Tensor& elsewhere) {
-    return torch::where(singular, at_pole, elsewhere);
-  };
-  const torch::Tensor x = torch::atan2(choose(-m(1, 2), m(2, 1)), choose(m(1, 1), m(2, 2)));
-  const torch::Tensor y = torch::atan2(-m(2, 0), squared.clamp_min(kPole * kPole).sqrt());
-  const torch::Tensor z =
-      torch::atan2(choose(torch::zeros_like(squared), m(1, 0)), choose(torch::ones_like(squared), m(0, 0)));
-  return torch::stack({x, y, z}, -1);
+  return rotation_to_angles(rotation, {2, 1, 0}).flip(-1);
 }
 
 torch::Tensor embedded_deformation_reference(const torch::Tensor& A, const torch::Tensor& T, const torch::Tensor& D,

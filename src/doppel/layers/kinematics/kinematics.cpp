@@ -37,17 +37,20 @@ RiddenFrames frames_of_bones(const Character& character) {
   return make_frames(character.bone_joint, locals);
 }
 
-RiddenFrames frames_of_markers(const Skeleton& skeleton) {
+}  // namespace
+
+RiddenFrames marker_frames(const Skeleton& skeleton, const std::vector<Marker>& markers) {
   std::vector<int> joints;
   std::vector<Eigen::Affine3d> locals;
-  for (const Marker& marker : skeleton.markers) {
+  for (const Marker& marker : markers) {
+    if (marker.joint < 0 || marker.joint >= skeleton.num_joints())
+      fail<UsageError>("landmark '{}' rides on joint {}; the skeleton has {}", marker.name, marker.joint,
+                       skeleton.num_joints());
     joints.push_back(marker.joint);
     locals.push_back(Eigen::Affine3d(Eigen::Translation3d(marker.position)));
   }
   return make_frames(joints, locals);
 }
-
-}  // namespace
 
 KinematicChain::KinematicChain(const Skeleton& skeleton)
     : num_joints(skeleton.num_joints()), num_dofs(skeleton.num_dofs()) {
@@ -112,7 +115,7 @@ KinematicsImpl::KinematicsImpl(const Character& character)
       chain_(character.skeleton),
       joint_frames_(frames_of_joints(character.skeleton)),
       bone_frames_(frames_of_bones(character)),
-      marker_frames_(frames_of_markers(character.skeleton)) {}
+      marker_frames_(marker_frames(character.skeleton, character.skeleton.markers)) {}
 
 torch::Tensor KinematicsImpl::joints(const torch::Tensor& dofs) const {
   return forward_kinematics(dofs, chain_, joint_frames_);

@@ -43,6 +43,10 @@ struct RiddenFrames {
   torch::Tensor local;  ///< float64 [M,3,4]
 };
 
+/// Frames at landmarks, turned like their joints. @param markers [M]
+/// @throws UsageError for a marker on a joint that the skeleton does not have
+RiddenFrames marker_frames(const Skeleton& skeleton, const std::vector<Marker>& markers);
+
 /// World transforms of frames that ride on the joints.
 /// @param dofs [B,D] in the units of the skeleton's file (its weights turn them into radians and metres)
 /// @return [B,M,3,4] world-from-frame, metres, in the type of `dofs`
