@@ -35,7 +35,7 @@ variant() {
   for change in "$@"; do sets+=(--set "$change"); done
   "$doppel" train configs/ablation/ddc.yaml --set capture="$folder/prepared" "${sets[@]}" --stages "$stages" --out "$folder/$name"
   # Geometry in all cameras, as AMVIoU wants; pictures in the camera that nobody trained on.
-  "$doppel" evaluate --run "$folder/$name" --split test --json >"$folder/$name.all.json"
+  "$doppel" evaluate --run "$folder/$name" --split test --every 4 --json >"$folder/$name.all.json"
   "$doppel" evaluate --run "$folder/$name" --split test --cameras $held_out --json >"$folder/$name.held.json"
 }
 

@@ -11,12 +11,13 @@
 
 namespace doppel::support {
 
-/// Lines of metrics.jsonl without what a clock says.
+/// Lines of metrics.jsonl without what a clock or the system says.
 inline std::vector<std::string> timeless_metrics(const std::filesystem::path& run) {
   std::vector<std::string> lines;
   for (MetricsRecord record : read_metrics(run / "metrics.jsonl")) {
     record.seconds = 0;
     record.milliseconds.clear();
+    record.memory_mb = 0;
     lines.push_back(record.to_line());
   }
   return lines;

@@ -85,6 +85,24 @@ TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether
   EXPECT_THAT(report, HasSubstr("dynamic texture and its error"));
 }
 
+TEST_F(StageChainReference, MemoryOfEveryStageStaysFlat) {
+  const double allowed_mb = 24.0;  // a leak of a batch (2 MB) or of the networks' activations would pass it many times
+  std::vector<std::string> longer;
+  for (const std::string& name : stage_names()) {
+    longer.push_back(name + ".train.iterations=60");
+    longer.push_back(name + ".train.log_every=10");
+    longer.push_back(name + ".train.checkpoint_every=60");
+  }
+  train_stages(chain(longer), *folder_ / "long", {});
+  for (const std::string& name : stage_names()) {
+    const std::vector<MetricsRecord> metrics = read_metrics(*folder_ / "long" / name / "metrics.jsonl");
+    ASSERT_EQ(metrics.size(), 6u) << name;
+    EXPECT_GT(metrics.front().memory_mb, 0.0);
+    EXPECT_LT(metrics.back().memory_mb, metrics[1].memory_mb + allowed_mb) << name;
+    RecordProperty(name + "_mb", static_cast<int>(metrics.back().memory_mb));
+  }
+}
+
 TEST_F(StageChainReference, ASecondCallFindsEverythingDone) {
   for (const StageSummary& item : train_stages(chain(), *folder_ / "run", {}))
     EXPECT_EQ(item.summary.resumed_at, item.summary.step) << name_of(item.stage);

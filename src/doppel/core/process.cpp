@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <fstream>
 #include <thread>
 
 #if defined(__GLIBC__)
@@ -64,6 +65,13 @@ int resolve_threads(int requested) {
     fail<UsageError>("setting the number of threads: found {}; allowed is 0 (all cores) to {}", requested, kMaxThreads);
   }
   return requested > 0 ? requested : available_cores();
+}
+
+double resident_megabytes() {
+  std::ifstream statm("/proc/self/statm");
+  double total_pages = 0.0, resident_pages = 0.0;
+  if (!(statm >> total_pages >> resident_pages)) return 0.0;
+  return resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
 bool stop_requested() { return stop.load(std::memory_order_relaxed); }

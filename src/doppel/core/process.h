@@ -12,6 +12,10 @@ void setup_process();
 /// @throws UsageError when negative or above 1024.
 int resolve_threads(int requested);
 
+/// Main memory that the process holds now, in megabytes (2^20 bytes); 0 where the system does not say (it does on
+/// Linux).
+double resident_megabytes();
+
 /// True once Ctrl-C or SIGTERM came in. Long jobs look here between steps, write a checkpoint and return.
 bool stop_requested();
 /// Asks for a stop as Ctrl-C would (for tests).

@@ -43,6 +43,7 @@ std::string MetricsRecord::to_line() const {
   for (const Term& term : terms) json["terms"][term.name] = Json{{"raw", term.raw}, {"weighted", term.weighted}};
   json["gradient_norm"] = gradient_norm;
   for (const auto& [part, time] : milliseconds) json["milliseconds"][part] = time;
+  json["memory_mb"] = memory_mb;
   return json.dump();
 }
 
@@ -59,6 +60,7 @@ MetricsRecord MetricsRecord::from_json(const nlohmann::json& json) {
   if (json.contains("milliseconds"))
     for (const auto& [part, time] : json.at("milliseconds").items())
       record.milliseconds.emplace_back(part, time.get<double>());
+  record.memory_mb = json.value("memory_mb", 0.0);
   return record;
 }
 

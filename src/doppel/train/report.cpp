@@ -93,7 +93,10 @@ std::string step_times(const std::vector<MetricsRecord>& records) {
         "<tr><td>{}</td><td>{:.2f}</td><td>{:.0f} %</td><td style=\"text-align:left\"><span class=\"bar\" "
         "style=\"width:{:.0f}px\"></span></td></tr>",
         escape_html(name), time, 100.0 * time / total, 260.0 * time / total);
-  return out + fmt::format("<tr><td>sum</td><td>{:.2f}</td><td></td><td></td></tr></table>", total);
+  return out + fmt::format(
+                   "<tr><td>sum</td><td>{:.2f}</td><td></td><td></td></tr></table>"
+                   "<p>Main memory at the end: {:.0f} MB.</p>",
+                   total, records.back().memory_mb);
 }
 
 /// The columns of the evaluation: cameras, named in the first method of the first split.

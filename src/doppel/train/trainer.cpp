@@ -167,6 +167,7 @@ void Trainer::log_metrics() {
   record.step = step_;
   record.seconds = seconds();
   record.learning_rate = options_.schedule.rate(step_ - 1);
+  record.memory_mb = resident_megabytes();
   last_loss_ = record.loss;
   metrics_->append(record);
   std::vector<std::pair<std::string, double>> scalars = {
@@ -175,6 +176,7 @@ void Trainer::log_metrics() {
     scalars.emplace_back("raw/" + term.name, term.raw);
     scalars.emplace_back("weighted/" + term.name, term.weighted);
   }
+  scalars.emplace_back("memory_mb", record.memory_mb);
   for (const auto& [part, time] : record.milliseconds) scalars.emplace_back("milliseconds/" + part, time);
   tensorboard_->add_scalars(step_, scalars);
 }
