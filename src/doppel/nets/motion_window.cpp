@@ -4,6 +4,8 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
+#include "doppel/layers/pose_dofs.h"
+#include "doppel/layers/rotation_math.h"
 
 namespace doppel {
 
@@ -13,37 +15,7 @@ namespace {
 
 constexpr int kUp = 1;  // y
 
-/// [B] angles about coordinate axis 0, 1 or 2 -> [B,3,3].
-Tensor axis_rotation(const Tensor& angle, int axis) {
-  const Tensor c = angle.cos(), s = angle.sin(), zero = at::zeros_like(angle), one = at::ones_like(angle);
-  std::vector<Tensor> entries;
-  switch (axis) {
-    case 0:
-      entries = {one, zero, zero, zero, c, -s, zero, s, c};
-      break;
-    case 1:
-      entries = {c, zero, s, zero, one, zero, -s, zero, c};
-      break;
-    default:
-      entries = {c, -s, zero, s, c, zero, zero, zero, one};
-  }
-  std::vector<Tensor> rows;
-  for (int row = 0; row < 3; ++row)
-    rows.push_back(at::stack({entries[3 * row], entries[3 * row + 1], entries[3 * row + 2]}, -1));
-  return at::stack(rows, -2);
-}
-
 Tensor column(const Tensor& dofs, int dof, double weight) { return dofs.select(-1, dof) * weight; }
-
-/// The sum of offsets from the world to the first rotation of the root: where the root stands when z = 0.
-std::array<double, 3> root_offset(const Skeleton& skeleton, const Skeleton::Root& root) {
-  int joint = skeleton.num_joints();
-  for (const Dof::Drive& drive : skeleton.dofs[root.rotation[0]].joints)
-    if (drive.weight != 0.0) joint = std::min(joint, drive.joint);  // parents come first
-  Eigen::Vector3d offset = Eigen::Vector3d::Zero();
-  for (; joint >= 0; joint = skeleton.joints[joint].parent) offset += skeleton.joints[joint].offset;
-  return {offset.x(), offset.y(), offset.z()};
-}
 
 }  // namespace
 
@@ -58,7 +30,7 @@ Tensor compose_transforms(const Tensor& a, const Tensor& b) {
 }
 
 MotionWindow::MotionWindow(const Skeleton& skeleton)
-    : root_(skeleton.root()), offset_(root_offset(skeleton, root_)), num_dofs_(skeleton.num_dofs()) {}
+    : root_(skeleton.root()), offset_(root_pivot(skeleton)), num_dofs_(skeleton.num_dofs()) {}
 
 Tensor MotionWindow::heading(const Tensor& dofs) const {
   check_shape("motion window", "dofs", dofs, {-1, num_dofs_}, "[B,D]");
