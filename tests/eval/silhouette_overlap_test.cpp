@@ -6,6 +6,7 @@
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
@@ -135,6 +136,23 @@ TEST_F(SurfaceOverlapReference, ChosenCamerasAndFrames) {
   EXPECT_EQ(protocol["frames"]["test"], 3);
   EXPECT_EQ(protocol["cameras"].size(), 2u);
   EXPECT_EQ(protocol["resolution"]["c2"][0], 128);
+}
+
+TEST_F(SurfaceOverlapReference, TheInputCameraIsCountedApart) {
+  CharacterSurface surface(character_);
+  EvaluationOptions options;
+  options.input_camera = "c1";
+  const auto result = evaluate([&](const auto& samples) { return surface->skinned(dofs(samples)); }, options);
+  EXPECT_DOUBLE_EQ(result.SVIoU.value(), result.cameras[1].second);
+  EXPECT_DOUBLE_EQ(result.RVIoU.value(), 0.5 * (result.cameras[0].second + result.cameras[2].second));
+  EXPECT_DOUBLE_EQ(result.to_json()["SVIoU"], *result.SVIoU);
+  options.cameras = {"c1"};
+  EXPECT_FALSE(evaluate([&](const auto& samples) { return truth(samples); }, options).RVIoU);
+  options.cameras = {"c0", "c2"};
+  EXPECT_THAT(support::message_of<UsageError>([&] {
+                evaluate([&](const auto& samples) { return truth(samples); }, options);
+              }),
+              HasSubstr("input camera c1"));
 }
 
 TEST_F(SurfaceOverlapReference, JsonAndTableSayTheSame) {

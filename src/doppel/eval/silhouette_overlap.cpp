@@ -146,6 +146,8 @@ struct Column {
   const char* unit;
 };
 constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
+                               {"RVIoU", "RVIoU", 1, 4, ""},
+                               {"SVIoU", "SVIoU", 1, 4, ""},
                                {"outside", "outside", 100, 2, " %"},
                                {"missing", "missing", 100, 2, " %"},
                                {"vertex_error_mm", "vertex error", 1, 2, " mm"},
@@ -153,6 +155,18 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"MSE", "MSE", 1, 2, ""},
                                {"PSNR", "PSNR", 1, 2, " dB"},
                                {"SSIM", "SSIM", 1, 4, ""}};
+
+/// SVIoU and RVIoU: the input camera against all others.
+void split_by_input(SurfaceResult& result, const std::string& input_camera) {
+  Mean others;
+  for (const auto& [name, iou] : result.cameras) {
+    if (name == input_camera)
+      result.SVIoU = iou;
+    else
+      others.add(iou);
+  }
+  if (others.count > 0) result.RVIoU = others.value();
+}
 
 }  // namespace
 
@@ -170,6 +184,8 @@ Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count
 nlohmann::ordered_json SurfaceResult::to_json() const {
   nlohmann::ordered_json json;
   json["AMVIoU"] = AMVIoU;
+  if (RVIoU) json["RVIoU"] = *RVIoU;
+  if (SVIoU) json["SVIoU"] = *SVIoU;
   if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
   if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
   if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
@@ -184,6 +200,11 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
                                const std::string& title) {
   torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
+  if (!options.input_camera.empty()) {
+    const int input = dataset.camera_index(options.input_camera);
+    if (std::find(cameras.begin(), cameras.end(), input) == cameras.end())
+      fail<UsageError>("the input camera {} is not among those compared", options.input_camera);
+  }
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
   const std::vector<SampleId> samples = dataset.samples(split, options.every);
   Rasterizer rasterizer(faces);
@@ -216,6 +237,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     if (per_camera.count(camera)) result.cameras.emplace_back(dataset.camera(camera).name, per_camera[camera].value());
   if (result.cameras.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
   for (const auto& [name, iou] : result.cameras) result.AMVIoU += iou / static_cast<double>(result.cameras.size());
+  if (!options.input_camera.empty()) split_by_input(result, options.input_camera);
   result.outside = static_cast<double>(total.only_b) / static_cast<double>(total.united);
   result.missing =
       static_cast<double>(total.united - total.intersection - total.only_b) / static_cast<double>(total.united);

@@ -34,6 +34,7 @@ Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count
 struct EvaluationOptions {
   std::vector<std::string> cameras;  ///< names; empty: all of the capture
   int every = 1;                     ///< each n-th frame of a sequence
+  std::string input_camera;          ///< the one whose pictures the method was given; empty: none
 };
 
 /// A surface as a function of the frame: vertices [B,N,3] float32, world metres, for B samples.
@@ -43,6 +44,7 @@ using SurfaceFunction = std::function<torch::Tensor(const std::vector<SampleId>&
 struct SurfaceResult {
   std::vector<std::pair<std::string, double>> cameras;  ///< IoU per camera, mean over its frames
   double AMVIoU = 0.0;                                  ///< mean over cameras
+  std::optional<double> SVIoU, RVIoU;                   ///< of the input camera, mean over the others
   /// Pixels that the surface covers outside the mask, and those of the mask that it misses, of all pixels of the
   /// unions. A surface that is too fat has more of the first, a thin one of the second.
   double outside = 0.0, missing = 0.0;
@@ -59,7 +61,8 @@ struct SurfaceResult {
 /// empty does not count. Where the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
 /// (metres), the errors against it come along.
 /// @param faces int32 [F,3]
-/// @throws UsageError for an unknown camera; Error when no camera sees anything, or a truth has another shape
+/// @throws UsageError for an unknown camera, or an input camera that is not among those compared; Error when no camera
+/// sees anything, or a truth has another shape
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
                                const std::string& title);
