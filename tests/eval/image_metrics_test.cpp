@@ -133,7 +133,21 @@ TEST_F(PhotometricReference, AConstantErrorCountsByTheShareOfThePerson) {
   for (const auto& [name, scores] : result.cameras)
     EXPECT_NEAR(scores.masked.MSE, 100.0 * scores.foreground, 1e-9) << name;
   EXPECT_NEAR(result.mean.masked.MSE, 100.0 * result.mean.foreground, 1e-9);
+  EXPECT_EQ(result.mean.missing_MSE, 0.0);
   EXPECT_LT(result.mean.masked.SSIM, 1.0);
+}
+
+TEST_F(PhotometricReference, PixelsThatAreNotDrawnAreTheMissingPart) {
+  const auto upper_half = [](const ImageRequest& request) {
+    RenderedImages drawn = truth(10)(request);
+    drawn.covered.slice(2, request.size / 2).zero_();
+    return drawn;
+  };
+  const PhotometricScores mean = evaluate(upper_half).mean;
+  EXPECT_GT(mean.missing_MSE, 100.0);
+  // What is left is the drawn part of the person, off by 10 levels.
+  EXPECT_GT(mean.masked.MSE - mean.missing_MSE, 0.0);
+  EXPECT_LT(mean.masked.MSE - mean.missing_MSE, 100.0 * mean.foreground);
 }
 
 TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullPictureOnly) {

@@ -53,6 +53,7 @@ ImageScores& operator+=(ImageScores& sum, const ImageScores& other) {
 PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& other) {
   sum.masked += other.masked;
   sum.full += other.full;
+  sum.missing_MSE += other.missing_MSE;
   sum.foreground += other.foreground;
   return sum;
 }
@@ -62,7 +63,7 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
   for (const PhotometricScores& one : all) mean += one;
   const double count = static_cast<double>(all.size());
   for (double* value : {&mean.masked.MSE, &mean.masked.PSNR, &mean.masked.SSIM, &mean.full.MSE, &mean.full.PSNR,
-                        &mean.full.SSIM, &mean.foreground})
+                        &mean.full.SSIM, &mean.missing_MSE, &mean.foreground})
     *value /= count;
   return mean;
 }
@@ -99,6 +100,8 @@ PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::
   truth.copyTo(true_person, mask);
   scores.masked = compare_images(drawn_person, true_person);
   scores.full = compare_images(over, truth);
+  true_person.setTo(cv::Scalar::all(0), covered);
+  scores.missing_MSE = mean_square(true_person, cv::Mat::zeros(truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   return scores;
 }
@@ -134,6 +137,7 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
 nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
   nlohmann::ordered_json json = scores.masked.to_json();
   json["full"] = scores.full.to_json();
+  json["missing_MSE"] = scores.missing_MSE;
   json["foreground"] = scores.foreground;
   return json;
 }
@@ -214,6 +218,7 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
   json["SSIM"] =
       fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the picture, mean over channels",
                   kWindow, kWindow, kSigma);
+  json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
   return json;
 }

@@ -49,9 +49,10 @@ using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;
 
 /// Of one camera, or their mean.
 struct PhotometricScores {
-  ImageScores masked;       ///< both pictures black outside the true mask
-  ImageScores full;         ///< the drawing over its background, against the picture as filmed
-  double foreground = 0.0;  ///< share of the true mask in the crop: masked.MSE / foreground is the MSE of the person
+  ImageScores masked;        ///< both pictures black outside the true mask
+  ImageScores full;          ///< the drawing over its background, against the picture as filmed
+  double missing_MSE = 0.0;  ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
+  double foreground = 0.0;   ///< share of the true mask in the crop: masked.MSE / foreground is the MSE of the person
 };
 
 struct PhotometricResult {

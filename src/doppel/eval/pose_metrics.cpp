@@ -15,6 +15,7 @@ using torch::Tensor;
 namespace {
 
 constexpr double kPckMillimetres = 150.0, kAucStep = 5.0;
+constexpr double kRounding = 1e-6;  ///< millimetres: the first threshold of the AUC is 0
 constexpr int kRoot = -1;
 
 struct CommonJoint {
@@ -162,7 +163,7 @@ PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
   const Tensor error = kMillimetres * ((rescaled - root_of(rescaled)) - (truth - root_of(truth))).norm(2, {-1});
   const double all = static_cast<double>(scores.frames * kCommonJoints);
   const auto share = [&](double threshold) {
-    return 100.0 * static_cast<double>((error <= threshold).sum().item<std::int64_t>()) / all;
+    return 100.0 * static_cast<double>((error <= threshold + kRounding).sum().item<std::int64_t>()) / all;
   };
   scores.PCK = share(kPckMillimetres);
   const int steps = static_cast<int>(kPckMillimetres / kAucStep);
