@@ -5,7 +5,6 @@
 
 #include "doppel/data/capture_layouts.h"
 #include "doppel/data/dataset.h"
-#include "doppel/data/keypoint_map.h"
 #include "doppel/data/prepare.h"
 #include "doppel/data/video.h"
 #include "support/shared_folder.h"
@@ -37,12 +36,7 @@ TEST_F(RealData, RecognisesAndPreparesTheCapture) {
     EXPECT_EQ(camera.empty_frames, 0);
   }
   const Dataset dataset = Dataset::open(options.out);
-  const auto keypoints = dataset.keypoint_file({0, 3}, 1);
-  ASSERT_TRUE(keypoints.has_value());
-  EXPECT_NE(keypoints->string().find("006/stream006_000000000003"), std::string::npos);
-  const People people = read_people(*keypoints, read_keypoint_map("body25").layout);
-  ASSERT_EQ(people.size(), 1u);
-  EXPECT_EQ(people[0].size(), 25u);
+  EXPECT_EQ(dataset.keypoints({0, 3}, 1).size(), 25u);
 }
 
 // The studio is green and its empty pictures are given: both ways of keying must come near the true masks.

@@ -23,6 +23,21 @@ struct Batch {
   torch::Tensor image;             ///< uint8 [B,C,I,I,3] RGB; black beyond the camera's picture and where none is
   torch::Tensor image_mask;        ///< uint8 [B,C,I,I] 1 = person; 0 beyond the camera's picture
   torch::Tensor image_projection;  ///< float32 [B,C,3,4] pixels of `image` from world metres
+
+  // Keypoints, when asked for (BatchOptions::keypoints); else undefined. M landmarks in the order of
+  // Dataset::landmarks(), in pixels of the whole picture without lens distortion.
+  torch::Tensor keypoints;          ///< float32 [B,C,M,3] x, y, confidence 0..1; 0, 0, 0 where not seen
+  torch::Tensor keypoint_scale;     ///< float32 [B,C] 1024 / width of the camera's picture
+  torch::Tensor camera_projection;  ///< float32 [B,C,3,4] pixels of the whole picture from world metres
+  torch::Tensor camera_rotation;    ///< float32 [B,C,3,3] camera from world
+  torch::Tensor camera_position;    ///< float32 [B,C,3] world metres
+
+  // What a network sees, when asked for (BatchOptions::person_size); else undefined. P = 1 camera of each sample: one
+  // at random that sees the person (the first such one with `augment` off). See person_crop.h.
+  torch::Tensor person;             ///< float32 [B,P,3,S,S] RGB minus ImageNet's mean over its deviation, on black
+  torch::Tensor person_camera;      ///< int64 [B] its index into C
+  torch::Tensor person_projection;  ///< float32 [B,P,3,4] pixels of `person` from world metres
+  torch::Tensor person_valid;       ///< bool [B] false where no camera sees the person: `person` is black then
 };
 
 /// What a batch is to hold.
@@ -30,6 +45,9 @@ struct BatchOptions {
   int window = 2;       ///< F: earlier frames in the DoF window
   bool images = false;  ///< pictures too
   int image_size = 0;   ///< I; 0: as stored, else at most that
+  bool keypoints = false;
+  int person_size = 0;   ///< S of `person`; 0: none
+  bool augment = false;  ///< random camera, colours and window of `person`
 };
 
 }  // namespace doppel

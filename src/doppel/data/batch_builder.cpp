@@ -4,10 +4,14 @@
 
 #include "doppel/core/error.h"
 #include "doppel/data/loader.h"
+#include "doppel/data/person_crop.h"
 
 namespace doppel {
 
 namespace {
+
+constexpr float kKeypointWidth = 1024.0f;  // of the pictures whose pixels keypoint losses count in (method-notes 11.5)
+constexpr double kPersonDetail = 1.25;     // of what is kept for networks: a little more than they see
 
 using Crops = std::vector<std::shared_ptr<const SilhouetteCrop>>;  // [B*C]
 
@@ -32,12 +36,15 @@ torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
   return points;
 }
 
+void write_projection(const Camera& camera, float* to) {
+  const Eigen::Matrix<double, 3, 4> projection = camera.projection();
+  for (int i = 0; i < 12; ++i) to[i] = static_cast<float>(projection(i / 4, i % 4));
+}
+
 /// Projection of the crop's camera; of the whole picture's where there is no crop, so that the numbers stay finite.
 template <typename Crop>
 void write_projection(const Camera& camera, const Crop& crop, float* to) {
-  const Camera seen = crop.valid ? crop_camera(camera, crop.box, crop.pixels) : camera;
-  const Eigen::Matrix<double, 3, 4> projection = seen.projection();
-  for (int i = 0; i < 12; ++i) to[i] = static_cast<float>(projection(i / 4, i % 4));
+  write_projection(crop.valid ? crop_camera(camera, crop.box, crop.pixels) : camera, to);
 }
 
 void write_distance(const SilhouetteCrop& crop, float* to, std::int64_t count) {
@@ -88,6 +95,95 @@ void add_images(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   }
 }
 
+/// Keypoints, and the cameras whose pixels they are in.
+void add_keypoints(const Dataset& dataset, const std::vector<SamplePlan::Item>& items, Batch& batch) {
+  dataset.require_landmarks();
+  const std::int64_t b = batch.cameras.size(0), c = batch.cameras.size(1);
+  const auto m = static_cast<std::int64_t>(dataset.landmarks().size());
+  batch.keypoints = torch::empty({b, c, m, 3}, torch::kFloat32);
+  batch.keypoint_scale = torch::empty({b, c}, torch::kFloat32);
+  batch.camera_projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
+  batch.camera_rotation = torch::empty({b, c, 3, 3}, torch::kFloat32);
+  batch.camera_position = torch::empty({b, c, 3}, torch::kFloat32);
+  for (std::int64_t i = 0; i < b * c; ++i) {
+    const SamplePlan::Item& item = items[static_cast<std::size_t>(i / c)];
+    const int index = item.cameras[static_cast<std::size_t>(i % c)];
+    const Camera& camera = dataset.camera(index);
+    float* to = batch.keypoints.data_ptr<float>() + 3 * m * i;
+    for (const Keypoint& point : dataset.keypoints(item.sample, index)) {
+      *to++ = point.x;
+      *to++ = point.y;
+      *to++ = point.confidence;
+    }
+    batch.keypoint_scale.data_ptr<float>()[i] = kKeypointWidth / static_cast<float>(camera.width);
+    write_projection(camera, batch.camera_projection.data_ptr<float>() + 12 * i);
+    for (int k = 0; k < 9; ++k)
+      batch.camera_rotation.data_ptr<float>()[9 * i + k] = static_cast<float>(camera.R(k / 3, k % 3));
+    const Eigen::Vector3d centre = camera.centre();
+    for (int k = 0; k < 3; ++k) batch.camera_position.data_ptr<float>()[3 * i + k] = static_cast<float>(centre[k]);
+  }
+}
+
+/// The camera of an item that a network looks through: the first from `start` on, in a circle, that sees the person;
+/// `start` itself when none does.
+int choose_camera(const Dataset& dataset, const SamplePlan::Item& item, int start) {
+  const int count = static_cast<int>(item.cameras.size());
+  for (int i = 0; i < count; ++i) {
+    const int camera = (start + i) % count;
+    if (!dataset.crop_box(item.sample, item.cameras[static_cast<std::size_t>(camera)]).empty()) return camera;
+  }
+  return start;
+}
+
+/// @return whether the person is seen. @param projection [3,4]
+bool write_person_of(const Dataset& dataset, const ImageCrop& crop, const SampleId& sample, int camera,
+                     SplitMix* random, int pixels, float* to, float* projection) {
+  PersonPicture picture;
+  PersonWindow window;
+  if (crop.valid) {
+    picture.rgb = cv::Mat(crop.pixels, crop.pixels, CV_8UC3, const_cast<std::uint8_t*>(crop.rgb.data()));
+    picture.foreground = cv::Mat(crop.pixels, crop.pixels, CV_8U, const_cast<std::uint8_t*>(crop.foreground.data()));
+    picture.u0 = crop.box.u0;
+    picture.v0 = crop.box.v0;
+    picture.scale = static_cast<double>(crop.pixels) / crop.box.side;
+    const auto keypoints = dataset.landmarks().empty() ? std::vector<Keypoint>() : dataset.keypoints(sample, camera);
+    window = person_window(keypoints, picture.mask_box());
+  }
+  const bool seen = !window.empty();
+  if (!seen) {  // all black, seen by the whole camera
+    picture.rgb = cv::Mat::zeros(1, 1, CV_8UC3);
+    picture.foreground = cv::Mat::zeros(1, 1, CV_8U);
+    window = {0.0, 0.0, 1.0};
+  }
+  if (random) window = draw_window(window, *random);
+  write_person(picture, window, random ? draw_photometry(*random) : Photometry(), pixels, to);
+  write_projection(seen ? window.camera(dataset.camera(camera), pixels) : dataset.camera(camera), projection);
+  return seen;
+}
+
+/// What a network sees: one camera of each sample.
+void add_people(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
+                const BatchOptions& options, Batch& batch) {
+  const std::int64_t b = batch.cameras.size(0), s = options.person_size;
+  const int stored = std::min(dataset.image_size(), static_cast<int>(kPersonDetail * options.person_size));
+  batch.person = torch::empty({b, 1, 3, s, s}, torch::kFloat32);
+  batch.person_camera = torch::empty({b}, torch::kInt64);
+  batch.person_projection = torch::empty({b, 1, 3, 4}, torch::kFloat32);
+  batch.person_valid = torch::empty({b}, torch::kBool);
+  for (std::int64_t i = 0; i < b; ++i) {
+    const SamplePlan::Item& item = items[static_cast<std::size_t>(i)];
+    SplitMix random(item.seed);
+    const int start = options.augment ? static_cast<int>(random.below(item.cameras.size())) : 0;
+    const int chosen = choose_camera(dataset, item, start);
+    const int camera = item.cameras[static_cast<std::size_t>(chosen)];
+    const auto crop = cache.person(dataset, item.sample, camera, stored);
+    batch.person_camera.data_ptr<std::int64_t>()[i] = chosen;
+    batch.person_valid.data_ptr<bool>()[i] = write_person_of(
+        dataset, *crop, item.sample, camera, options.augment ? &random : nullptr, options.person_size,
+        batch.person.data_ptr<float>() + 3 * s * s * i, batch.person_projection.data_ptr<float>() + 12 * i);
+  }
+}
+
 std::uint64_t key_of(const SampleId& sample, int camera) {
   return static_cast<std::uint64_t>(sample.sequence) << 48 | static_cast<std::uint64_t>(camera) << 36 |
          static_cast<std::uint64_t>(sample.frame);
@@ -117,6 +213,11 @@ std::shared_ptr<const SilhouetteCrop> CropCache::silhouette(const Dataset& datas
 std::shared_ptr<const ImageCrop> CropCache::image(const Dataset& dataset, const SampleId& sample, int camera,
                                                   int pixels) {
   return get(images_, key_of(sample, camera), [&] { return dataset.image(sample, camera, pixels); });
+}
+
+std::shared_ptr<const ImageCrop> CropCache::person(const Dataset& dataset, const SampleId& sample, int camera,
+                                                   int pixels) {
+  return get(people_, key_of(sample, camera), [&] { return dataset.image(sample, camera, pixels); });
 }
 
 Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
@@ -153,6 +254,8 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
   batch.dofs = torch::stack(windows);
   write_silhouettes(dataset, items, crops, batch);
   batch.contour = contour_tensor(crops, batch.contour_offsets);
+  if (options.keypoints) add_keypoints(dataset, items, batch);
+  if (options.person_size > 0) add_people(dataset, cache, items, options, batch);
   if (options.images) add_images(dataset, cache, items, dataset.image_pixels(options.image_size), batch);
   return batch;
 }
@@ -162,7 +265,7 @@ Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
   if (samples.size() != cameras.size())
     fail<UsageError>("a batch of {} samples was given cameras for {}", samples.size(), cameras.size());
   std::vector<SamplePlan::Item> items;
-  for (std::size_t i = 0; i < samples.size(); ++i) items.push_back({samples[i], cameras[i]});
+  for (std::size_t i = 0; i < samples.size(); ++i) items.push_back({samples[i], cameras[i], i});
   CropCache no_cache(0);
   return build_batch(dataset, no_cache, items, options);
 }

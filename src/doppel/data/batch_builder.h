@@ -20,6 +20,8 @@ class CropCache {
   std::shared_ptr<const SilhouetteCrop> silhouette(const Dataset& dataset, const SampleId& sample, int camera);
   /// @param pixels the same in all calls
   std::shared_ptr<const ImageCrop> image(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
+  /// The same, kept apart: what networks see has a resolution of its own.
+  std::shared_ptr<const ImageCrop> person(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
 
  private:
   template <typename Crop>
@@ -29,7 +31,7 @@ class CropCache {
 
   std::mutex mutex_;
   Items<SilhouetteCrop> silhouettes_;
-  Items<ImageCrop> images_;
+  Items<ImageCrop> images_, people_;
   std::size_t bytes_ = 0, max_bytes_;
 };
 

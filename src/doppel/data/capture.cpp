@@ -100,6 +100,17 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   return sequence;
 }
 
+/// What the keypoints are put on, and how they are made steady.
+void read_evidence(const ConfigReader& reader, Capture& capture) {
+  capture.landmarks = reader.get("landmarks", "");
+  capture.keypoint_map = reader.get("keypoint_map", "");
+  const ConfigReader filter = reader.section("keypoint_filter");
+  KeypointFilter& options = capture.keypoint_filter;
+  options.window = filter.get("window", options.window, between(0, 1000));
+  options.outlier = filter.get("outlier", options.outlier, between(1e-4, 1.0));
+  options.sigma = filter.get("sigma", options.sigma, between(0.0, 1000.0));
+}
+
 void read_sequences(const ConfigReader& reader, Capture& capture) {
   std::set<std::string> names;
   for (const ConfigReader& section : reader.sections("sequences")) {
@@ -125,6 +136,14 @@ YAML::Node chroma_key_node(const ChromaKey& key) {
   node["tolerance"] = key.tolerance;
   node["min_saturation"] = key.min_saturation;
   node["smooth"] = key.smooth;
+  return node;
+}
+
+YAML::Node filter_node(const KeypointFilter& filter) {
+  YAML::Node node;
+  node["window"] = filter.window;
+  node["outlier"] = filter.outlier;
+  node["sigma"] = filter.sigma;
   return node;
 }
 
@@ -211,6 +230,11 @@ fs::path Capture::resolve(const std::string& written) const {
   return (path.is_absolute() ? path : root / path).lexically_normal();
 }
 
+bool Capture::has_keypoints() const {
+  return std::any_of(sequences.begin(), sequences.end(),
+                     [](const SequenceEntry& sequence) { return !sequence.keypoints.empty(); });
+}
+
 Capture read_capture(const fs::path& file_or_folder) {
   const fs::path file = fs::is_directory(file_or_folder) ? file_or_folder / "capture.yaml" : file_or_folder;
   const ConfigDocument document = ConfigDocument::load(file);
@@ -234,6 +258,7 @@ Capture read_capture(const fs::path& file_or_folder) {
   if (std::set<std::string>(capture.cameras.begin(), capture.cameras.end()).size() != capture.cameras.size())
     reader.fail_at_key("cameras", "names a camera twice");
   if (reader.has("background")) capture.background = read_pattern(reader, "background");
+  read_evidence(reader, capture);
   read_sequences(reader, capture);
   reader.finish();
   return capture;
@@ -252,6 +277,9 @@ void write_capture(const fs::path& path, const Capture& capture) {
     node["cameras"].SetStyle(YAML::EmitterStyle::Flow);
   }
   if (!capture.background.empty()) node["background"] = capture.background;
+  if (!capture.landmarks.empty()) node["landmarks"] = capture.landmarks;
+  if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
+  if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
   YAML::Emitter emitter;
   emitter << node;

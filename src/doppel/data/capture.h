@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "doppel/core/config.h"
+#include "doppel/data/keypoint_filter.h"
 
 namespace doppel {
 
@@ -39,7 +40,7 @@ struct SequenceEntry {
   std::optional<ChromaKey> chroma_key;
   int mask_threshold = 128;                  ///< a pixel >= this is the person
   bool largest_component = false;            ///< keep only the largest connected part of a mask
-  std::string keypoints;                     ///< OpenPose JSON files, or empty
+  std::string keypoints;                     ///< keypoint files (JSON or a table), or empty
   std::string motion;                        ///< Skeletool motion file; row f belongs to the f-th instant
   std::map<std::string, long> frame_offset;  ///< camera name -> video frame = motion row + offset
   long first_frame = 0;                      ///< first motion row to use
@@ -60,12 +61,17 @@ struct Capture {
   double fps = 25.0;
   std::vector<std::string> cameras;  ///< names to use, empty: all of the calibration file
   std::string background;            ///< picture of the empty studio per camera, or empty
+  std::string landmarks;             ///< placement file of the landmarks; empty: the skeleton's markers
+  std::string keypoint_map;          ///< a built-in map's name or a file; empty: as the keypoint files suggest
+  KeypointFilter keypoint_filter;
   std::vector<SequenceEntry> sequences;
 
   /// `written` made absolute: relative paths start at `root`.
   std::filesystem::path resolve(const std::string& written) const;
   std::filesystem::path character_path() const { return resolve(character); }
   std::filesystem::path calibration_path() const { return resolve(calibration); }
+  /// Whether any sequence names keypoints.
+  bool has_keypoints() const;
 };
 
 /// Reads a `capture.yaml`, or the one in a folder. Every value is checked on its own; whether files exist and agree is

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstdio>
+#include <climits>
 #include <functional>
 #include <map>
 #include <regex>
@@ -126,17 +126,14 @@ fs::path find_motion(const fs::path& folder, const std::string& split) {
 
 /// The rows of `frames.csv` at which the segment number changes.
 std::vector<long> read_cuts(const fs::path& path) {
-  TextReader reader(path, "a table of frames and segments");
-  reader.require_line("the header frame,segment");
-  if (reader.line() != "frame,segment") reader.fail_here("the header must be 'frame,segment', not '{}'", reader.line());
+  TextReader reader(path, "a table of frames and segments", Separator::comma);
+  reader.require_header("frame,segment");
   std::vector<long> cuts;
   std::optional<long> last_frame, last_segment;
-  while (reader.next_line()) {
-    long frame = 0, segment = 0;
-    char rest = 0;
-    if (std::sscanf(std::string(reader.line()).c_str(), "%ld,%ld%c", &frame, &segment, &rest) != 2)
-      reader.fail_here("'{}' is not of the form frame,segment", reader.line());
-    if (frame < 0 || (last_frame && frame != *last_frame + 1))
+  while (reader.next_row(2)) {
+    const long frame = reader.integer(0, "the frame", 0, INT_MAX);
+    const long segment = reader.integer(1, "the segment", LONG_MIN, LONG_MAX);
+    if (last_frame && frame != *last_frame + 1)
       reader.fail_here("frame {} follows frame {}; frames must count up by one", frame, last_frame.value_or(-1));
     if (last_segment && segment != *last_segment) cuts.push_back(frame);
     last_frame = frame;
@@ -253,6 +250,7 @@ std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
   capture.character = relative_to(
       find_only(capture.root, "character", ".character", {"ddc.character", "actor.character"}), capture.root);
   capture.background = find_background(capture.root);
+  if (fs::is_regular_file(capture.root / "landmarks.csv")) capture.landmarks = "landmarks.csv";
   for (FoundSequence& sequence : sequences) {
     sequence.entry.motion = relative_to(find_motion(capture.root, sequence.entry.name), capture.root);
     capture.sequences.push_back(sequence.entry);

@@ -100,6 +100,7 @@ Dataset Dataset::open(const fs::path& folder) {
   dataset.num_dofs_ = layout.num_dofs;
   dataset.mask_size_ = layout.mask_size;
   dataset.image_size_ = layout.image_size;
+  dataset.landmarks_ = layout.landmarks;
   for (const SequenceEntry& entry : dataset.capture_.sequences)
     dataset.sequences_.push_back(make_sequence(entry, dataset.capture_, layout.num_dofs));
   return dataset;
@@ -244,13 +245,20 @@ SilhouetteCrop Dataset::silhouette(const SampleId& sample, int camera) const {
   return crop;
 }
 
-std::optional<fs::path> Dataset::keypoint_file(const SampleId& sample, int camera) const {
-  const SequenceEntry& entry = capture_.sequences.at(sample.sequence);
-  if (entry.keypoints.empty()) return std::nullopt;
-  const std::string& name = cameras_.at(camera).name;
-  const fs::path path = capture_.resolve(
-      expand_pattern(entry.keypoints, file_index_.at(camera), name, sample.frame + entry.offset(name)));
-  return fs::is_regular_file(path) ? std::optional(path) : std::nullopt;
+void Dataset::require_landmarks() const {
+  if (landmarks_.empty())
+    fail<UsageError>(
+        "{} was prepared without keypoints; name `keypoints` and `landmarks` in the capture.yaml of the footage "
+        "(docs/capture.md) and prepare it again with --overwrite",
+        folder_.string());
+}
+
+std::vector<Keypoint> Dataset::keypoints(const SampleId& sample, int camera) const {
+  require_landmarks();
+  const std::string name = keypoints_key(sequences_.at(sample.sequence).name, cameras_.at(camera).name, sample.frame);
+  const std::optional<std::string> bytes = store_->get(name);
+  if (!bytes) fail("{}: the store has no {}; the frame was not prepared", folder_.string(), name);
+  return decode_keypoints(*bytes, landmarks_.size(), folder_.string() + ": " + name);
 }
 
 }  // namespace doppel

@@ -11,8 +11,10 @@
 #include <vector>
 
 #include "doppel/character/motion.h"
+#include "doppel/character/skeleton.h"
 #include "doppel/data/batch.h"
 #include "doppel/data/capture.h"
+#include "doppel/data/keypoints.h"
 #include "doppel/data/mask.h"
 #include "doppel/data/store.h"
 #include "doppel/geometry/camera.h"
@@ -83,6 +85,13 @@ class Dataset {
   /// All frames of a split, by sequence and frame. @param every take each n-th frame of a sequence
   std::vector<SampleId> samples(Split split, int every = 1) const;
 
+  /// The landmarks that keypoints were prepared for: [M], none when the capture had no keypoints.
+  const std::vector<Marker>& landmarks() const { return landmarks_; }
+  /// @throws UsageError that says how to prepare keypoints when there are none
+  void require_landmarks() const;
+  /// What was detected: [M] in the order of `landmarks()`, pixels of the picture without distortion.
+  std::vector<Keypoint> keypoints(const SampleId& sample, int camera) const;
+
   int mask_size() const { return mask_size_; }
   int image_size() const { return image_size_; }
   /// The side that pictures come with when `pixels` is asked for: 0 means as stored.
@@ -110,8 +119,6 @@ class Dataset {
   cv::Mat background(int camera) const;
   /// Distance transform and contour of the mask's window.
   SilhouetteCrop silhouette(const SampleId& sample, int camera) const;
-  /// The keypoint file of a frame, if the capture has keypoints and the file exists.
-  std::optional<std::filesystem::path> keypoint_file(const SampleId& sample, int camera) const;
 
  private:
   Dataset() = default;
@@ -124,6 +131,7 @@ class Dataset {
   std::vector<Camera> cameras_;
   std::vector<int> file_index_;  ///< [C] position of each camera in the calibration file
   std::vector<DatasetSequence> sequences_;
+  std::vector<Marker> landmarks_;
   std::shared_ptr<Store> store_;
   int num_dofs_ = 0, mask_size_ = 0, image_size_ = 0;
 };

@@ -26,6 +26,8 @@ void check_options(const LoaderOptions& options) {
   require(options.workers >= 0 && options.workers <= 256, "number of workers", options.workers, "0 to 256");
   require(options.prefetch >= 1 && options.prefetch <= 1024, "prefetch depth", options.prefetch, "1 to 1024");
   require(options.cache_mb >= 0, "cache", options.cache_mb, "at least 0 MB");
+  require(options.person_size == 0 || (options.person_size >= 16 && options.person_size <= 4096),
+          "size of person pictures", options.person_size, "0 (none) or 16 to 4096");
 }
 
 SamplePlan make_plan(const Dataset& dataset, const LoaderOptions& options) {
@@ -93,7 +95,9 @@ struct Loader::Impl {
       // Workers record no autograd history; each thread has its own switch.
       torch::NoGradGuard no_grad;
       const auto items = plan.items(first_sample + number * options.batch_size, options.batch_size);
-      loaded.batch = build_batch(dataset, cache, items, {options.window, options.images, options.image_size});
+      loaded.batch = build_batch(dataset, cache, items,
+                                 {options.window, options.images, options.image_size, options.keypoints,
+                                  options.person_size, options.augment});
     } catch (...) {
       loaded.error = std::current_exception();
     }
@@ -146,6 +150,7 @@ struct Loader::Impl {
 Loader::Loader(const Dataset& dataset, LoaderOptions options) {
   check_options(options);
   if (options.images) dataset.image_pixels(options.image_size);
+  if (options.keypoints) dataset.require_landmarks();
   impl_ = std::make_unique<Impl>(dataset, std::move(options));
 }
 

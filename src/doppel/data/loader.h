@@ -18,6 +18,9 @@ struct LoaderOptions {
   int window = 2;                    ///< F: earlier frames in the DoF window
   bool images = false;               ///< pictures too
   int image_size = 0;                ///< their side; 0: as stored, else at most that
+  bool keypoints = false;            ///< keypoints and whole cameras too
+  int person_size = 0;               ///< side of the pictures that a network sees of the person; 0: none
+  bool augment = true;               ///< vary those pictures (person_crop.h); off for evaluation
   std::uint64_t seed = 1;
   int workers = 1;   ///< threads that load ahead; 0: load inside next()
   int prefetch = 4;  ///< batches kept ready

@@ -171,15 +171,32 @@ std::vector<ContourPixel> contour_pixels(const cv::Mat& mask) {
 Undistorter::Undistorter(const Camera& camera) : pinhole_(camera) {
   if (!camera.has_distortion()) return;
   pinhole_.distortion = {};
-  // OpenCV puts pixel centres at integers, we at +0.5.
+  coefficients_.assign(camera.distortion.begin(), camera.distortion.end());
+  const cv::Matx33d k = opencv_intrinsics();
+  cv::initUndistortRectifyMap(k, coefficients_, cv::Matx33d::eye(), k, {camera.width, camera.height}, CV_32FC1, map1_,
+                              map2_);
+}
+
+/// OpenCV puts pixel centres at integers, we at +0.5.
+cv::Matx33d Undistorter::opencv_intrinsics() const {
   cv::Matx33d k;
   for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) k(row, column) = camera.K(row, column);
+    for (int column = 0; column < 3; ++column) k(row, column) = pinhole_.K(row, column);
   k(0, 2) -= 0.5;
   k(1, 2) -= 0.5;
-  const std::vector<double> coefficients(camera.distortion.begin(), camera.distortion.end());
-  cv::initUndistortRectifyMap(k, coefficients, cv::Matx33d::eye(), k, {camera.width, camera.height}, CV_32FC1, map1_,
-                              map2_);
+  return k;
+}
+
+Eigen::Vector2d Undistorter::apply(const Eigen::Vector2d& pixel) const {
+  if (coefficients_.empty()) return pixel;
+  const std::vector<cv::Point2d> from{{pixel.x() - 0.5, pixel.y() - 0.5}};
+  std::vector<cv::Point2d> to;
+  const cv::Matx33d k = opencv_intrinsics();
+  const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-9);
+  cv::undistortPoints(from, to, k, coefficients_, cv::Matx33d::eye(), k, until);
+  // Far outside of the picture the polynomial of the lens has no inverse.
+  if (!std::isfinite(to[0].x) || !std::isfinite(to[0].y)) return pixel;
+  return {to[0].x + 0.5, to[0].y + 0.5};
 }
 
 cv::Mat Undistorter::apply(const cv::Mat& image) const {

@@ -64,11 +64,16 @@ class Undistorter {
   explicit Undistorter(const Camera& camera);
   /// The same picture seen by `pinhole()`; the input itself when the camera has no distortion.
   cv::Mat apply(const cv::Mat& image) const;
+  /// Where `pinhole()` sees what the camera sees at a pixel. Finite for finite pixels.
+  Eigen::Vector2d apply(const Eigen::Vector2d& pixel) const;
   /// The camera without distortion: same K, size and pose.
   const Camera& pinhole() const { return pinhole_; }
 
  private:
+  cv::Matx33d opencv_intrinsics() const;
+
   Camera pinhole_;
+  std::vector<double> coefficients_;  ///< empty without distortion
   cv::Mat map1_, map2_;
 };
 

@@ -134,7 +134,10 @@ class Preparation {
     }
     report.finished = report.records == wanted;
     if (!report.finished) return report;
-    for (const Job& job : jobs) report.cameras.push_back(report_camera(job));
+    for (const Job& job : jobs) {
+      report.cameras.push_back(report_camera(job));
+      if (!plan_.evidence.landmarks.empty()) report.cameras.back().keypoints = store_keypoints(job);
+    }
     write_outputs(report);
     return report;
   }
@@ -169,8 +172,12 @@ class Preparation {
     if (before == now) return;
     std::istringstream old_lines(before), new_lines(now);
     std::string old_line, new_line;
-    while (std::getline(old_lines, old_line) && std::getline(new_lines, new_line) && old_line == new_line) {
-    }
+    do {
+      old_line.clear();
+      new_line.clear();
+      std::getline(old_lines, old_line);
+      std::getline(new_lines, new_line);
+    } while (old_line == new_line && (old_lines || new_lines));
     fail(
         "{} was prepared with other settings: '{}' then, '{}' now; choose another --out, or throw the old one away "
         "with "
@@ -308,6 +315,50 @@ class Preparation {
     return report;
   }
 
+  /// Reads what was detected for one camera and stores it, a record per frame.
+  KeypointFacts store_keypoints(const Job& job) {
+    const PlannedSequence& rows = sequence(job);
+    const Camera& filmed = plan_.cameras[job.camera];
+    const long offset = rows.entry.offset(filmed.name);
+    std::vector<long> cuts;
+    for (const long cut : rows.entry.cuts) cuts.push_back(cut + offset);
+    const auto mask = [&](long frame) { return stored_mask(job, frame - offset); };
+    KeypointTrack track;
+    try {
+      track = follow_person(people_of(job), mask, LandmarkPicker(plan_.evidence.map, plan_.evidence.landmarks), filmed,
+                            rows.first_frame + offset, rows.last_frame + offset, cuts, plan_.capture.keypoint_filter);
+    } catch (const FileError&) {
+      throw;
+    } catch (const Error& e) {
+      fail("{}: {}", title(job), e.what());
+    }
+    std::vector<std::pair<std::string, std::string>> items;
+    for (std::size_t i = 0; i < track.frames.size(); ++i)
+      items.emplace_back(keypoints_key(rows.entry.name, filmed.name, rows.first_frame + static_cast<long>(i)),
+                         encode_keypoints(track.frames[i]));
+    store_.put(items);
+    tell_doubts(job, track.facts);
+    return track.facts;
+  }
+
+  void tell_doubts(const Job& job, const KeypointFacts& facts) const {
+    const std::string& written = sequence(job).entry.keypoints;
+    if (written.empty()) return;  // this sequence was not meant to have any
+    const std::vector<std::string> doubts = keypoint_doubts(facts);
+    if (facts.missing_files == facts.frames)
+      stop_or_warn(options_, fmt::format("{}: {} ({})", title(job), doubts.at(0), plan_.source(written, job.camera)));
+    else
+      for (const std::string& doubt : doubts) log::warn("{}: {}", title(job), doubt);
+  }
+
+  PeopleOfFrame people_of(const Job& job) const {
+    const std::string& written = sequence(job).entry.keypoints;
+    if (written.empty()) return [](long) { return std::optional<People>(); };
+    const auto source = std::make_shared<KeypointSource>(plan_.source(written, job.camera), plan_.evidence.map.layout,
+                                                         camera(job).name);
+    return [source](long frame) { return source->people(frame); };
+  }
+
   void write_outputs(const PrepareReport& report) {
     Capture capture = plan_.capture;
     for (std::size_t i = 0; i < capture.sequences.size(); ++i) {
@@ -363,20 +414,39 @@ PrepareReport prepare_capture(const Capture& capture, const PrepareOptions& opti
   return Preparation(plan, options).run();
 }
 
+namespace {
+
+nlohmann::ordered_json to_json(const KeypointFacts& facts) {
+  return {{"missing_files", facts.missing_files},
+          {"nobody", facts.nobody},
+          {"several_people", facts.several},
+          {"unsure_frames", facts.unsure},
+          {"seen", facts.seen}};
+}
+
+}  // namespace
+
 std::string PrepareReport::table() const {
   std::string text = fmt::format("{:<16} {:<10} {:>7} {:>6} {:>9} {:>7} {:>12}\n", "sequence", "camera", "frames",
                                  "empty", "coverage", "border", "template IoU");
-  for (const CameraReport& camera : cameras)
+  const bool keypoints =
+      std::any_of(cameras.begin(), cameras.end(), [](const auto& c) { return c.keypoints.has_value(); });
+  if (keypoints) text.insert(text.size() - 1, fmt::format(" {:>10} {:>7} {:>7}", "landmarks", "no file", "nobody"));
+  for (const CameraReport& camera : cameras) {
     text += fmt::format("{:<16} {:<10} {:>7} {:>6} {:>8.2f}% {:>6.1f}% {:>12.3f}\n", camera.sequence, camera.camera,
                         camera.frames, camera.empty_frames, 100.0 * camera.coverage, 100.0 * camera.border_touch,
                         camera.template_iou);
+    if (const auto& facts = camera.keypoints)
+      text.insert(text.size() - 1,
+                  fmt::format(" {:>9.1f}% {:>7} {:>7}", 100.0 * facts->seen, facts->missing_files, facts->nobody));
+  }
   return text;
 }
 
 std::string PrepareReport::json() const {
   nlohmann::ordered_json document{
       {"finished", finished}, {"records", records}, {"cameras", nlohmann::ordered_json::array()}};
-  for (const CameraReport& camera : cameras)
+  for (const CameraReport& camera : cameras) {
     document["cameras"].push_back({{"sequence", camera.sequence},
                                    {"camera", camera.camera},
                                    {"frames", camera.frames},
@@ -385,6 +455,8 @@ std::string PrepareReport::json() const {
                                    {"border_touch", camera.border_touch},
                                    {"template_iou", camera.template_iou},
                                    {"checked_frames", camera.checked_frames}});
+    if (camera.keypoints) document["cameras"].back()["keypoints"] = to_json(*camera.keypoints);
+  }
   return document.dump(2);
 }
 

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "doppel/data/capture.h"
+#include "doppel/data/evidence.h"
 
 namespace doppel {
 
@@ -29,6 +31,7 @@ struct CameraReport {
   double border_touch = 0.0;  ///< share of the frames whose mask touches the picture's border
   double template_iou = 0.0;  ///< median IoU of the skinned template and the mask on `checked_frames` frames
   int checked_frames = 0;
+  std::optional<KeypointFacts> keypoints;  ///< where the capture has keypoints and landmarks
 };
 
 struct PrepareReport {

@@ -220,9 +220,27 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
   return text;
 }
 
+/// Nothing without keypoints, so that captures prepared before there were any still match.
+std::string describe_evidence(const PreparePlan& plan) {
+  std::string text;
+  if (plan.evidence.landmarks.empty()) return text;
+  for (const Marker& landmark : plan.evidence.landmarks)
+    text += fmt::format("landmark {}: joint {}, position {} {} {}, points {} of {}\n", landmark.name, landmark.joint,
+                        landmark.position.x(), landmark.position.y(), landmark.position.z(),
+                        fmt::join(plan.evidence.map.find(landmark.name)->points, " "), plan.evidence.map.layout.name);
+  const KeypointFilter& filter = plan.capture.keypoint_filter;
+  text +=
+      fmt::format("keypoint filter: window {}, outlier {}, sigma {}\n", filter.window, filter.outlier, filter.sigma);
+  for (const PlannedSequence& sequence : plan.sequences)
+    text += fmt::format("sequence {}: keypoints {}, cuts {}\n", sequence.entry.name,
+                        plan.capture.resolve(sequence.entry.keypoints).string(), fmt::join(sequence.entry.cuts, " "));
+  return text;
+}
+
 StoreLayout make_layout(const PreparePlan& plan, const PrepareOptions& options) {
   StoreLayout layout;
-  layout.settings = describe_settings(plan, options);
+  layout.settings = describe_settings(plan, options) + describe_evidence(plan);
+  layout.landmarks = plan.evidence.landmarks;
   layout.num_dofs = plan.character.num_dofs();
   layout.mask_size = options.mask_size;
   layout.image_size = options.image_size;
@@ -248,6 +266,7 @@ PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& optio
   plan.character = load_character(capture.character_path());
   check_character(plan, options);
   choose_cameras(plan);
+  plan.evidence = plan_evidence(capture, plan.character);
   plan_sequences(plan, options);
   inspect_sources(plan);
   TemplateChecker checker(plan.character);

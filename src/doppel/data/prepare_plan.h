@@ -7,6 +7,7 @@
 #include "doppel/character/character.h"
 #include "doppel/character/motion.h"
 #include "doppel/data/capture.h"
+#include "doppel/data/evidence.h"
 #include "doppel/data/prepare.h"
 #include "doppel/data/store_layout.h"
 #include "doppel/geometry/camera.h"
@@ -29,6 +30,7 @@ struct PreparePlan {
   std::vector<Camera> cameras;  ///< chosen ones at the resolution of their video, with distortion
   std::vector<int> file_index;  ///< [C] position in the calibration file
   std::vector<PlannedSequence> sequences;
+  EvidencePlan evidence;
   StoreLayout layout;  ///< what the store will say about itself
 
   /// Absolute path or image pattern of one camera.

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
@@ -11,6 +12,8 @@ namespace {
 constexpr std::uint32_t kMagic = 0x43455244;  // "DREC"
 constexpr std::uint32_t kTouchesBorder = 1, kEmpty = 2;
 constexpr int kMaxSide = 1 << 16;
+constexpr std::uint64_t kKeypointSeed = 0x6b657970;  // keypoints of another version get another
+static_assert(sizeof(Keypoint) == 12, "three floats a landmark are part of the store's format");
 
 /// The fixed part of a record, as it lies on disk (little-endian).
 struct RecordHead {
@@ -118,6 +121,34 @@ FrameRecord decode_record(const std::string& bytes, const std::string& what) {
     at += size;
   }
   return record;
+}
+
+std::string keypoints_key(const std::string& sequence, const std::string& camera, long frame) {
+  return fmt::format("keypoints/{}/{}/{:010}", sequence, camera, frame);
+}
+
+std::string encode_keypoints(const std::vector<Keypoint>& keypoints) {
+  const auto* data = reinterpret_cast<const char*>(keypoints.data());
+  const std::size_t size = keypoints.size() * sizeof(Keypoint);
+  const std::uint64_t sum = checksum(kKeypointSeed, data, size);
+  return std::string(reinterpret_cast<const char*>(&sum), sizeof(sum)) + std::string(data, size);
+}
+
+std::vector<Keypoint> decode_keypoints(const std::string& bytes, std::size_t count, const std::string& what) {
+  std::uint64_t sum = 0;
+  const std::size_t size = count * sizeof(Keypoint);
+  if (bytes.size() != sizeof(sum) + size)
+    fail("{}: {} bytes are no keypoints of {} landmarks; prepare the capture again with --overwrite", what,
+         bytes.size(), count);
+  std::memcpy(&sum, bytes.data(), sizeof(sum));
+  if (sum != checksum(kKeypointSeed, bytes.data() + sizeof(sum), size))
+    fail("{}: the checksum is wrong; the keypoints are damaged: prepare the capture again with --overwrite", what);
+  std::vector<Keypoint> keypoints(count);
+  std::memcpy(keypoints.data(), bytes.data() + sizeof(sum), size);
+  for (const Keypoint& point : keypoints)
+    if (!std::isfinite(point.x) || !std::isfinite(point.y) || !std::isfinite(point.confidence))
+      fail("{}: a keypoint is not finite; prepare the capture again with --overwrite", what);
+  return keypoints;
 }
 
 std::string encode_mask(const cv::Mat& mask) {

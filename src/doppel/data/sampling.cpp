@@ -10,28 +10,6 @@ namespace doppel {
 
 namespace {
 
-/// SplitMix64: short, well mixed, and the same everywhere, which std::shuffle is not.
-class SplitMix {
- public:
-  explicit SplitMix(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t next() {
-    std::uint64_t z = state_ += 0x9e3779b97f4a7c15;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
-    return z ^ (z >> 31);
-  }
-  /// Uniform in [0, bound), without the bias of a plain remainder.
-  std::uint64_t below(std::uint64_t bound) {
-    const std::uint64_t limit = bound * (~std::uint64_t{0} / bound);
-    std::uint64_t value = next();
-    while (value >= limit) value = next();
-    return value % bound;
-  }
-
- private:
-  std::uint64_t state_;
-};
-
 /// One seed out of three numbers.
 std::uint64_t mix(std::uint64_t seed, std::uint64_t a, std::uint64_t b) {
   const std::uint64_t first = SplitMix(seed).next() ^ a;
@@ -45,6 +23,24 @@ void shuffle(std::vector<T>& items, std::uint64_t seed) {
 }
 
 }  // namespace
+
+std::uint64_t SplitMix::next() {
+  std::uint64_t z = state_ += 0x9e3779b97f4a7c15;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
+  return z ^ (z >> 31);
+}
+
+std::uint64_t SplitMix::below(std::uint64_t bound) {
+  const std::uint64_t limit = bound * (~std::uint64_t{0} / bound);
+  std::uint64_t value = next();
+  while (value >= limit) value = next();
+  return value % bound;
+}
+
+double SplitMix::uniform(double low, double high) {
+  return low + (high - low) * 0x1p-53 * static_cast<double>(next() >> 11);
+}
 
 std::vector<std::int64_t> seeded_permutation(std::int64_t count, std::uint64_t seed, std::uint64_t epoch) {
   std::vector<std::int64_t> order(count);
@@ -65,7 +61,7 @@ std::vector<SamplePlan::Item> SamplePlan::items(std::int64_t start, int count) c
       epoch = at / num_samples();
       order = seeded_permutation(num_samples(), seed_, static_cast<std::uint64_t>(epoch));
     }
-    Item item{samples_[order[at % num_samples()]], cameras_};
+    Item item{samples_[order[at % num_samples()]], cameras_, mix(seed_, static_cast<std::uint64_t>(at), 3)};
     if (draw_ < static_cast<int>(cameras_.size())) {
       shuffle(item.cameras, mix(seed_, static_cast<std::uint64_t>(at), 1));
       item.cameras.resize(draw_);

@@ -8,6 +8,20 @@
 
 namespace doppel {
 
+/// SplitMix64: short, well mixed, and the same everywhere, which the standard distributions are not.
+class SplitMix {
+ public:
+  explicit SplitMix(std::uint64_t seed) : state_(seed) {}
+  std::uint64_t next();
+  /// Uniform in [0, bound), without the bias of a plain remainder.
+  std::uint64_t below(std::uint64_t bound);
+  /// Uniform in [low, high).
+  double uniform(double low, double high);
+
+ private:
+  std::uint64_t state_;
+};
+
 /// Which samples and cameras come when: a pure function of a seed and a position, so that a checkpoint need hold no
 /// more than the position.
 class SamplePlan {
@@ -18,6 +32,7 @@ class SamplePlan {
   struct Item {
     SampleId sample;
     std::vector<int> cameras;
+    std::uint64_t seed = 0;  ///< of whatever else is random about the item
   };
   /// The items at positions start .. start+count-1 of the endless stream.
   std::vector<Item> items(std::int64_t start, int count) const;

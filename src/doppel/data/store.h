@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "doppel/data/keypoints.h"
 #include "doppel/data/mask.h"
 
 namespace doppel {
@@ -70,6 +71,12 @@ FrameRecord decode_record(const std::string& bytes, const std::string& what);
 /// The numbers only, from the first `kRecordHeadBytes` bytes.
 inline constexpr std::size_t kRecordHeadBytes = 72;
 FrameRecord decode_record_head(const std::string& bytes, const std::string& what);
+
+/// "keypoints/<sequence>/<camera>/<frame>": the landmarks of one frame of one camera.
+std::string keypoints_key(const std::string& sequence, const std::string& camera, long frame);
+std::string encode_keypoints(const std::vector<Keypoint>& keypoints);
+/// @throws Error when the bytes are not the keypoints of `count` landmarks: length, checksum, not finite
+std::vector<Keypoint> decode_keypoints(const std::string& bytes, std::size_t count, const std::string& what);
 
 /// A mask as a 1-bit PNG, and back. @throws Error when the bytes are no picture of the expected size
 std::string encode_mask(const cv::Mat& mask);

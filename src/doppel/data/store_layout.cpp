@@ -40,6 +40,19 @@ Camera camera_from_json(const json& node) {
   return camera;
 }
 
+json to_json(const Marker& landmark) {
+  const Eigen::Vector3d& p = landmark.position;
+  return {{"name", landmark.name}, {"joint", landmark.joint}, {"position", {p.x(), p.y(), p.z()}}};
+}
+
+Marker landmark_from_json(const json& node) {
+  Marker landmark;
+  landmark.name = node.at("name").get<std::string>();
+  landmark.joint = node.at("joint").get<int>();
+  for (int i = 0; i < 3; ++i) landmark.position[i] = node.at("position").at(i).get<double>();
+  return landmark;
+}
+
 StoreLayout from_json(const json& document, const FileLocation& where) {
   const int version = document.at("doppel_store").get<int>();
   if (version != kStoreVersion)
@@ -55,6 +68,9 @@ StoreLayout from_json(const json& document, const FileLocation& where) {
     layout.cameras.push_back(camera_from_json(node));
     layout.file_index.push_back(node.at("index").get<int>());
   }
+  // Stores made before there were keypoints do not have the list.
+  for (const json& node : document.value("landmarks", json::array()))
+    layout.landmarks.push_back(landmark_from_json(node));
   return layout;
 }
 
@@ -78,6 +94,8 @@ void write_store_layout(Store& store, const StoreLayout& layout) {
                 {"mask_size", layout.mask_size}, {"image_size", layout.image_size}, {"cameras", json::array()}};
   for (std::size_t i = 0; i < layout.cameras.size(); ++i)
     document["cameras"].push_back(to_json(layout.cameras[i], layout.file_index.at(i)));
+  if (!layout.landmarks.empty()) document["landmarks"] = json::array();
+  for (const Marker& landmark : layout.landmarks) document["landmarks"].push_back(to_json(landmark));
   store.put({{kDescription, document.dump()}});
 }
 

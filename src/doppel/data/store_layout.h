@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "doppel/character/skeleton.h"
 #include "doppel/data/store.h"
 #include "doppel/geometry/camera.h"
 
@@ -16,8 +17,9 @@ struct StoreLayout {
   std::string settings;  ///< everything that shapes the records, one fact per line; equal settings, equal records
   int num_dofs = 0;      ///< of the character
   int mask_size = 0, image_size = 0;
-  std::vector<Camera> cameras;  ///< without distortion, at the resolution of the pictures
-  std::vector<int> file_index;  ///< [C] position in the calibration file, the {camera} of path patterns
+  std::vector<Camera> cameras;    ///< without distortion, at the resolution of the pictures
+  std::vector<int> file_index;    ///< [C] position in the calibration file, the {camera} of path patterns
+  std::vector<Marker> landmarks;  ///< [M] that keypoints were prepared for, or none
   bool complete = false;
 };
 

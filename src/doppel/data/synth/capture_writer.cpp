@@ -115,6 +115,7 @@ std::string capture_yaml(const SynthOptions& options, const std::string& name) {
       "calibration: calibration/cameras.calibration\n"
       "fps: {}\n"
       "background: background/{{camera:03}}.png\n"
+      "keypoint_map: body25\n"
       "sequences:\n",
       nlohmann::json(name).dump(), options.fps);
   for (const bool training : {true, false}) {
