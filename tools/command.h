@@ -23,6 +23,7 @@ struct Command {
 Command add_synth(CLI::App& program);
 Command add_character(CLI::App& program);
 Command add_prepare(CLI::App& program);
+Command add_track(CLI::App& program);
 Command add_train(CLI::App& program);
 Command add_evaluate(CLI::App& program);
 Command add_compare(CLI::App& program);

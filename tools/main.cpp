@@ -15,7 +15,7 @@ using namespace doppel;
 using namespace doppel::tools;
 
 std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
-  std::vector<Command> commands{add_synth(program),   add_character(program), add_prepare(program),
+  std::vector<Command> commands{add_synth(program),   add_character(program), add_prepare(program),   add_track(program),
                                 add_train(program),   add_evaluate(program),  add_compare(program),
                                 add_animate(program), add_export(program),    add_info(program)};
   for (Command& command : commands) {

@@ -252,9 +252,14 @@ TEST(LayoutRejects, SaysWhatIsMissing) {
   fs::remove(folder / "b.calibration");
   EXPECT_THAT(error(), HasSubstr("character"));
   touch(folder / "x/y/z.character");
-  EXPECT_THAT(error(), HasSubstr("poseAngles.motion"));
-  touch(folder / "training/skeletoolToGTPose/poseAngles.motion");
   EXPECT_EQ(error(), "");
+  EXPECT_EQ(find_capture(folder.path()).sequences[0].motion, "") << "poses may still have to be tracked";
+  touch(folder / "training/a/poseAngles.motion");
+  touch(folder / "training/b/poseAngles.motion");
+  EXPECT_THAT(error(), HasSubstr("several poses"));
+  fs::remove_all(folder / "training/a");
+  EXPECT_EQ(error(), "");
+  EXPECT_EQ(find_capture(folder.path()).sequences[0].motion, "training/b/poseAngles.motion");
   touch(folder / "training/frames.csv", "frame,segment\n0,0\n5,0\n");
   EXPECT_THAT(error(), HasSubstr("frames.csv:3"));
 }

@@ -95,7 +95,7 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.videos = read_pattern(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
-  sequence.motion = reader.get<std::string>("motion");
+  sequence.motion = reader.get("motion", "");
   read_range(reader, sequence);
   return sequence;
 }
@@ -159,7 +159,7 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
   node["mask_threshold"] = sequence.mask_threshold;
   node["largest_component"] = sequence.largest_component;
   if (!sequence.keypoints.empty()) node["keypoints"] = sequence.keypoints;
-  node["motion"] = sequence.motion;
+  if (!sequence.motion.empty()) node["motion"] = sequence.motion;
   for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
   node["first_frame"] = sequence.first_frame;
   if (sequence.last_frame) node["last_frame"] = *sequence.last_frame;

@@ -109,7 +109,8 @@ fs::path find_only(const fs::path& folder, const std::string& kind, const std::s
   return found[0];
 }
 
-/// The poses of a split: in its folder, or beside it (ASH keeps skeletoolToGTPose and skeletoolToGTPoseTest apart).
+/// The poses of a split: in its folder, or beside it (ASH keeps skeletoolToGTPose and skeletoolToGTPoseTest apart);
+/// empty when there are none.
 fs::path find_motion(const fs::path& folder, const std::string& split) {
   const auto is_poses = [](const fs::path& path) { return path.filename() == "poseAngles.motion"; };
   std::vector<fs::path> found = find_files(folder / split, 2, is_poses);
@@ -117,11 +118,12 @@ fs::path find_motion(const fs::path& folder, const std::string& split) {
   if (found.empty())
     found = find_files(folder, 3,
                        [&](const fs::path& path) { return is_poses(path) && path.parent_path().filename() == wanted; });
+  if (found.empty()) return {};
   if (found.size() == 1) return found[0];
   fail(
-      "{} has videos, but {} poses (poseAngles.motion); put the right one into {}/skeletoolToGTPose/, or write a "
+      "{} has videos, but several poses (poseAngles.motion); put the right one into {}/skeletoolToGTPose/, or write a "
       "capture.yaml that names it (docs/capture.md)",
-      (folder / split).string(), found.empty() ? "no" : "several", split);
+      (folder / split).string(), split);
 }
 
 /// The rows of `frames.csv` at which the segment number changes.
@@ -256,7 +258,8 @@ std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
     capture.sequences.push_back(sequence.entry);
     result.notes.push_back(fmt::format("{}: {} cameras, videos {}, masks {}, poses {}, {} cuts", sequence.entry.name,
                                        sequence.cameras.size(), sequence.entry.videos, sequence.entry.masks,
-                                       sequence.entry.motion, sequence.entry.cuts.size()));
+                                       sequence.entry.motion.empty() ? "none" : sequence.entry.motion,
+                                       sequence.entry.cuts.size()));
   }
   const std::vector<Camera> cameras = read_calibration(calibration);
   capture.cameras = common_cameras(sequences, cameras);

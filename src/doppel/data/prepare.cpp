@@ -15,7 +15,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/mask.h"
+#include "doppel/data/mask_source.h"
 #include "doppel/data/prepare_plan.h"
 #include "doppel/data/template_check.h"
 #include "doppel/data/video.h"
@@ -53,12 +53,9 @@ class RecordMaker {
         sequence_(plan.sequences[job.sequence].entry),
         undistort_(plan.cameras[job.camera]),
         offset_(sequence_.offset(plan.cameras[job.camera].name)),
-        videos_(open_frames(plan.source(sequence_.videos, job.camera), PixelFormat::colour)) {
-    if (!sequence_.chroma_key)
-      masks_ = open_frames(plan.source(sequence_.masks, job.camera), PixelFormat::grey);
-    else if (sequence_.chroma_key->against_background)
-      background_ = read_background(plan.source(plan.capture.background, job.camera));
-  }
+        videos_(open_frames(plan.source(sequence_.videos, job.camera), PixelFormat::colour)),
+        masks_(sequence_, plan.cameras[job.camera], plan.source(sequence_.masks, job.camera),
+               plan.source(plan.capture.background, job.camera)) {}
 
   FrameRecord make(long row) {
     const cv::Mat raw = videos_->read(row + offset_);
@@ -66,7 +63,7 @@ class RecordMaker {
     if (raw.cols != camera.width || raw.rows != camera.height)
       fail("{}: frame {} is {}x{} pixels, the ones before {}x{}", videos_->source(), row + offset_, raw.cols, raw.rows,
            camera.width, camera.height);
-    const cv::Mat mask = cut_mask(raw, row + offset_);
+    const cv::Mat mask = masks_.read(row + offset_, raw);
     FrameRecord record;
     record.width = mask.cols;
     record.height = mask.rows;
@@ -83,30 +80,12 @@ class RecordMaker {
   }
 
  private:
-  static cv::Mat read_background(const std::string& path) {
-    cv::Mat image;
-    if (fs::is_regular_file(path)) image = cv::imread(path, cv::IMREAD_COLOR);
-    if (image.empty()) fail_at({path, 0}, "the picture of the empty studio is missing or cannot be decoded");
-    return image;
-  }
-
-  cv::Mat cut_mask(const cv::Mat& raw, long frame) {
-    cv::Mat grey = masks_ ? masks_->read(frame) : chroma_key_mask(raw, *sequence_.chroma_key, background_);
-    if (grey.size() != raw.size()) {
-      cv::Mat resized;
-      cv::resize(grey, resized, raw.size(), 0.0, 0.0, cv::INTER_LINEAR);
-      grey = resized;
-    }
-    const cv::Mat mask = threshold_mask(undistort_.apply(grey), sequence_.mask_threshold);
-    return sequence_.largest_component ? largest_component(mask) : mask;
-  }
-
   const PrepareOptions& options_;
   const SequenceEntry& sequence_;
   Undistorter undistort_;
   long offset_;
-  std::unique_ptr<FrameReader> videos_, masks_;
-  cv::Mat background_;
+  std::unique_ptr<FrameReader> videos_;
+  MaskSource masks_;
 };
 
 double median(std::vector<double> values) {

@@ -44,6 +44,9 @@ void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
   for (const SequenceEntry& entry : plan.capture.sequences) {
     PlannedSequence sequence;
     sequence.entry = entry;
+    if (entry.motion.empty())
+      fail("sequence {}: no motion is named; `doppel track` finds it from keypoints and masks and writes a capture.yaml "
+           "that names it", entry.name);
     sequence.motion = read_motion(plan.capture.resolve(entry.motion), plan.character.num_dofs());
     const long rows = sequence.motion.num_frames();
     sequence.first_frame = entry.first_frame;

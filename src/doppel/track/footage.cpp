@@ -1,0 +1,272 @@
+#include "doppel/track/footage.h"
+
+#include <algorithm>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/data/capture_layouts.h"
+#include "doppel/data/dataset.h"
+#include "doppel/data/evidence.h"
+#include "doppel/data/mask_source.h"
+#include "doppel/data/video.h"
+#include "doppel/geometry/calibration.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// ---- a prepared folder ----
+
+class PreparedReader : public FootageReader {
+ public:
+  PreparedReader(const Dataset& dataset, int sequence, int outline_pixels)
+      : dataset_(dataset), sequence_(sequence), outline_pixels_(outline_pixels) {}
+
+  FootageFrame read(long frame, bool pictures) override {
+    FootageFrame result;
+    const SampleId sample{sequence_, frame};
+    for (int c = 0; c < static_cast<int>(dataset_.cameras().size()); ++c) {
+      result.masks.push_back(dataset_.mask(sample, c));
+      result.evidence.push_back({dataset_.keypoints(sample, c), OutlineField(result.masks.back(), outline_pixels_)});
+      if (pictures) result.pictures.push_back(picture(sample, c));
+    }
+    return result;
+  }
+
+ private:
+  /// The stored window in its place; the rest of the picture is not stored.
+  cv::Mat picture(const SampleId& sample, int camera) const {
+    const CropBox box = dataset_.crop_box(sample, camera);
+    const Camera& seen = dataset_.camera(camera);
+    cv::Mat whole(seen.height, seen.width, CV_8UC3, cv::Scalar::all(0));
+    const cv::Mat crop = box.empty() ? cv::Mat() : dataset_.crop_image(sample, camera);
+    if (crop.empty()) return whole;
+    cv::Mat window;
+    cv::resize(crop, window, {box.side, box.side}, 0.0, 0.0, cv::INTER_AREA);
+    const cv::Rect place = cv::Rect(box.u0, box.v0, box.side, box.side) & cv::Rect({}, whole.size());
+    window(place - cv::Point(box.u0, box.v0)).copyTo(whole(place));
+    return whole;
+  }
+
+  const Dataset& dataset_;
+  int sequence_, outline_pixels_;
+};
+
+class PreparedFootage : public Footage {
+ public:
+  PreparedFootage(const fs::path& folder, int outline_pixels)
+      : dataset_(Dataset::open(folder)),
+        character_(load_character(dataset_.character_path())),
+        outline_pixels_(outline_pixels) {
+    dataset_.require_landmarks();
+    for (std::size_t i = 0; i < dataset_.sequences().size(); ++i) {
+      const DatasetSequence& sequence = dataset_.sequences()[i];
+      sequences_.push_back({sequence.name, sequence.first_frame, sequence.last_frame, sequence.cuts,
+                            dataset_.capture().resolve(dataset_.capture().sequences[i].motion).string()});
+    }
+  }
+
+  const Capture& capture() const override { return dataset_.capture(); }
+  const Character& character() const override { return character_; }
+  const std::vector<Camera>& cameras() const override { return dataset_.cameras(); }
+  const std::vector<Marker>& landmarks() const override { return dataset_.landmarks(); }
+  const std::vector<FootageSequence>& sequences() const override { return sequences_; }
+  std::unique_ptr<FootageReader> read(int sequence) const override {
+    return std::make_unique<PreparedReader>(dataset_, sequence, outline_pixels_);
+  }
+
+ private:
+  Dataset dataset_;
+  Character character_;
+  int outline_pixels_;
+  std::vector<FootageSequence> sequences_;
+};
+
+// ---- a capture's own files ----
+
+/// A camera of a capture and the files of one sequence that belong to it.
+struct View {
+  const SequenceEntry& entry;
+  const Capture& capture;
+  Camera camera;  ///< with its distortion
+  int file_index;
+
+  std::string source(const std::string& pattern) const {
+    return capture.resolve(expand_camera(pattern, file_index, camera.name)).string();
+  }
+};
+
+/// Keypoints and masks of one camera, frame after frame.
+class ViewReader {
+ public:
+  ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
+      : first_frame_(sequence.first_frame), offset_(view.entry.offset(view.camera.name)), undistort_(view.camera) {
+    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) || view.entry.chroma_key)
+      videos_ = open_frames(view.source(view.entry.videos), PixelFormat::colour);
+    masks_ = std::make_unique<MaskSource>(view.entry, view.camera,
+                                          view.entry.chroma_key ? "" : view.source(view.entry.masks),
+                                          view.capture.background.empty() ? "" : view.source(view.capture.background));
+    follow(view, plan, sequence);
+  }
+
+  void read(long frame, bool pictures, int outline_pixels, FootageFrame& result) {
+    const bool needed = pictures || masks_->needs_picture();
+    const cv::Mat picture = needed && videos_ ? videos_->read(frame + offset_) : cv::Mat();
+    const cv::Mat mask = masks_->read(frame + offset_, picture);
+    const auto row = static_cast<std::size_t>(frame - first_frame_);
+    result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
+    result.masks.push_back(mask);
+    if (pictures) result.pictures.push_back(picture.empty() ? picture : undistort_.apply(picture));
+  }
+
+ private:
+  /// Of several people in a picture the mask says which one is followed; those masks are read on a way of their own.
+  void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
+    const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
+    std::unique_ptr<FrameReader> masks;
+    const auto mask_of = [&](long frame) {
+      if (view.entry.chroma_key) return cv::Mat();
+      if (!masks) masks = open_frames(view.source(view.entry.masks), PixelFormat::grey);
+      return threshold_mask(masks->read(frame), view.entry.mask_threshold);
+    };
+    std::vector<long> cuts;
+    for (const long cut : sequence.cuts) cuts.push_back(cut + offset_);
+    track_ = follow_person([&](long frame) { return source.people(frame); }, mask_of,
+                           LandmarkPicker(plan.map, plan.landmarks), view.camera, sequence.first_frame + offset_,
+                           sequence.last_frame + offset_, cuts, view.capture.keypoint_filter);
+    for (const std::string& doubt : keypoint_doubts(track_.facts))
+      log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
+  }
+
+  long first_frame_, offset_;
+  Undistorter undistort_;
+  std::unique_ptr<FrameReader> videos_;
+  std::unique_ptr<MaskSource> masks_;
+  KeypointTrack track_;
+};
+
+class CaptureReader : public FootageReader {
+ public:
+  CaptureReader(std::vector<std::unique_ptr<ViewReader>> views, int outline_pixels)
+      : views_(std::move(views)), outline_pixels_(outline_pixels) {}
+
+  FootageFrame read(long frame, bool pictures) override {
+    FootageFrame result;
+    for (const auto& view : views_) view->read(frame, pictures, outline_pixels_, result);
+    return result;
+  }
+
+ private:
+  std::vector<std::unique_ptr<ViewReader>> views_;
+  int outline_pixels_;
+};
+
+class CaptureFootage : public Footage {
+ public:
+  CaptureFootage(const fs::path& path, int outline_pixels)
+      : capture_(find_capture(path)),
+        character_(load_character(capture_.character_path())),
+        plan_(plan_evidence(capture_, character_)),
+        outline_pixels_(outline_pixels) {
+    if (plan_.landmarks.empty())
+      fail(
+          "{}: nothing can be tracked without keypoints on landmarks; name `keypoints` in every sequence, and "
+          "`landmarks` when the skeleton has no markers of these names (docs/capture.md)",
+          capture_.file.empty() ? path.string() : capture_.file.string());
+    choose_cameras();
+    for (const SequenceEntry& entry : capture_.sequences) add_sequence(entry);
+  }
+
+  const Capture& capture() const override { return capture_; }
+  const Character& character() const override { return character_; }
+  const std::vector<Camera>& cameras() const override { return cameras_; }
+  const std::vector<Marker>& landmarks() const override { return plan_.landmarks; }
+  const std::vector<FootageSequence>& sequences() const override { return sequences_; }
+  std::unique_ptr<FootageReader> read(int sequence) const override {
+    const auto s = static_cast<std::size_t>(sequence);
+    std::vector<std::unique_ptr<ViewReader>> views;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      views.push_back(std::make_unique<ViewReader>(view(capture_.sequences[s], c), plan_, sequences_[s]));
+    return std::make_unique<CaptureReader>(std::move(views), outline_pixels_);
+  }
+
+ private:
+  View view(const SequenceEntry& entry, std::size_t c) const { return {entry, capture_, filmed_[c], file_index_[c]}; }
+
+  void choose_cameras() {
+    const std::vector<Camera> all = read_calibration(capture_.calibration_path());
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const auto& wanted = capture_.cameras;
+      if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), all[i].name) == wanted.end()) continue;
+      file_index_.push_back(static_cast<int>(i));
+      filmed_.push_back(all[i]);
+    }
+    if (!capture_.cameras.empty() && filmed_.size() != capture_.cameras.size())
+      fail("{} asks for {} cameras, but {} holds only {} of these names", capture_.name, capture_.cameras.size(),
+           capture_.calibration, filmed_.size());
+    for (std::size_t c = 0; c < filmed_.size(); ++c) {
+      fit_to_pictures(view(capture_.sequences.front(), c), filmed_[c]);
+      cameras_.push_back(Undistorter(filmed_[c]).pinhole());
+    }
+  }
+
+  /// The calibration at the resolution of the video, which keypoints count in. Without videos it is taken as it is.
+  static void fit_to_pictures(const View& view, Camera& camera) {
+    const std::string source = view.source(view.entry.videos);
+    if (!has_frame_placeholder(source) && !fs::exists(source)) {
+      log::info(
+          "camera {}: there is no video {}; its calibration is taken to be for the pictures that the keypoints "
+          "were found in",
+          camera.name, source);
+      return;
+    }
+    const cv::Size size = open_frames(source, PixelFormat::colour)->size();
+    if (size.width != camera.width || size.height != camera.height) camera = camera.scaled_to(size.width, size.height);
+  }
+
+  /// As many frames as all cameras have, unless the capture says how many belong together.
+  void add_sequence(const SequenceEntry& entry) {
+    if (entry.keypoints.empty())
+      fail("sequence {} of {} names no `keypoints`; nothing can be tracked without", entry.name, capture_.name);
+    long frames = std::numeric_limits<long>::max();
+    long expected = entry.last_frame.value_or(-1) + 1;
+    for (std::size_t c = 0; c < filmed_.size(); ++c) {
+      const View seen = view(entry, c);
+      const std::string source = seen.source(entry.chroma_key ? entry.videos : entry.masks);
+      const auto reader = open_frames(source, entry.chroma_key ? PixelFormat::colour : PixelFormat::grey);
+      const long found = reader->num_frames(expected);
+      frames = std::min(frames, found - entry.offset(seen.camera.name));
+      if (!entry.last_frame) expected = found;
+    }
+    FootageSequence sequence{entry.name, entry.first_frame, entry.last_frame.value_or(frames - 1), {}, {}};
+    if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
+      fail("sequence {}: frames {} to {} are asked for, but all cameras together have frames 0 to {}", entry.name,
+           sequence.first_frame, sequence.last_frame, frames - 1);
+    sequence.cuts = entry.cuts;
+    if (!entry.motion.empty() && fs::exists(capture_.resolve(entry.motion)))
+      sequence.motion = capture_.resolve(entry.motion).string();
+    sequences_.push_back(std::move(sequence));
+  }
+
+  Capture capture_;
+  Character character_;
+  EvidencePlan plan_;
+  int outline_pixels_;
+  std::vector<Camera> filmed_, cameras_;  ///< [C] with and without distortion
+  std::vector<int> file_index_;           ///< [C]
+  std::vector<FootageSequence> sequences_;
+};
+
+}  // namespace
+
+std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels) {
+  if (fs::is_directory(path / "store")) return std::make_unique<PreparedFootage>(path, outline_pixels);
+  return std::make_unique<CaptureFootage>(path, outline_pixels);
+}
+
+}  // namespace doppel

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/character/motion.h"
+#include "doppel/track/footage.h"
+#include "doppel/track/multiview.h"
+#include "doppel/track/track_config.h"
+
+namespace doppel {
+
+/// A tracked sequence.
+struct TrackedSequence {
+  FootageSequence sequence;
+  std::vector<TrackedFrame> frames;  ///< as they were fitted
+  Motion motion;                     ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
+  double seconds = 0.0;              ///< of fitting, without reading
+
+  int count(FrameState state) const;
+};
+
+/// How far tracked landmarks are from those of another motion of the same frames.
+struct MotionDifference {
+  double mean_mm = 0.0;       ///< over landmarks and frames
+  double within_150mm = 0.0;  ///< share, relative to the mean of all landmarks
+};
+MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
+                                 const Motion& b, long first_frame, long last_frame);
+
+struct TrackOptions {
+  std::filesystem::path out;
+  TrackConfig config;
+  std::vector<std::string> sequences;  ///< names; empty: all
+  long limit_frames = 0;               ///< of each sequence; 0: all
+  bool vertices = false;               ///< `<sequence>_vertices.npy`
+  int sheet_frames = 6;                ///< rows of `<sequence>.jpg`; 0: none
+};
+
+/// Tracks sequences of a capture and writes into `options.out`:
+/// - `<sequence>.motion`, `<sequence>.bvh`, and `<sequence>_vertices.npy` float32 [frames, N, 3] (skinned, world
+/// metres)
+/// - `<sequence>.jpg`: outlines of masks and of the fitted surface in some frames and cameras
+/// - `capture.yaml`: the capture with these motions in it, ready for `doppel prepare`
+/// - `track.json`: what is returned: per sequence its states, errors, speed, and per frame state, costs and steps
+/// @throws Error when no frame of a sequence can be tracked; UsageError for an unknown sequence
+nlohmann::ordered_json track_capture(const Footage& footage, const TrackOptions& options);
+
+}  // namespace doppel

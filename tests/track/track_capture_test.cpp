@@ -1,0 +1,164 @@
+#include "doppel/track/track_capture.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/character/landmarks.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/geometry/calibration.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "track/track_fixture.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using support::message_of;
+using ::testing::HasSubstr;
+
+constexpr int kJoints = 4, kFrames = 10, kCut = 6;
+
+/// A capture on disk without any motion: masks as pictures, keypoints as a table, landmarks as a placement file.
+class TrackCapture : public ::testing::Test {
+ protected:
+  TrackCapture()
+      : character_(make_test_character(kJoints, 8, 14)),
+        landmarks_(tube_landmarks(kJoints)),
+        dofs_(observable_dofs(character_.skeleton, landmarks_)),
+        cameras_(ring_of_cameras(4, 192, middle_of(character_))),
+        model_(character_, landmarks_, dofs_) {
+    write_calibration(root() / "cameras.yml", cameras_);
+    const fs::path file = write_character(root() / "character", character_);
+    write_landmarks(root() / "landmarks.csv", character_, landmarks_);
+    write_evidence();
+    std::ofstream(root() / "capture.yaml")
+        << "doppel_capture: 1\nname: tube\ncharacter: " << fs::relative(file, root()).string()
+        << "\ncalibration: cameras.yml\nlandmarks: landmarks.csv\nsequences:\n"
+        << "  - {name: walk, split: test, videos: 'none_{name}.mp4', masks: 'mask_{name}_{frame}.png', "
+        << "keypoints: points.csv, cuts: [" << kCut << "]}\n";
+  }
+
+  fs::path root() const { return folder_.path(); }
+
+  std::vector<double> truth(int frame) const {
+    std::vector<double> dofs = character_.rest_dofs;
+    for (const int dof : dofs_)
+      if (!model_.moves_root(dof))
+        dofs[static_cast<std::size_t>(dof)] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
+    dofs[0] += 0.02 * frame + (frame >= kCut ? 0.3 : 0.0);
+    dofs[3] += frame >= kCut ? 0.9 : 0.0;
+    return dofs;
+  }
+
+  void write_evidence() const {
+    std::ofstream table(root() / "points.csv");
+    table << "frame,camera,name,x,y,confidence\n";
+    for (int frame = 0; frame < kFrames; ++frame) {
+      const FrameEvidence seen = keypoints_of(model_, cameras_, truth(frame));
+      for (std::size_t c = 0; c < cameras_.size(); ++c) {
+        const std::string name = "mask_" + cameras_[c].name + "_" + std::to_string(frame) + ".png";
+        cv::imwrite((root() / name).string(), mask_of(model_, cameras_[c], truth(frame)));
+        if (frame == 3) continue;  // nobody was detected
+        for (std::size_t m = 0; m < landmarks_.size(); ++m)
+          table << frame << ',' << cameras_[c].name << ',' << landmarks_[m].name << ',' << seen[c].keypoints[m].x << ','
+                << seen[c].keypoints[m].y << ",0.9\n";
+      }
+    }
+  }
+
+  double error(const Motion& motion, int frame) const {
+    const PosedBody a = model_.pose(motion.frames[static_cast<std::size_t>(frame)], false);
+    const PosedBody b = model_.pose(truth(frame), false);
+    double worst = 0.0;
+    for (int m = 0; m < model_.num_landmarks(); ++m)
+      worst = std::max(worst, (model_.landmark(a, m) - model_.landmark(b, m)).norm());
+    return worst;
+  }
+
+  support::TemporaryFolder folder_;
+  Character character_;
+  std::vector<Marker> landmarks_;
+  std::vector<int> dofs_;
+  std::vector<Camera> cameras_;
+  PoseModel model_;
+};
+
+TEST_F(TrackCapture, FindsTheMotionOfACaptureThatHasNone) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.config.smoothing = 0.0;
+  options.vertices = true;
+  const auto footage = Footage::open(root(), options.config.fit.outline_pixels);
+  ASSERT_EQ(footage->sequences().size(), 1u);
+  EXPECT_EQ(footage->sequences()[0].num_frames(), kFrames);
+  const auto report = track_capture(*footage, options);
+
+  const auto& walk = report["sequences"]["walk"];
+  EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
+  EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
+  EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
+  EXPECT_EQ(walk["per_frame"].size(), static_cast<std::size_t>(kFrames));
+  EXPECT_FALSE(walk.contains("against_given_motion"));
+
+  const Motion motion = read_motion(options.out / "walk.motion", character_.num_dofs());
+  ASSERT_EQ(motion.num_frames(), kFrames);
+  for (int frame = 0; frame < kFrames; ++frame)
+    EXPECT_LT(error(motion, frame), frame == 3 ? 0.01 : 0.004) << "frame " << frame;
+  EXPECT_TRUE(fs::exists(options.out / "walk.bvh"));
+  EXPECT_FALSE(cv::imread((options.out / "walk.jpg").string()).empty());
+  const NpyArray vertices = read_npy(options.out / "walk_vertices.npy");
+  EXPECT_EQ(vertices.shape, (std::vector<std::int64_t>{kFrames, character_.num_vertices(), 3}));
+}
+
+TEST_F(TrackCapture, WritesACaptureThatNamesTheMotion) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.sheet_frames = 0;
+  track_capture(*Footage::open(root(), 128), options);
+  const Capture capture = read_capture(options.out);
+  ASSERT_EQ(capture.sequences.size(), 1u);
+  EXPECT_EQ(capture.sequences[0].motion, "tracked/walk.motion");
+  EXPECT_EQ(capture.sequences[0].cuts, std::vector<long>{kCut});
+  EXPECT_EQ(fs::canonical(capture.root), fs::canonical(root()));
+  EXPECT_TRUE(fs::exists(capture.resolve(capture.sequences[0].motion)));
+
+  // Tracked again with a motion given, the report says how far apart the two are.
+  const auto again = Footage::open(options.out, 128);
+  TrackOptions second = options;
+  second.out = root() / "again";
+  const auto report = track_capture(*again, second);
+  EXPECT_LT(report["sequences"]["walk"]["against_given_motion"]["MPJPE_mm"].get<double>(), 1e-3);
+  EXPECT_EQ(report["sequences"]["walk"]["against_given_motion"]["3DPCK"], 100.0);
+}
+
+TEST_F(TrackCapture, SaysWhatIsWrong) {
+  const auto footage = Footage::open(root(), 128);
+  TrackOptions options;
+  options.out = root();
+  EXPECT_THAT(message_of<UsageError>([&] { track_capture(*footage, options); }), HasSubstr("holds the capture itself"));
+  options.out = root() / "tracked";
+  options.sequences = {"run"};
+  EXPECT_THAT(message_of<UsageError>([&] { track_capture(*footage, options); }), HasSubstr("it has walk"));
+  options.sequences.clear();
+  options.config.fit.fewest_keypoints = 1000;
+  EXPECT_THAT(message_of<Error>([&] { track_capture(*footage, options); }),
+              HasSubstr("found in none of its 10 frames"));
+
+  const auto config_of = [](const std::string& text) {
+    return read_track_config(ConfigDocument::parse(text, "fit.yaml"));
+  };
+  EXPECT_EQ(config_of("silhouette: {weight: 0}").fit.silhouette_weight, 0.0);
+  EXPECT_THAT(message_of<Error>([&] { config_of("silhouete: {weight: 0}"); }), HasSubstr("silhouette"));
+  EXPECT_THAT(message_of<Error>([&] { config_of("trust: {share: 2}"); }), HasSubstr("trust.share"));
+  TrackConfig config;
+  config.dofs = {"lean_9"};
+  EXPECT_THAT(message_of<UsageError>([&] { chosen_dofs(config, character_.skeleton, landmarks_); }),
+              HasSubstr("the nearest is 'lean_"));
+}
+
+}  // namespace
+}  // namespace doppel

@@ -1,0 +1,95 @@
+#include <fmt/core.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "command.h"
+#include "doppel/core/log.h"
+#include "doppel/track/track_capture.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kExample[] =
+    "Example:\n"
+    "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
+    "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
+    "CAPTURE needs a calibration, a character, and keypoints and masks of at least two cameras (docs/tracking.md). "
+    "Its\n"
+    "sequences need no motion: the capture.yaml that is written names the tracked ones.";
+
+struct Arguments {
+  std::string capture, method = "multiview", config;
+  std::vector<std::string> set;
+  TrackOptions options;
+};
+
+ConfigDocument config_document(const Arguments& arguments) {
+  if (arguments.config.empty()) return ConfigDocument::parse("{}", "the defaults", arguments.set);
+  return ConfigDocument::load(arguments.config, arguments.set);
+}
+
+void print_table(const nlohmann::ordered_json& report) {
+  fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14} {:>9}\n", "sequence", "frames", "lost", "recovered", "keypoints (px)",
+             "frames/s");
+  for (const auto& [name, sequence] : report["sequences"].items()) {
+    fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14.2f} {:>9.1f}\n", name, sequence["frames"].get<long>(),
+               sequence["lost_frames"].size(), sequence["recovered"].get<int>(),
+               sequence["keypoint_error_px"].get<double>(), sequence["frames_per_second"].get<double>());
+    if (sequence.contains("against_given_motion"))
+      fmt::print("  against the motion that was given: landmarks {:.1f} mm apart on average\n",
+                 sequence["against_given_motion"]["MPJPE_mm"].get<double>());
+    if (!sequence["lost_frames"].empty())
+      fmt::print("  not to be trusted, and interpolated: frames {}\n", sequence["lost_frames"].dump());
+  }
+}
+
+fs::path default_out(const fs::path& capture) {
+  return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
+}
+
+int run(const Arguments& arguments, const CommonOptions& common) {
+  TrackOptions options = arguments.options;
+  if (options.out.empty()) options.out = default_out(arguments.capture);
+  options.config = read_track_config(config_document(arguments));
+  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels);
+  const nlohmann::ordered_json report = track_capture(*footage, options);
+  if (common.json)
+    fmt::print("{}\n", report.dump(2));
+  else
+    print_table(report);
+  log::info("motions in {}; next: doppel prepare {}", options.out.string(), options.out.string());
+  return 0;
+}
+
+}  // namespace
+
+Command add_track(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("track", "Find the person's pose in every frame from keypoints and masks");
+  app->footer(kExample);
+  auto arguments = std::make_shared<Arguments>();
+  TrackOptions& options = arguments->options;
+  app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
+  app->add_option("--method", arguments->method, "multiview: a fit to all cameras")
+      ->check(CLI::IsMember({"multiview"}))
+      ->capture_default_str();
+  app->add_option("--out", options.out, "Folder to write into (default: CAPTURE/tracked)");
+  app->add_option("--sequences", options.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
+  app->add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml)");
+  app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
+  app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the skinned surface");
+  app->add_option("--sheet-frames", options.sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+}
+
+}  // namespace doppel::tools
