@@ -7,6 +7,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/process.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/tex_net_stage.h"
@@ -86,19 +87,21 @@ TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether
 }
 
 TEST_F(StageChainReference, MemoryOfEveryStageStaysFlat) {
-  const double allowed_mb = 24.0;  // a leak of a batch (2 MB) or of the networks' activations would pass it many times
+  setup_process();                 // as the program does: freed memory stays, so that what is held is what was needed
+  const double allowed_mb = 48.0;  // the heap itself varies by some 20; the tensors of one step kept 40 times are more
   std::vector<std::string> longer;
   for (const std::string& name : stage_names()) {
-    longer.push_back(name + ".train.iterations=60");
+    longer.push_back(name + ".train.iterations=80");
     longer.push_back(name + ".train.log_every=10");
-    longer.push_back(name + ".train.checkpoint_every=60");
+    longer.push_back(name + ".train.checkpoint_every=80");
   }
   train_stages(chain(longer), *folder_ / "long", {});
   for (const std::string& name : stage_names()) {
     const std::vector<MetricsRecord> metrics = read_metrics(*folder_ / "long" / name / "metrics.jsonl");
-    ASSERT_EQ(metrics.size(), 6u) << name;
+    ASSERT_EQ(metrics.size(), 8u) << name;
     EXPECT_GT(metrics.front().memory_mb, 0.0);
-    EXPECT_LT(metrics.back().memory_mb, metrics[1].memory_mb + allowed_mb) << name;
+    const double first_half = std::max(metrics[1].memory_mb, std::max(metrics[2].memory_mb, metrics[3].memory_mb));
+    EXPECT_LT(metrics.back().memory_mb, first_half + allowed_mb) << name;
     RecordProperty(name + "_mb", static_cast<int>(metrics.back().memory_mb));
   }
 }
