@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "doppel/core/log.h"
+#include "doppel/data/capture_cameras.h"
 #include "doppel/data/mask.h"
 #include "doppel/data/template_check.h"
 #include "doppel/data/video.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 
@@ -19,34 +19,15 @@ constexpr double kMinPersonHeight = 0.5, kMaxPersonHeight = 2.5;        // metre
 constexpr double kMinCameraDistance = 0.3, kMaxCameraDistance = 100.0;  // metres
 constexpr int kPosesLookedAt = 8;
 
-std::string joined_names(const std::vector<Camera>& cameras) {
-  std::string names;
-  for (const Camera& camera : cameras) names += (names.empty() ? "" : ", ") + camera.name;
-  return names;
-}
-
-void choose_cameras(PreparePlan& plan) {
-  const std::vector<Camera> all = read_calibration(plan.capture.calibration_path());
-  std::vector<std::string> wanted = plan.capture.cameras;
-  if (wanted.empty())
-    for (const Camera& camera : all) wanted.push_back(camera.name);
-  for (const std::string& name : wanted) {
-    const auto found = std::find_if(all.begin(), all.end(), [&](const Camera& c) { return c.name == name; });
-    if (found == all.end())
-      fail("{} asks for camera '{}', but {} has {}", plan.capture.name, name, plan.capture.calibration,
-           joined_names(all));
-    plan.cameras.push_back(*found);
-    plan.file_index.push_back(static_cast<int>(found - all.begin()));
-  }
-}
-
 void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
   for (const SequenceEntry& entry : plan.capture.sequences) {
     PlannedSequence sequence;
     sequence.entry = entry;
     if (entry.motion.empty())
-      fail("sequence {}: no motion is named; `doppel track` finds it from keypoints and masks and writes a capture.yaml "
-           "that names it", entry.name);
+      fail(
+          "sequence {}: no motion is named; `doppel track` finds it from keypoints and masks and writes a capture.yaml "
+          "that names it",
+          entry.name);
     sequence.motion = read_motion(plan.capture.resolve(entry.motion), plan.character.num_dofs());
     const long rows = sequence.motion.num_frames();
     sequence.first_frame = entry.first_frame;
@@ -86,21 +67,6 @@ void check_count(const PlannedSequence& sequence, const std::string& camera, con
         "not "
         "belong to it, set last_frame: {}",
         sequence.entry.name, camera, what, reader.source(), frames, rows, shift, std::min(rows, frames - offset) - 1);
-}
-
-/// The camera at the resolution of its pictures.
-Camera fit_to_pictures(const Camera& camera, cv::Size pictures, const std::string& source) {
-  if (camera.width == pictures.width && camera.height == pictures.height) return camera;
-  const double calibrated = static_cast<double>(camera.width) / camera.height;
-  const double seen = static_cast<double>(pictures.width) / pictures.height;
-  if (std::abs(seen / calibrated - 1.0) > 0.01)
-    fail(
-        "camera {}: {} shows {}x{} pixels, but the calibration is for {}x{}, another aspect ratio; the pictures were "
-        "cropped or turned, or this is the calibration of other cameras",
-        camera.name, source, pictures.width, pictures.height, camera.width, camera.height);
-  log::info("camera {}: calibration for {}x{} scaled to the video's {}x{}", camera.name, camera.width, camera.height,
-            pictures.width, pictures.height);
-  return camera.scaled_to(pictures.width, pictures.height);
 }
 
 void check_mask_size(const PlannedSequence& sequence, const Camera& camera, FrameReader& masks) {
@@ -268,7 +234,9 @@ PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& optio
   plan.capture = capture;
   plan.character = load_character(capture.character_path());
   check_character(plan, options);
-  choose_cameras(plan);
+  CaptureCameras chosen = choose_cameras(capture);
+  plan.cameras = std::move(chosen.cameras);
+  plan.file_index = std::move(chosen.file_index);
   plan.evidence = plan_evidence(capture, plan.character);
   plan_sequences(plan, options);
   inspect_sources(plan);

@@ -11,8 +11,6 @@
 
 namespace doppel {
 
-/// Keypoints below this confidence are not used.
-constexpr float kSmallestConfidence = 0.4f;
 /// Pixels are counted as in pictures of this width, so that weights mean the same at any resolution.
 constexpr double kReferenceWidth = 1024.0;
 /// How far away, in those pixels, something counts that lies behind a camera which saw it.

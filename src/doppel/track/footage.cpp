@@ -7,12 +7,12 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture_cameras.h"
 #include "doppel/data/capture_layouts.h"
 #include "doppel/data/dataset.h"
 #include "doppel/data/evidence.h"
 #include "doppel/data/mask_source.h"
 #include "doppel/data/video.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 
@@ -199,34 +199,25 @@ class CaptureFootage : public Footage {
   View view(const SequenceEntry& entry, std::size_t c) const { return {entry, capture_, filmed_[c], file_index_[c]}; }
 
   void choose_cameras() {
-    const std::vector<Camera> all = read_calibration(capture_.calibration_path());
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      const auto& wanted = capture_.cameras;
-      if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), all[i].name) == wanted.end()) continue;
-      file_index_.push_back(static_cast<int>(i));
-      filmed_.push_back(all[i]);
-    }
-    if (!capture_.cameras.empty() && filmed_.size() != capture_.cameras.size())
-      fail("{} asks for {} cameras, but {} holds only {} of these names", capture_.name, capture_.cameras.size(),
-           capture_.calibration, filmed_.size());
+    CaptureCameras chosen = doppel::choose_cameras(capture_);
+    filmed_ = std::move(chosen.cameras);
+    file_index_ = std::move(chosen.file_index);
     for (std::size_t c = 0; c < filmed_.size(); ++c) {
-      fit_to_pictures(view(capture_.sequences.front(), c), filmed_[c]);
+      filmed_[c] = as_filmed(view(capture_.sequences.front(), c));
       cameras_.push_back(Undistorter(filmed_[c]).pinhole());
     }
   }
 
   /// The calibration at the resolution of the video, which keypoints count in. Without videos it is taken as it is.
-  static void fit_to_pictures(const View& view, Camera& camera) {
+  static Camera as_filmed(const View& view) {
     const std::string source = view.source(view.entry.videos);
-    if (!has_frame_placeholder(source) && !fs::exists(source)) {
-      log::info(
-          "camera {}: there is no video {}; its calibration is taken to be for the pictures that the keypoints "
-          "were found in",
-          camera.name, source);
-      return;
-    }
-    const cv::Size size = open_frames(source, PixelFormat::colour)->size();
-    if (size.width != camera.width || size.height != camera.height) camera = camera.scaled_to(size.width, size.height);
+    if (has_frame_placeholder(source) || fs::exists(source))
+      return fit_to_pictures(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
+    log::info(
+        "camera {}: there is no video {}; its calibration is taken to be for the pictures that the keypoints were "
+        "found in",
+        view.camera.name, source);
+    return view.camera;
   }
 
   /// As many frames as all cameras have, unless the capture says how many belong together.

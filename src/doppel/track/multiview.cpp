@@ -224,7 +224,7 @@ void MultiviewTracker::judge(const FrameEvidence& frame, TrackedFrame& found) co
   for (std::size_t c = 0; c < cameras_.size(); ++c)
     for (int m = 0; m < model_.num_landmarks(); ++m) {
       const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(m)];
-      if (!(seen.confidence >= kSmallestConfidence)) continue;
+      if (!(seen.confidence >= kSeenConfidence)) continue;
       ++found.keypoints;
       const auto projected = project_with_slope(cameras_[c], model_.landmark(body, m));
       if (!projected) continue;

@@ -14,6 +14,7 @@
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/track/outline.h"
 #include "doppel/track/pose_sequence.h"
 #include "doppel/track/track_sheet.h"
 
@@ -126,10 +127,10 @@ void write_vertices(const fs::path& path, const Footage& footage, const TrackedS
   NpyStream stream(path, {character.num_vertices(), 3});
   std::vector<float> frame;
   for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row) {
-    const PosedBody body = model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false);
     frame.clear();
-    for (int v = 0; v < character.num_vertices(); ++v)
-      for (const double x : Eigen::Vector3d(model.vertex(body, v))) frame.push_back(static_cast<float>(x));
+    const PosedBody body = model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false);
+    for (const Eigen::Vector3d& vertex : posed_vertices(model, body))
+      for (const double x : vertex) frame.push_back(static_cast<float>(x));
     stream.append(frame.data());
   }
   stream.close();

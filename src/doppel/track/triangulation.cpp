@@ -23,7 +23,7 @@ std::vector<Ray> rays_to(const std::vector<Camera>& cameras, const FrameEvidence
   std::vector<Ray> rays;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(landmark)];
-    if (!(seen.confidence >= kSmallestConfidence)) continue;
+    if (!(seen.confidence >= kSeenConfidence)) continue;
     const Vector3d in_camera = cameras[c].K.inverse() * Vector3d(seen.x, seen.y, 1.0);
     rays.push_back({&cameras[c],
                     cameras[c].centre(),

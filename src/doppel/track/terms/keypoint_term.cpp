@@ -12,7 +12,7 @@ void KeypointTerm::evaluate(const PoseModel& model, const PosedBody& body, bool 
     const double scale = reference_pixels(cameras_[c]);
     for (int m = 0; m < model.num_landmarks(); ++m) {
       const Keypoint& keypoint = frame_[c].keypoints[static_cast<std::size_t>(m)];
-      if (!(keypoint.confidence >= kSmallestConfidence)) continue;
+      if (!(keypoint.confidence >= kSeenConfidence)) continue;
       const Eigen::Index first = rows.add_group(weight_ * keypoint.confidence);
       const auto projected = project_with_slope(cameras_[c], model.landmark(body, m));
       if (!projected) {

@@ -8,7 +8,7 @@
 namespace doppel {
 
 /// Landmarks belong where detectors saw them: pi_c(p_m) - k_cm in every camera (4.3), in pixels of a picture 1024 wide,
-/// weighted with the confidence, which counts as 0 below kSmallestConfidence. A landmark behind a camera counts as
+/// weighted with the confidence, which counts as 0 below kSeenConfidence. A landmark behind a camera counts as
 /// kBehindCamera pixels away.
 class KeypointTerm : public PoseTerm {
  public:
