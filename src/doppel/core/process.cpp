@@ -67,11 +67,11 @@ int resolve_threads(int requested) {
   return requested > 0 ? requested : available_cores();
 }
 
-double resident_megabytes() {
+double private_megabytes() {
   std::ifstream statm("/proc/self/statm");
-  double total_pages = 0.0, resident_pages = 0.0;
-  if (!(statm >> total_pages >> resident_pages)) return 0.0;
-  return resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+  double total_pages = 0.0, resident_pages = 0.0, file_pages = 0.0;
+  if (!(statm >> total_pages >> resident_pages >> file_pages)) return 0.0;
+  return (resident_pages - file_pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
 bool stop_requested() { return stop.load(std::memory_order_relaxed); }

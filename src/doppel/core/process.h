@@ -12,9 +12,9 @@ void setup_process();
 /// @throws UsageError when negative or above 1024.
 int resolve_threads(int requested);
 
-/// Main memory that the process holds now, in megabytes (2^20 bytes); 0 where the system does not say (it does on
-/// Linux).
-double resident_megabytes();
+/// Main memory that the process itself holds now, in megabytes (2^20 bytes), without the pages of mapped files: those
+/// the system takes back when it likes. 0 where the system does not say (it does on Linux).
+double private_megabytes();
 
 /// True once Ctrl-C or SIGTERM came in. Long jobs look here between steps, write a checkpoint and return.
 bool stop_requested();

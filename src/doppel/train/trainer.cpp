@@ -167,7 +167,7 @@ void Trainer::log_metrics() {
   record.step = step_;
   record.seconds = seconds();
   record.learning_rate = options_.schedule.rate(step_ - 1);
-  record.memory_mb = resident_megabytes();
+  record.memory_mb = private_megabytes();
   last_loss_ = record.loss;
   metrics_->append(record);
   std::vector<std::pair<std::string, double>> scalars = {
