@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Trains the variants of Tables 6.4 and 6.5 (thesis 6.9.5) on the synthetic actor and writes their tables.
-#   scripts/ablations.sh [FOLDER]     default: ablations; about 40 minutes on two cores, resumed where it stopped
+#   scripts/ablations.sh [FOLDER]     default: ablations; about half an hour, resumed where it stopped
 # One camera, 007, is never trained on: pictures are compared in it alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."

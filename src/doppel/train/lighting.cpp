@@ -11,10 +11,18 @@ LightingImpl::LightingImpl(std::int64_t num_cameras, const std::vector<int>& tra
   trained = register_buffer("trained", trained);
 }
 
-torch::Tensor LightingImpl::forward(const torch::Tensor& cameras) {
+torch::Tensor LightingImpl::mean() const {
   const torch::Tensor weight = trained.to(coefficients.scalar_type()).view({-1, 1, 1});
-  const torch::Tensor mean = (coefficients * weight).sum(0, true) / weight.sum().clamp_min(1.0);
-  const torch::Tensor all = torch::where(trained.view({-1, 1, 1}), coefficients, mean);
+  return (coefficients * weight).sum(0, true) / weight.sum().clamp_min(1.0);
+}
+
+torch::Tensor LightingImpl::deviation() {
+  const torch::Tensor weight = trained.to(coefficients.scalar_type()).view({-1, 1, 1});
+  return ((coefficients - mean()).square() * weight).sum() / weight.sum().clamp_min(1.0);
+}
+
+torch::Tensor LightingImpl::forward(const torch::Tensor& cameras) {
+  const torch::Tensor all = torch::where(trained.view({-1, 1, 1}), coefficients, mean());
   return all.index_select(0, cameras.reshape({-1})).view({cameras.size(0), cameras.size(1), 3, 9});
 }
 

@@ -19,8 +19,15 @@ class LightingImpl : public torch::nn::Module {
   /// @param cameras int64 [B,C'] @return [B,C',3,9]
   torch::Tensor forward(const torch::Tensor& cameras);
 
+  /// How far the learnt cameras are from their mean: squared, summed over coefficients, mean over cameras. A camera
+  /// says nothing about light from behind what it sees; held to the mean, it takes that from the others.
+  torch::Tensor deviation();
+
   torch::Tensor coefficients;  ///< parameter [C,3,9]
   torch::Tensor trained;       ///< buffer, bool [C]
+
+ private:
+  torch::Tensor mean() const;  ///< of the learnt cameras, [1,3,9]
 };
 TORCH_MODULE(Lighting);
 

@@ -16,6 +16,7 @@ LightingRunConfig LightingRunConfig::read(const ConfigDocument& document) {
   c.loader.image_size = data.get("image_size", 0, at_least(0));
   const ConfigReader loss = root.section("loss");
   c.weight = loss.get("lighting", c.weight, at_least(0.0));
+  c.deviation_weight = loss.get("deviation", c.deviation_weight, at_least(0.0));
   c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
   c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
   root.finish();
@@ -44,9 +45,11 @@ LossTerms LightingStage::loss(const Batch& batch, StepContext& context) {
                   *actor_.mesh, batch.image.size(2), batch.image.size(3));
   }
   ProfileScope scope(profile, "compare");
-  return {{"lighting",
-           lighting_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
-           config_.weight}};
+  LossTerms terms{{"lighting",
+                   lighting_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
+                   config_.weight}};
+  if (config_.deviation_weight > 0.0) terms.push_back({"deviation", lighting_->deviation(), config_.deviation_weight});
+  return terms;
 }
 
 std::vector<Picture> LightingStage::pictures() {

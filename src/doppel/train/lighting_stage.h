@@ -14,6 +14,7 @@ struct LightingRunConfig {
   LoaderOptions loader;
   LightingLossOptions loss;
   double weight = 1.0;
+  double deviation_weight = 0.0;  ///< of Lighting::deviation(); the thesis has none
   TrainerOptions trainer;
 
   static LightingRunConfig read(const ConfigDocument& document);
