@@ -151,4 +151,19 @@ std::vector<Keypoint> LandmarkPicker::pick(const std::optional<Person>& person) 
   return landmarks;
 }
 
+std::vector<JointDetection> LandmarkPicker::pick(const std::vector<JointDetection>& joints) const {
+  std::vector<JointDetection> landmarks;
+  for (const std::vector<int>& points : points_) {
+    JointDetection middle;
+    middle.seen = !points.empty();
+    for (const int place : points) {
+      const JointDetection& joint = joints.at(static_cast<std::size_t>(place));
+      middle.position += joint.position / static_cast<double>(points.size());
+      middle.seen = middle.seen && joint.seen;
+    }
+    landmarks.push_back(middle.seen ? middle : JointDetection());
+  }
+  return landmarks;
+}
+
 }  // namespace doppel

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "doppel/character/skeleton.h"
+#include "doppel/data/joint_detections.h"
 #include "doppel/data/keypoints.h"
 
 namespace doppel {
@@ -51,6 +52,8 @@ class LandmarkPicker {
   /// [M] The middle of several points is as sure as the least sure of them, and not seen unless all are. Without a
   /// person nothing is seen.
   std::vector<Keypoint> pick(const std::optional<Person>& person) const;
+  /// [M] The same in space: the middle of several points is seen when all are. @param joints [n] in the layout's order
+  std::vector<JointDetection> pick(const std::vector<JointDetection>& joints) const;
 
  private:
   std::vector<std::vector<int>> points_;  ///< [M]

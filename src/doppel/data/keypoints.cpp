@@ -256,6 +256,23 @@ std::map<long, People> read_keypoint_table(const fs::path& path, const PointLayo
   return all;
 }
 
+void write_keypoint_table(const fs::path& path, const PointLayout& layout, const std::string& camera,
+                          const std::map<long, People>& frames) {
+  const std::string header = std::string(kTableHeader) + "\n";
+  std::string text = header;
+  for (const auto& [frame, people] : frames) {
+    for (std::size_t i = 0; !people.empty() && i < layout.points.size(); ++i) {
+      const Keypoint& point = people[0].at(i);
+      if (point.confidence > 0.0f)
+        text += fmt::format("{},{},{},{:.3f},{:.3f},{:.4f}\n", frame, camera, layout.points[i], point.x, point.y,
+                            point.confidence);
+    }
+  }
+  if (text == header && !frames.empty())
+    text += fmt::format("{},{},{},0,0,0\n", frames.begin()->first, camera, layout.points.at(0));
+  write_atomically(path, text);
+}
+
 std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
   if (people.empty()) return std::nullopt;
   if (people.size() == 1) return people[0];

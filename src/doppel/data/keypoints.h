@@ -47,6 +47,11 @@ std::map<long, People> read_all_people(const std::filesystem::path& path, const 
 std::map<long, People> read_keypoint_table(const std::filesystem::path& path, const PointLayout& layout,
                                            const std::string& camera);
 
+/// Writes such a table for one camera: the first person of each frame, points that are seen. When no point is seen in
+/// any frame, one row with confidence 0 says that the camera was looked at.
+void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout, const std::string& camera,
+                          const std::map<long, People>& frames);
+
 /// The person to follow: the only one; of several the one with the largest sum of confidences, where points outside of
 /// the mask do not count. A point is outside when it is farther from the mask than 3 % of the mask's longer side. If no
 /// one has a point inside, or the mask is empty or not given, all points count.
