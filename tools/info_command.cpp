@@ -239,16 +239,25 @@ bool is_capture_file(const fs::path& path) {
 }
 
 Json describe_sequence(const Capture& capture, const SequenceEntry& sequence) {
-  const long rows = describe_motion(capture.resolve(sequence.motion))["frames"];
-  const long last = std::min(sequence.last_frame.value_or(rows - 1), rows - 1);
   Json json;
   json["split"] = to_string(sequence.split);
-  json["motion_rows"] = rows;
-  json["used"] = fmt::format("{} to {}", sequence.first_frame, last);
+  if (sequence.motion.empty()) {
+    json["motion"] = "none";
+    json["used"] = sequence.last_frame ? fmt::format("{} to {}", sequence.first_frame, *sequence.last_frame)
+                                       : fmt::format("from {}", sequence.first_frame);
+  } else {
+    const long rows = describe_motion(capture.resolve(sequence.motion))["frames"];
+    const long last = std::min(sequence.last_frame.value_or(rows - 1), rows - 1);
+    json["motion_rows"] = rows;
+    json["used"] = fmt::format("{} to {}", sequence.first_frame, last);
+  }
   json["segments"] = sequence.cuts.size() + 1;
-  json["masks"] = sequence.chroma_key ? "by chroma key" : sequence.masks;
+  json["masks"] = sequence.chroma_key    ? "by chroma key"
+                  : sequence.subtraction ? "by background subtraction"
+                                         : sequence.masks;
   json["videos"] = sequence.videos;
   if (!sequence.keypoints.empty()) json["keypoints"] = sequence.keypoints;
+  if (!sequence.joints3d.empty()) json["joints3d"] = sequence.joints3d;
   return json;
 }
 

@@ -42,6 +42,17 @@ sequences:
     videos: dance/{name}.mp4
     chroma_key: {space: hsv, against: background, tolerance: 25, min_saturation: 0.3, smooth: 5}
     motion: dance/poses.motion
+  - name: street
+    split: test
+    videos: street/{name}.mp4
+    background_subtraction: {frames: [0, 19], threshold: 5, shadow: 0.4, refine: false}
+    motion: street/poses.motion
+  - name: park
+    split: test
+    videos: park/{name}.mp4
+    background_subtraction: {empty: "empty/{name}/{frame:04}.png"}
+    joints3d: park/{name}.csv
+detector: {model: pose.prototxt, weights: pose.caffemodel, input_height: 256, mean: [104, 117, 123], rgb: true}
 )";
 
 /// A folder that holds `text` as capture.yaml beside an empty folder `footage`.
@@ -76,7 +87,7 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_EQ(capture.resolve("/x"), "/x");
   EXPECT_EQ(capture.cameras, (std::vector<std::string>{"0", "left"}));
   EXPECT_DOUBLE_EQ(capture.fps, 50.0);
-  ASSERT_EQ(capture.sequences.size(), 2u);
+  ASSERT_EQ(capture.sequences.size(), 4u);
   const SequenceEntry& walk = capture.sequences[0];
   EXPECT_EQ(walk.split, Split::train);
   EXPECT_EQ(walk.mask_threshold, 100);
@@ -93,6 +104,26 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_TRUE(dance.chroma_key->against_background);
   EXPECT_EQ(dance.chroma_key->smooth, 5);
   EXPECT_FALSE(dance.last_frame.has_value());
+  EXPECT_TRUE(dance.masks_from_pictures());
+  EXPECT_FALSE(walk.masks_from_pictures());
+  const SequenceEntry &street = capture.sequences[2], &park = capture.sequences[3];
+  ASSERT_TRUE(street.subtraction && park.subtraction);
+  EXPECT_EQ(street.subtraction->empty, "");
+  EXPECT_EQ(street.subtraction->last_frame, 19);
+  EXPECT_EQ(street.subtraction->model.threshold, 5.0);
+  EXPECT_EQ(street.subtraction->model.shadow, 0.4);
+  EXPECT_FALSE(street.subtraction->model.refine);
+  EXPECT_EQ(park.subtraction->empty, "empty/{name}/{frame:04}.png");
+  EXPECT_FALSE(park.subtraction->last_frame.has_value());
+  EXPECT_TRUE(park.subtraction->model.refine);
+  EXPECT_EQ(park.joints3d, "park/{name}.csv");
+  EXPECT_EQ(park.motion, "");
+  ASSERT_TRUE(capture.detector.has_value());
+  EXPECT_EQ(capture.detector->weights, "pose.caffemodel");
+  EXPECT_EQ(capture.detector->input_height, 256);
+  EXPECT_EQ(capture.detector->mean, (std::vector<double>{104, 117, 123}));
+  EXPECT_TRUE(capture.detector->rgb);
+  EXPECT_EQ(capture.source(park.subtraction->empty, 3, "left"), (capture.root / "empty/left/{frame:04}.png").string());
 }
 
 TEST(CaptureReference, WritingAndReadingGivesTheSame) {
@@ -105,6 +136,13 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
   EXPECT_EQ(again.sequences[0].cuts, capture.sequences[0].cuts);
   EXPECT_EQ(again.sequences[1].chroma_key->tolerance, 25.0);
+  EXPECT_EQ(again.sequences[2].subtraction->last_frame, 19);
+  EXPECT_EQ(again.sequences[2].subtraction->model.shadow, 0.4);
+  EXPECT_EQ(again.sequences[3].subtraction->empty, capture.sequences[3].subtraction->empty);
+  EXPECT_EQ(again.sequences[3].joints3d, capture.sequences[3].joints3d);
+  EXPECT_EQ(again.detector->mean, capture.detector->mean);
+  EXPECT_EQ(again.detector->weights, capture.detector->weights);
+  EXPECT_TRUE(again.detector->rgb);
   write_capture(second, again);
   write_capture(first, read_capture(second));
   EXPECT_EQ(read_capture(first).sequences[0].keypoints, capture.sequences[0].keypoints);
@@ -143,6 +181,15 @@ TEST(CaptureRejects, NamesFileLineAndKey) {
   EXPECT_THAT(CaptureFile(changed("{name}.mp4", "{nome}.mp4")).error(), HasSubstr("{nome}"));
   EXPECT_THAT(CaptureFile(changed("    masks: walk/masks/{name}/{frame:06}.png\n", "")).error(),
               HasSubstr("chroma_key"));
+  EXPECT_THAT(CaptureFile(changed("{frames: [0, 19], ", "{")).error(), HasSubstr("frames"));
+  EXPECT_THAT(CaptureFile(changed("[104, 117, 123]", "[104, 117]")).error(), HasSubstr("three numbers"));
+  EXPECT_THAT(CaptureFile(changed("model: pose.prototxt, ", "")).error(), HasSubstr("model"));
+  EXPECT_THAT(CaptureFile(changed("[0, 19]", "[19, 0]")).error(), HasSubstr("[0, 19]"));
+  EXPECT_THAT(CaptureFile(changed("shadow: 0.4", "shadow: 4")).error(), HasSubstr("shadow"));
+  EXPECT_THAT(
+      CaptureFile(changed("    background_subtraction: {frames", "    masks: m\n    background_subtraction: {frames"))
+          .error(),
+      HasSubstr("only one of them"));
 }
 
 TEST(CaptureRejects, HostileFiles) {

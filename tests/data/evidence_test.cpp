@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "data/detector_fixture.h"
 #include "data/keypoint_fixture.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -169,6 +170,163 @@ TEST(EvidenceReference, ATableNamesLandmarks) {
   EXPECT_EQ(points[2].y, 22.0f);
   EXPECT_EQ(points[0].confidence, 0.0f);
   EXPECT_EQ(dataset.keypoints({0, 3}, 2)[2].confidence, 0.0f) << "this sequence has no keypoints";
+}
+
+// ---- a clip of one camera ----
+
+/// The first YAML block below a heading of docs/capture.md.
+std::string example_below(const std::string& heading) {
+  const std::string text = read_file(fs::path(DOPPEL_SOURCE_DIR) / "docs/capture.md");
+  const std::size_t begin = text.find("```yaml\n", text.find("\n" + heading + "\n")) + 8;
+  return text.substr(begin, text.find("```", begin) - begin);
+}
+
+// The documentation's example, word by word, in a folder that holds what it names.
+TEST(EvidenceOfOneCamera, IsDescribedAsTheDocumentationSays) {
+  const CaptureFixture fixture;
+  const fs::path folder = fixture.path("street");
+  const Camera& camera = fixture.cameras[2];
+  const Motion motion = fixture.motion("testing");
+  TemplateChecker checker(fixture.character);
+  std::vector<cv::Mat> clip(20, cv::Mat(kHeight, kWidth, CV_8UC3, cv::Scalar(60, 180, 30))), pictures, masks;
+  draw(checker, motion, camera, pictures, masks);
+  clip.insert(clip.end(), pictures.begin(), pictures.end());
+  write_video(folder / "street.avi", "MJPG", clip);  // finer than what OpenCV writes as .mp4
+  fs::rename(folder / "street.avi", folder / "street.mp4");
+  Character anna = fixture.character;
+  anna.name = "anna";
+  write_character(folder / "anna", anna);
+  write_landmarks(folder / "anna/landmarks.csv", anna, some_landmarks(anna));
+  write_calibration(folder / "street.yml", {camera});
+  fs::create_directories(folder / "keypoints");
+  for (int f = 0; f < motion.num_frames(); ++f)
+    support::write_bytes(folder / ("keypoints/street_" + padded(20 + f, 12) + "_keypoints.json"),
+                         openpose_text({body25_person(anna, camera, motion.frames[f])}));
+  support::write_bytes(folder / "capture.yaml", example_below("## A clip of one camera"));
+  PrepareOptions options = fixture.prepare_options();
+  const PrepareReport report = prepare_capture(read_capture(folder), options);
+  ASSERT_EQ(report.cameras.size(), 1u);
+  EXPECT_EQ(report.cameras[0].frames, motion.num_frames());
+  EXPECT_EQ(report.cameras[0].empty_frames, 0);
+  const Dataset dataset = Dataset::open(options.out);
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    const SampleId sample{0, 20 + f};
+    const cv::Mat found = dataset.mask(sample, 0), truth = masks[static_cast<std::size_t>(f)];
+    EXPECT_GT(static_cast<double>(cv::countNonZero(found & truth)) / cv::countNonZero(found | truth), 0.9) << f;
+    expect_at(dataset.keypoints(sample, 0)[2], true_pixel(fixture, dataset.camera(0), "testing", f, 2), 0.02);
+  }
+}
+
+// ---- a detector of one's own ----
+
+/// A capture without keypoint files, whose person's colours are the points of the tests' network.
+void add_detector(const CaptureFixture& fixture, const std::string& extra = "") {
+  support::write_bytes(fixture.root() / "net.onnx", test_detector::onnx_net());
+  support::write_bytes(fixture.root() / "map.yaml",
+                       "points: [blue, green, red]\nlandmarks: {Nose: blue, LWrist: red}\nabsent: [RWrist, MidHip, "
+                       "RAnkle, LAnkle]\n");
+  write_landmarks(fixture.root() / "landmarks.csv", fixture.character, some_landmarks(fixture.character));
+  fixture.write_yaml(replaced(fixture.yaml(), "sequences:",
+                              "landmarks: landmarks.csv\nkeypoint_map: map.yaml\ndetector: {model: net.onnx, "
+                              "input_height: 128" +
+                                  extra + "}\nsequences:"));
+}
+
+bool lies_on(const cv::Mat& mask, const Keypoint& point) {
+  const cv::Rect around(static_cast<int>(point.x) - 2, static_cast<int>(point.y) - 2, 5, 5);
+  return point.confidence > 0.0f && cv::countNonZero(mask(around & cv::Rect({}, mask.size()))) > 0;
+}
+
+TEST(EvidenceDetector, FindsKeypointsWhilePreparing) {
+  const CaptureFixture fixture;
+  add_detector(fixture);
+  const PrepareReport report = fixture.prepare();
+  ASSERT_TRUE(report.cameras[0].keypoints.has_value());
+  EXPECT_EQ(report.cameras[0].keypoints->nobody, 0);
+  const Dataset dataset = Dataset::open(fixture.out());
+  ASSERT_EQ(dataset.landmarks().size(), 6u);
+  for (const SampleId& sample : {SampleId{0, 2}, SampleId{0, 9}, SampleId{1, 4}})
+    for (int camera = 0; camera < 3; ++camera) {
+      const std::vector<Keypoint> points = dataset.keypoints(sample, camera);
+      EXPECT_TRUE(lies_on(dataset.mask(sample, camera), points[0])) << "blue";
+      EXPECT_TRUE(lies_on(dataset.mask(sample, camera), points[2])) << "red";
+      EXPECT_EQ(points[1].confidence, 0.0f) << "absent";
+    }
+}
+
+TEST(EvidenceDetector, WhatItFoundIsKeptAsATable) {
+  const CaptureFixture fixture;
+  add_detector(fixture);
+  fixture.prepare();
+  const fs::path table = fixture.out() / "detected/training_1.csv";
+  ASSERT_TRUE(fs::exists(table));
+  const PointLayout layout{"points", {"blue", "green", "red"}};
+  EXPECT_EQ(read_keypoint_table(table, layout, "1").size(), 12u);
+  // The prepared description names the tables: prepared elsewhere it gives the same, without the network.
+  fs::remove(fixture.root() / "net.onnx");
+  PrepareOptions options = fixture.prepare_options();
+  options.out = fixture.path("again");
+  prepare_capture(read_capture(fixture.out()), options);
+  const Dataset first = Dataset::open(fixture.out()), second = Dataset::open(options.out);
+  for (const SampleId& sample : first.samples(Split::train)) {
+    const auto a = first.keypoints(sample, 2), b = second.keypoints(sample, 2);
+    for (std::size_t m = 0; m < a.size(); ++m)
+      EXPECT_TRUE(a[m].x == b[m].x && a[m].y == b[m].y && a[m].confidence == b[m].confidence) << m;
+  }
+}
+
+TEST(EvidenceDetector, GoesOnAfterAStopAndStartsAnewWithOtherSettings) {
+  const CaptureFixture fixture;
+  add_detector(fixture);
+  fixture.prepare();
+  const fs::path table = fixture.out() / "detected/testing_0.csv";
+  const std::string found = read_file(table);
+  // A table that is there is not made again; the others are.
+  fs::remove(fixture.out() / "detected/testing_2.csv");
+  const auto time = fs::last_write_time(table);
+  fixture.prepare();
+  EXPECT_EQ(fs::last_write_time(table), time);
+  EXPECT_TRUE(fs::exists(fixture.out() / "detected/testing_2.csv"));
+  add_detector(fixture, ", threshold: 0.5");
+  EXPECT_THAT(message_of<Error>([&] { fixture.prepare(); }), AllOf(HasSubstr("other settings"), HasSubstr("0.5")));
+  PrepareOptions options = fixture.prepare_options();
+  options.overwrite = true;
+  prepare_capture(fixture.capture(), options);
+  EXPECT_NE(read_file(table), found) << "points below the new threshold are gone";
+}
+
+TEST(EvidenceDetector, RefusesWhatCannotBe) {
+  const CaptureFixture fixture;
+  add_detector(fixture);
+  const std::string yaml = yaml_of(fixture);
+  const auto refusal = [&](const std::string& from, const std::string& to) {
+    fixture.write_yaml(replaced(yaml, from, to));
+    PrepareOptions options = fixture.prepare_options();
+    options.overwrite = true;
+    return message_of<Error>([&] { prepare_capture(fixture.capture(), options); });
+  };
+  EXPECT_THAT(refusal("net.onnx", "none.onnx"), HasSubstr("none.onnx"));
+  EXPECT_THAT(refusal("map.yaml", "names"), HasSubstr("must be a map"));
+  EXPECT_THAT(refusal("map.yaml", "body25"), AllOf(HasSubstr("at least 25"), HasSubstr("net.onnx")));
+}
+
+TEST(EvidenceRejects, JointsInSpaceThatCannotBe) {
+  const CaptureFixture fixture;
+  add_keypoints(fixture);
+  const std::string yaml = yaml_of(fixture);
+  support::write_bytes(fixture.root() / "joints.csv", "frame,index,name,x_mm,y_mm,z_mm\n0,0,Nose,0,-700,1\n");
+  const auto named = [&](const std::string& file) {
+    fixture.write_yaml(replaced(yaml, "    cuts: [5]\n", "    cuts: [5]\n    joints3d: " + file + "\n"));
+    PrepareOptions options = fixture.prepare_options();
+    options.limit_frames = 2;
+    options.overwrite = true;
+    return support::expect_rejects_or_reads(file, [&] { prepare_capture(fixture.capture(), options); });
+  };
+  EXPECT_EQ(named("joints.csv"), "");
+  EXPECT_EQ(read_capture(fixture.out()).sequences[0].joints3d, "joints.csv");
+  support::write_bytes(fixture.root() / "joints.csv", "frame,index,name,x_mm,y_mm,z_mm\n0,0,Neck,0,-700,1\n");
+  EXPECT_THAT(named("joints.csv"), HasSubstr("joints.csv:2"));
+  EXPECT_THAT(named("none.csv"), HasSubstr("none.csv"));
 }
 
 TEST(EvidenceRejects, WhatCannotBe) {

@@ -16,8 +16,10 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
+#include "doppel/data/loader.h"
 #include "doppel/data/store.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 
 namespace doppel {
 namespace {
@@ -119,6 +121,123 @@ TEST(PrepareReference, ChromaKeyFindsThePersonWithoutMasks) {
   fixture.write_yaml(yaml);
   const PrepareReport report = fixture.prepare();
   for (const CameraReport& camera : report.cameras) EXPECT_GT(camera.template_iou, 0.99);
+}
+
+/// The fixture's capture with masks cut out by subtraction of an empty scene, given as a picture, pictures or a video.
+PrepareReport prepare_by_subtraction(const CaptureFixture& fixture, const std::string& empty) {
+  std::string yaml = fixture.yaml("");
+  for (const std::string name : {"training", "testing"})
+    yaml = support::replaced(yaml, "masks: " + name + "/masks/{camera:02}.mkv",
+                             "background_subtraction: {empty: \"" + empty + "\"}");
+  fixture.write_yaml(yaml);
+  PrepareOptions options = fixture.prepare_options();
+  options.overwrite = true;
+  return prepare_capture(fixture.capture(), options);
+}
+
+TEST(PrepareReference, BackgroundSubtractionFindsThePersonWithoutMasks) {
+  const CaptureFixture fixture;
+  const cv::Mat empty(test_capture::kHeight, test_capture::kWidth, CV_8UC3, cv::Scalar(60, 180, 30));
+  const std::vector<cv::Mat> frames(6, empty);
+  for (const std::string name : {"0", "1", "2"}) {
+    test_capture::write_images(fixture.root() / "empty" / name, frames);
+    test_capture::write_video(fixture.root() / "empty" / (name + ".avi"), "MJPG", frames);
+  }
+  for (const std::string source : {"empty/{name}/0003.png", "empty/{name}/{frame:04}.png", "empty/{name}.avi"})
+    for (const CameraReport& camera : prepare_by_subtraction(fixture, source).cameras) {
+      EXPECT_GT(camera.template_iou, 0.95) << source;
+      EXPECT_EQ(camera.empty_frames, 0);
+    }
+}
+
+TEST(PrepareRejects, EmptyScenesThatCannotBe) {
+  const CaptureFixture fixture;
+  const auto refusal = [&](const std::string& empty) {
+    return support::message_of<Error>([&] { prepare_by_subtraction(fixture, empty); });
+  };
+  EXPECT_THAT(refusal("none/{name}.avi"), HasSubstr("none/0.avi"));
+  EXPECT_THAT(refusal("none/{name}.png"), HasSubstr("none/0.png"));
+  test_capture::write_images(fixture.root() / "small", {cv::Mat::zeros(30, 40, CV_8UC3)});
+  EXPECT_THAT(refusal("small/0000.png"), HasSubstr("40x30"));
+  support::write_bytes(fixture.root() / "broken.avi", "RIFF....AVI ");
+  EXPECT_THAT(refusal("broken.avi"), HasSubstr("broken.avi"));
+  support::write_bytes(fixture.root() / "broken.png", "\x89PNG");
+  EXPECT_THAT(refusal("broken.png"), HasSubstr("broken.png"));
+}
+
+// ---- without a motion ----
+
+/// The fixture's description without any motion.
+std::string without_motion(const CaptureFixture& fixture, const std::string& extra = "") {
+  std::string yaml = fixture.yaml(extra);
+  for (const std::string name : {"training", "testing"})
+    yaml = support::replaced(yaml, "    motion: " + name + "/poses.motion\n", "");
+  return yaml;
+}
+
+TEST(PrepareWithoutMotion, StoresMasksAndPicturesOfAllFrames) {
+  const CaptureFixture fixture;
+  fixture.prepare();
+  const Dataset posed = Dataset::open(fixture.out());
+  fixture.write_yaml(without_motion(fixture));
+  PrepareOptions options = fixture.prepare_options();
+  options.out = fixture.path("unposed");
+  const PrepareReport report = prepare_capture(fixture.capture(), options);
+  EXPECT_EQ(report.records, 3 * (12 + 5));
+  EXPECT_EQ(report.cameras[0].checked_frames, 0);
+  EXPECT_TRUE(nlohmann::json::parse(report.json())["cameras"][0]["template_iou"].is_null());
+  const Dataset dataset = Dataset::open(options.out);
+  ASSERT_EQ(dataset.samples(Split::train).size(), 12u);
+  EXPECT_FALSE(dataset.sequences()[0].has_motion());
+  EXPECT_TRUE(posed.sequences()[0].has_motion());
+  EXPECT_EQ(cv::countNonZero(dataset.mask({0, 7}, 2) != posed.mask({0, 7}, 2)), 0);
+  EXPECT_THAT(support::message_of<Error>([&] {
+                dataset.dof_window({0, 7}, 2);
+              }),
+              ::testing::AllOf(HasSubstr("training"), HasSubstr("doppel track")));
+  const Batch batch = make_batch(dataset, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, 2);
+  EXPECT_FALSE(batch.dofs.defined());
+  EXPECT_TRUE(torch::equal(batch.distance, make_batch(posed, {{0, 3}, {1, 2}}, {{2, 0}, {1, 2}}, 2).distance));
+}
+
+TEST(PrepareWithoutMotion, RowsAreTheFramesThatAllCamerasHave) {
+  const CaptureFixture fixture;
+  TemplateChecker checker(fixture.character);
+  std::vector<cv::Mat> pictures, masks;
+  test_capture::draw(checker, fixture.motion("training"), fixture.cameras[1], pictures, masks);
+  pictures.resize(9);
+  test_capture::write_video(fixture.root() / "training/videos/01.avi", "MJPG", pictures);
+  fixture.write_yaml(without_motion(fixture, "    frame_offset: {\"2\": 1}\n"));
+  fixture.prepare();
+  EXPECT_EQ(Dataset::open(fixture.out()).samples(Split::train).size(), 9u);
+  fixture.write_yaml(without_motion(fixture, "    last_frame: 9\n"));
+  EXPECT_THAT(prepare_error(fixture), ::testing::AllOf(HasSubstr("its videos have"), HasSubstr("0 to 8")));
+  fixture.write_yaml(without_motion(fixture, "    cuts: [11]\n"));
+  EXPECT_THAT(prepare_error(fixture), HasSubstr("cut"));
+}
+
+// One camera, the person enters after some frames of the empty scene: what adapting to a new place starts from.
+TEST(PrepareWithoutMotion, OneCameraWithItsOwnEmptyFrames) {
+  const CaptureFixture fixture;
+  TemplateChecker checker(fixture.character);
+  std::vector<cv::Mat> pictures, masks;
+  test_capture::draw(checker, fixture.motion("training"), fixture.cameras[1], pictures, masks);
+  std::vector<cv::Mat> clip(6, cv::Mat(test_capture::kHeight, test_capture::kWidth, CV_8UC3, cv::Scalar(60, 180, 30)));
+  clip.insert(clip.end(), pictures.begin(), pictures.end());
+  test_capture::write_video(fixture.root() / "clip.avi", "MJPG", clip);
+  fixture.write_yaml(
+      "doppel_capture: 1\ncharacter: character/tube.character\ncalibration: calibration/cameras.calibration\n"
+      "cameras: [1]\nsequences:\n  - name: clip\n    split: test\n    videos: clip.avi\n"
+      "    background_subtraction: {frames: [0, 5]}\n    first_frame: 6\n");
+  const PrepareReport report = fixture.prepare();
+  ASSERT_EQ(report.cameras.size(), 1u);
+  EXPECT_EQ(report.cameras[0].frames, 12);
+  EXPECT_EQ(report.cameras[0].empty_frames, 0);
+  const Dataset dataset = Dataset::open(fixture.out());
+  for (const long frame : {6L, 17L}) {
+    const cv::Mat found = dataset.mask({0, frame}, 0), truth = masks[static_cast<std::size_t>(frame - 6)];
+    EXPECT_GT(static_cast<double>(cv::countNonZero(found & truth)) / cv::countNonZero(found | truth), 0.95) << frame;
+  }
 }
 
 TEST(PrepareReference, FrameOffsetsShiftTheVideo) {

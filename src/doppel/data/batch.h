@@ -9,7 +9,8 @@ namespace doppel {
 struct Batch {
   torch::Tensor frames;           ///< int64 [B] row in the motion of its sequence
   torch::Tensor sequence;         ///< int64 [B] index into Dataset::sequences()
-  torch::Tensor dofs;             ///< float32 [B,F+1,D] motion rows frame-F .. frame, oldest first
+  torch::Tensor dofs;             ///< float32 [B,F+1,D] motion rows frame-F .. frame, oldest first; undefined when no
+                                  ///< sample's sequence has a motion
   torch::Tensor cameras;          ///< int64 [B,C] index into Dataset::cameras()
   torch::Tensor projection;       ///< float32 [B,C,3,4] crop pixels from world metres
   torch::Tensor distance;         ///< float32 [B,C,S,S] signed distance to the outline, crop pixels, + outside

@@ -236,6 +236,9 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
   batch.valid = torch::empty({b, c}, torch::kBool);
   batch.contour_offsets = torch::empty({b * c + 1}, torch::kInt64);
 
+  const bool any_motion = std::any_of(items.begin(), items.end(), [&](const SamplePlan::Item& item) {
+    return dataset.sequences().at(static_cast<std::size_t>(item.sample.sequence)).has_motion();
+  });
   Crops crops;
   std::vector<torch::Tensor> windows;
   for (std::int64_t i = 0; i < b; ++i) {
@@ -245,13 +248,13 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
                        item.cameras.size());
     batch.frames.data_ptr<std::int64_t>()[i] = item.sample.frame;
     batch.sequence.data_ptr<std::int64_t>()[i] = item.sample.sequence;
-    windows.push_back(dataset.dof_window(item.sample, options.window));
+    if (any_motion) windows.push_back(dataset.dof_window(item.sample, options.window));
     for (std::int64_t j = 0; j < c; ++j) {
       batch.cameras.data_ptr<std::int64_t>()[i * c + j] = item.cameras[j];
       crops.push_back(cache.silhouette(dataset, item.sample, item.cameras[j]));
     }
   }
-  batch.dofs = torch::stack(windows);
+  if (any_motion) batch.dofs = torch::stack(windows);
   write_silhouettes(dataset, items, crops, batch);
   batch.contour = contour_tensor(crops, batch.contour_offsets);
   if (options.keypoints) add_keypoints(dataset, items, batch);

@@ -62,12 +62,36 @@ ChromaKey read_chroma_key(const ConfigReader& reader, bool has_background) {
   return key;
 }
 
+BackgroundSubtraction read_subtraction(const ConfigReader& reader) {
+  BackgroundSubtraction subtraction;
+  if (reader.has("empty")) subtraction.empty = read_pattern(reader, "empty");
+  if (reader.has("frames")) {
+    const std::vector<long> frames = reader.list<long>("frames");
+    if (frames.size() != 2 || frames[0] < 0 || frames[1] < frames[0] || frames[1] > kMaxFrame)
+      reader.fail_at_key("frames", "must be the first and the last frame of the empty scene, as in [0, 19]");
+    subtraction.first_frame = frames[0];
+    subtraction.last_frame = frames[1];
+  } else if (subtraction.empty.empty()) {
+    reader.fail_at_key("frames",
+                       "is missing: name the `empty` scene, or the frames of the sequence's own video in "
+                       "which nobody is there, as in `frames: [0, 19]`");
+  }
+  BackgroundOptions& model = subtraction.model;
+  model.threshold = reader.get("threshold", model.threshold, between(0.1, 100.0));
+  model.shadow = reader.get("shadow", model.shadow, between(0.05, 1.0));
+  model.refine = reader.get("refine", model.refine);
+  return subtraction;
+}
+
 void read_masks(const ConfigReader& reader, bool has_background, SequenceEntry& sequence) {
-  if (reader.has("masks") == reader.has("chroma_key"))
-    reader.fail_at_key("masks", "a sequence needs either `masks` or a `chroma_key`, {}",
-                       reader.has("masks") ? "not both" : "and has neither");
+  const int ways = reader.has("masks") + reader.has("chroma_key") + reader.has("background_subtraction");
+  if (ways != 1)
+    reader.fail_at_key("masks", "a sequence needs either `masks`, a `chroma_key` or a `background_subtraction`, {}",
+                       ways > 1 ? "only one of them" : "and has none");
   if (reader.has("masks")) sequence.masks = read_pattern(reader, "masks");
   if (reader.has("chroma_key")) sequence.chroma_key = read_chroma_key(reader.section("chroma_key"), has_background);
+  if (reader.has("background_subtraction"))
+    sequence.subtraction = read_subtraction(reader.section("background_subtraction"));
   sequence.mask_threshold = reader.get("mask_threshold", sequence.mask_threshold, between(1, 255));
   sequence.largest_component = reader.get("largest_component", sequence.largest_component);
 }
@@ -95,15 +119,31 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.videos = read_pattern(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
+  if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
   sequence.motion = reader.get("motion", "");
   read_range(reader, sequence);
   return sequence;
+}
+
+PoseDetectorOptions read_detector(const ConfigReader& reader) {
+  PoseDetectorOptions detector;
+  detector.model = reader.get<std::string>("model");
+  detector.weights = reader.get("weights", "");
+  detector.input_height = reader.get("input_height", detector.input_height, between(8, 4096));
+  detector.scale = reader.get("scale", detector.scale, between(1e-9, 1e9));
+  if (reader.has("mean")) detector.mean = reader.list<double>("mean");
+  if (detector.mean.size() != 3)
+    reader.fail_at_key("mean", "must be three numbers, one for each channel of the network, as in [104, 117, 123]");
+  detector.rgb = reader.get("rgb", detector.rgb);
+  detector.threshold = reader.get("threshold", detector.threshold, between(1e-6, 1.0));
+  return detector;
 }
 
 /// What the keypoints are put on, and how they are made steady.
 void read_evidence(const ConfigReader& reader, Capture& capture) {
   capture.landmarks = reader.get("landmarks", "");
   capture.keypoint_map = reader.get("keypoint_map", "");
+  if (reader.has("detector")) capture.detector = read_detector(reader.section("detector"));
   const ConfigReader filter = reader.section("keypoint_filter");
   KeypointFilter& options = capture.keypoint_filter;
   options.window = filter.get("window", options.window, between(0, 1000));
@@ -139,6 +179,32 @@ YAML::Node chroma_key_node(const ChromaKey& key) {
   return node;
 }
 
+YAML::Node subtraction_node(const BackgroundSubtraction& subtraction) {
+  YAML::Node node;
+  if (!subtraction.empty.empty()) node["empty"] = subtraction.empty;
+  if (subtraction.last_frame) {
+    node["frames"] = std::vector<long>{subtraction.first_frame, *subtraction.last_frame};
+    node["frames"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  node["threshold"] = subtraction.model.threshold;
+  node["shadow"] = subtraction.model.shadow;
+  node["refine"] = subtraction.model.refine;
+  return node;
+}
+
+YAML::Node detector_node(const PoseDetectorOptions& detector) {
+  YAML::Node node;
+  node["model"] = detector.model.string();
+  if (!detector.weights.empty()) node["weights"] = detector.weights.string();
+  node["input_height"] = detector.input_height;
+  node["scale"] = detector.scale;
+  node["mean"] = detector.mean;
+  node["mean"].SetStyle(YAML::EmitterStyle::Flow);
+  node["rgb"] = detector.rgb;
+  node["threshold"] = detector.threshold;
+  return node;
+}
+
 YAML::Node filter_node(const KeypointFilter& filter) {
   YAML::Node node;
   node["window"] = filter.window;
@@ -154,11 +220,14 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
   node["videos"] = sequence.videos;
   if (sequence.chroma_key)
     node["chroma_key"] = chroma_key_node(*sequence.chroma_key);
+  else if (sequence.subtraction)
+    node["background_subtraction"] = subtraction_node(*sequence.subtraction);
   else
     node["masks"] = sequence.masks;
   node["mask_threshold"] = sequence.mask_threshold;
   node["largest_component"] = sequence.largest_component;
   if (!sequence.keypoints.empty()) node["keypoints"] = sequence.keypoints;
+  if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
   if (!sequence.motion.empty()) node["motion"] = sequence.motion;
   for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
   node["first_frame"] = sequence.first_frame;
@@ -230,9 +299,13 @@ fs::path Capture::resolve(const std::string& written) const {
   return (path.is_absolute() ? path : root / path).lexically_normal();
 }
 
+std::string Capture::source(const std::string& pattern, int file_index, const std::string& camera) const {
+  return resolve(expand_camera(pattern, file_index, camera)).string();
+}
+
 bool Capture::has_keypoints() const {
-  return std::any_of(sequences.begin(), sequences.end(),
-                     [](const SequenceEntry& sequence) { return !sequence.keypoints.empty(); });
+  return detector || std::any_of(sequences.begin(), sequences.end(),
+                                 [](const SequenceEntry& sequence) { return !sequence.keypoints.empty(); });
 }
 
 Capture read_capture(const fs::path& file_or_folder) {
@@ -279,6 +352,7 @@ void write_capture(const fs::path& path, const Capture& capture) {
   if (!capture.background.empty()) node["background"] = capture.background;
   if (!capture.landmarks.empty()) node["landmarks"] = capture.landmarks;
   if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
+  if (capture.detector) node["detector"] = detector_node(*capture.detector);
   if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
   YAML::Emitter emitter;

@@ -65,11 +65,14 @@ DatasetSequence make_sequence(const SequenceEntry& entry, const Capture& capture
   DatasetSequence sequence;
   sequence.name = entry.name;
   sequence.split = entry.split;
-  sequence.motion = read_motion(capture.resolve(entry.motion), num_dofs);
+  if (!entry.motion.empty()) sequence.motion = read_motion(capture.resolve(entry.motion), num_dofs);
   sequence.first_frame = entry.first_frame;
   sequence.last_frame = entry.last_frame.value_or(sequence.motion.num_frames() - 1);
   sequence.cuts = entry.cuts;
-  if (sequence.last_frame >= sequence.motion.num_frames())
+  if (entry.motion.empty() && !entry.last_frame)
+    fail("{}: the sequence {} has neither a motion nor a last_frame; prepare it again with --overwrite",
+         capture.file.string(), entry.name);
+  if (sequence.has_motion() && sequence.last_frame >= sequence.motion.num_frames())
     fail("{}: the motion {} has {} rows, but the capture was prepared up to row {}; prepare it again with --overwrite",
          capture.file.string(), entry.motion, sequence.motion.num_frames(), sequence.last_frame);
   return sequence;
@@ -135,6 +138,9 @@ std::vector<SampleId> Dataset::samples(Split split, int every) const {
 
 torch::Tensor Dataset::dof_window(const SampleId& sample, int window) const {
   const DatasetSequence& sequence = sequences_.at(sample.sequence);
+  if (!sequence.has_motion())
+    fail("{}: the sequence {} was prepared without a motion, but poses are needed; `doppel track {}` finds them",
+         folder_.string(), sequence.name, folder_.string());
   const long start = sequence.segment_start(sample.frame);
   torch::Tensor result = torch::empty({window + 1, num_dofs_}, torch::kFloat32);
   float* to = result.data_ptr<float>();

@@ -25,11 +25,12 @@ namespace doppel {
 struct DatasetSequence {
   std::string name;
   Split split = Split::train;
-  Motion motion;
+  Motion motion;                         ///< without frames: none is known
   long first_frame = 0, last_frame = 0;  ///< motion rows that were prepared, both included
   std::vector<long> cuts;                ///< motion rows that begin a new segment
 
   long num_frames() const { return last_frame - first_frame + 1; }
+  bool has_motion() const { return motion.num_frames() > 0; }
   /// The first row of the segment that `frame` belongs to: history never goes before it.
   long segment_start(long frame) const;
 };
@@ -99,7 +100,7 @@ class Dataset {
   int image_pixels(int pixels) const;
 
   /// Motion rows frame-window .. frame as float32 [window+1, D], oldest first. Where the segment has no earlier row
-  /// its first is repeated (thesis 6.9).
+  /// its first is repeated (thesis 6.9). @throws Error when the sequence was prepared without a motion
   torch::Tensor dof_window(const SampleId& sample, int window) const;
 
   /// The whole mask, 0 or 255, at the camera's resolution.

@@ -16,6 +16,7 @@ constexpr float kLargestShare = 1.5f;  ///< pixels: a whole body is never smalle
 
 std::string chosen_map(const Capture& capture) {
   if (!capture.keypoint_map.empty()) return capture.keypoint_map;
+  if (capture.detector) return kDefaultMap;
   const bool tables =
       std::all_of(capture.sequences.begin(), capture.sequences.end(), [](const SequenceEntry& sequence) {
         return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints).extension() == ".csv";
@@ -69,6 +70,10 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
   if (!capture.has_keypoints()) return plan;
   const std::string name = chosen_map(capture);
   const bool by_name = name == kNamesMap;
+  plan.map_name = name;
+  if (by_name && capture.detector)
+    fail("{} has a detector, whose points have an order and no names: `keypoint_map` must be a map, not '{}'",
+         capture.name, kNamesMap);
   if (!by_name) plan.map = load_map(capture, name);
   if (!capture.landmarks.empty())
     plan.landmarks = read_landmarks(capture.resolve(capture.landmarks), character);

@@ -15,13 +15,15 @@ namespace doppel {
 /// What a capture's keypoints are put on.
 struct EvidencePlan {
   KeypointMap map;
+  std::string map_name;           ///< of the map: built in, "names", or a path as written
   std::vector<Marker> landmarks;  ///< [M]; none: the capture has no keypoints, or nothing to put them on
 };
 
 /// Chooses map and landmarks: those of the placement file, else the skeleton's markers that the map knows. Without
-/// `keypoint_map`, tables (.csv) name landmarks, other files are taken for BODY_25. Keypoints without any landmark are
-/// left alone with a warning, unless the capture asks for a map.
-/// @throws Error for landmarks that the map does not know, or what its readers throw
+/// `keypoint_map`, tables (.csv) name landmarks, other files and a detector's points are taken for BODY_25. Keypoints
+/// without any landmark are left alone with a warning, unless the capture asks for a map.
+/// @throws Error for a detector whose points have no order (the map `names`), for landmarks that the map does not know,
+/// or what its readers throw
 EvidencePlan plan_evidence(const Capture& capture, const Character& character);
 
 /// What was found of the keypoints of one camera in one sequence.

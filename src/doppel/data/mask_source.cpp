@@ -1,5 +1,6 @@
 #include "doppel/data/mask_source.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -10,6 +11,8 @@ namespace doppel {
 
 namespace {
 
+constexpr long kMaxEmptyFrames = 200;  ///< more teach a model of one scene nothing
+
 cv::Mat read_background(const std::string& path) {
   cv::Mat image;
   if (std::filesystem::is_regular_file(path)) image = cv::imread(path, cv::IMREAD_COLOR);
@@ -17,19 +20,42 @@ cv::Mat read_background(const std::string& path) {
   return image;
 }
 
+/// @param source of the empty scene, for one camera
+BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std::string& source) {
+  BackgroundModel model(subtraction.model);
+  if (!has_frame_placeholder(source) && cv::haveImageReader(source)) {
+    model.learn(read_background(source));
+    return model;
+  }
+  const auto frames = open_frames(source, PixelFormat::colour);
+  const long first = subtraction.first_frame;
+  const long last = subtraction.last_frame ? *subtraction.last_frame : frames->num_frames(-1) - 1;
+  if (last < first) fail_at({source, 0}, "holds no frame of the empty scene");
+  const long count = std::min(last - first + 1, kMaxEmptyFrames);
+  for (long i = 0; i < count; ++i) model.learn(frames->read(first + i * (last - first + 1) / count));
+  return model;
+}
+
 }  // namespace
 
-MaskSource::MaskSource(const SequenceEntry& sequence, const Camera& camera, const std::string& masks,
-                       const std::string& background)
+MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
     : sequence_(sequence), undistort_(camera) {
-  if (!sequence.chroma_key)
-    masks_ = open_frames(masks, PixelFormat::grey);
+  const auto source = [&](const std::string& pattern) { return capture.source(pattern, file_index, camera.name); };
+  if (const auto& subtraction = sequence.subtraction)
+    model_ = learn_scene(*subtraction, source(subtraction->empty.empty() ? sequence.videos : subtraction->empty));
+  else if (!sequence.chroma_key)
+    masks_ = open_frames(source(sequence.masks), PixelFormat::grey);
   else if (sequence.chroma_key->against_background)
-    background_ = read_background(background);
+    background_ = read_background(source(capture.background));
+}
+
+cv::Mat MaskSource::find(long frame, const cv::Mat& picture) {
+  if (masks_) return masks_->read(frame);
+  return model_ ? model_->mask(picture) : chroma_key_mask(picture, *sequence_.chroma_key, background_);
 }
 
 cv::Mat MaskSource::read(long frame, const cv::Mat& picture) {
-  cv::Mat grey = masks_ ? masks_->read(frame) : chroma_key_mask(picture, *sequence_.chroma_key, background_);
+  cv::Mat grey = find(frame, picture);
   const cv::Size size(undistort_.pinhole().width, undistort_.pinhole().height);
   if (grey.size() != size) {
     cv::Mat resized;

@@ -2,24 +2,24 @@
 
 #include <memory>
 #include <opencv2/core.hpp>
-#include <string>
+#include <optional>
 
+#include "doppel/data/background_model.h"
 #include "doppel/data/capture.h"
 #include "doppel/data/mask.h"
 #include "doppel/data/video.h"
 
 namespace doppel {
 
-/// The masks of one camera in one sequence, from its mask files or cut out of its pictures by colour, as the capture
-/// says: thresholded, 0 or 255, of the picture's size and without lens distortion.
+/// The masks of one camera in one sequence: from its mask files, or cut out of its pictures by colour or by subtraction
+/// of the empty scene, as the capture says: thresholded, 0 or 255, of the picture's size and without lens distortion.
 class MaskSource {
  public:
+  /// Opens the mask files or the picture of the empty studio, or learns the empty scene.
   /// @param camera with its distortion, at the resolution of the pictures
-  /// @param masks path or pattern of this camera's masks, unused with a chroma key
-  /// @param background this camera's picture of the empty studio, used by keys that compare with it
+  /// @param file_index its place in the calibration file
   /// @throws FileError when one of them cannot be read
-  MaskSource(const SequenceEntry& sequence, const Camera& camera, const std::string& masks,
-             const std::string& background);
+  MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
 
   /// Whether `read` needs the picture.
   bool needs_picture() const { return !masks_; }
@@ -27,10 +27,13 @@ class MaskSource {
   cv::Mat read(long frame, const cv::Mat& picture);
 
  private:
+  cv::Mat find(long frame, const cv::Mat& picture);
+
   SequenceEntry sequence_;
   Undistorter undistort_;
   std::unique_ptr<FrameReader> masks_;
   cv::Mat background_;
+  std::optional<BackgroundModel> model_;
 };
 
 }  // namespace doppel

@@ -16,6 +16,7 @@
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/mask_source.h"
+#include "doppel/data/pose_detector.h"
 #include "doppel/data/prepare_plan.h"
 #include "doppel/data/template_check.h"
 #include "doppel/data/video.h"
@@ -54,8 +55,7 @@ class RecordMaker {
         undistort_(plan.cameras[job.camera]),
         offset_(sequence_.offset(plan.cameras[job.camera].name)),
         videos_(open_frames(plan.source(sequence_.videos, job.camera), PixelFormat::colour)),
-        masks_(sequence_, plan.cameras[job.camera], plan.source(sequence_.masks, job.camera),
-               plan.source(plan.capture.background, job.camera)) {}
+        masks_(plan.capture, sequence_, plan.cameras[job.camera], plan.file_index[job.camera]) {}
 
   FrameRecord make(long row) {
     const cv::Mat raw = videos_->read(row + offset_);
@@ -112,6 +112,7 @@ class Preparation {
       wanted += sequence(job).num_frames();
     }
     report.finished = report.records == wanted;
+    for (const Job& job : jobs) report.finished = report.finished && detect(job);
     if (!report.finished) return report;
     for (const Job& job : jobs) {
       report.cameras.push_back(report_camera(job));
@@ -139,6 +140,8 @@ class Preparation {
     Store store(folder, Store::Mode::write);
     // A run killed before its first transaction leaves a store without a word in it.
     if (!found || store.keys("").empty()) {
+      for (const PlannedSequence& sequence : plan_.sequences)
+        for (const Camera& camera : plan_.cameras) fs::remove(detected_file(sequence, camera));
       write_store_layout(store, plan_.layout);
       return store;
     }
@@ -239,7 +242,7 @@ class Preparation {
   std::vector<double> measure_template(const Job& job, long first, long end, long count) {
     std::lock_guard lock(checker_mutex_);
     std::vector<double> ious;
-    count = std::min(count, end - first);
+    count = sequence(job).has_motion() ? std::min(count, end - first) : 0;
     for (long i = 0; i < count; ++i) {
       const long row = first + i * (end - first) / count;
       const torch::Tensor vertices = checker_.skin(sequence(job).motion.frames.at(row));
@@ -294,6 +297,33 @@ class Preparation {
     return report;
   }
 
+  fs::path detected_file(const PlannedSequence& planned, const Camera& seen) const {
+    return expand_camera(PreparePlan::detected_table(planned, options_.out), 0, seen.name);
+  }
+
+  /// Runs the capture's detector where no keypoints are given, and keeps what it finds as a table. @return false:
+  /// stopped
+  bool detect(const Job& job) const {
+    const PlannedSequence& rows = sequence(job);
+    const fs::path table = detected_file(rows, camera(job));
+    if (!plan_.detects(rows) || fs::exists(table)) return true;
+    PoseDetectorOptions options = *plan_.capture.detector;
+    options.model = plan_.capture.resolve(options.model.string());
+    if (!options.weights.empty()) options.weights = plan_.capture.resolve(options.weights.string());
+    PoseDetector detector(options, plan_.evidence.map.layout);
+    const auto videos = open_frames(plan_.source(rows.entry.videos, job.camera), PixelFormat::colour);
+    const long offset = rows.entry.offset(camera(job).name);
+    std::map<long, People> frames;
+    Progress progress("detect", rows.num_frames(), 0);
+    for (long row = rows.first_frame; row <= rows.last_frame; ++row) {
+      if (stop_requested()) return false;
+      frames[row + offset] = detector.detect(videos->read(row + offset));
+      progress.advance(1, title(job));
+    }
+    write_keypoint_table(table, plan_.evidence.map.layout, camera(job).name, frames);
+    return true;
+  }
+
   /// Reads what was detected for one camera and stores it, a record per frame.
   KeypointFacts store_keypoints(const Job& job) {
     const PlannedSequence& rows = sequence(job);
@@ -322,7 +352,7 @@ class Preparation {
 
   void tell_doubts(const Job& job, const KeypointFacts& facts) const {
     const std::string& written = sequence(job).entry.keypoints;
-    if (written.empty()) return;  // this sequence was not meant to have any
+    if (written.empty() && !plan_.detects(sequence(job))) return;  // this sequence was not meant to have any
     const std::vector<std::string> doubts = keypoint_doubts(facts);
     if (facts.missing_files == facts.frames)
       stop_or_warn(options_, fmt::format("{}: {} ({})", title(job), doubts.at(0), plan_.source(written, job.camera)));
@@ -331,7 +361,8 @@ class Preparation {
   }
 
   PeopleOfFrame people_of(const Job& job) const {
-    const std::string& written = sequence(job).entry.keypoints;
+    std::string written = sequence(job).entry.keypoints;
+    if (plan_.detects(sequence(job))) written = PreparePlan::detected_table(sequence(job), options_.out);
     if (written.empty()) return [](long) { return std::optional<People>(); };
     const auto source = std::make_shared<KeypointSource>(plan_.source(written, job.camera), plan_.evidence.map.layout,
                                                          camera(job).name);
@@ -343,7 +374,12 @@ class Preparation {
     for (std::size_t i = 0; i < capture.sequences.size(); ++i) {
       capture.sequences[i].first_frame = plan_.sequences[i].first_frame;
       capture.sequences[i].last_frame = plan_.sequences[i].last_frame;
+      if (plan_.detects(plan_.sequences[i]))
+        capture.sequences[i].keypoints = PreparePlan::detected_table(plan_.sequences[i], options_.out);
     }
+    // What was detected is there to be read now, and its points stay those of the detector.
+    if (capture.detector) capture.keypoint_map = plan_.evidence.map_name;
+    capture.detector.reset();
     capture.cameras.clear();
     for (const Camera& camera : plan_.cameras) capture.cameras.push_back(camera.name);
     write_capture(options_.out / "capture.yaml", capture);
@@ -412,9 +448,9 @@ std::string PrepareReport::table() const {
       std::any_of(cameras.begin(), cameras.end(), [](const auto& c) { return c.keypoints.has_value(); });
   if (keypoints) text.insert(text.size() - 1, fmt::format(" {:>10} {:>7} {:>7}", "landmarks", "no file", "nobody"));
   for (const CameraReport& camera : cameras) {
-    text += fmt::format("{:<16} {:<10} {:>7} {:>6} {:>8.2f}% {:>6.1f}% {:>12.3f}\n", camera.sequence, camera.camera,
-                        camera.frames, camera.empty_frames, 100.0 * camera.coverage, 100.0 * camera.border_touch,
-                        camera.template_iou);
+    const std::string iou = camera.checked_frames > 0 ? fmt::format("{:.3f}", camera.template_iou) : "-";
+    text += fmt::format("{:<16} {:<10} {:>7} {:>6} {:>8.2f}% {:>6.1f}% {:>12}\n", camera.sequence, camera.camera,
+                        camera.frames, camera.empty_frames, 100.0 * camera.coverage, 100.0 * camera.border_touch, iou);
     if (const auto& facts = camera.keypoints)
       text.insert(text.size() - 1,
                   fmt::format(" {:>9.1f}% {:>7} {:>7}", 100.0 * facts->seen, facts->missing_files, facts->nobody));
@@ -426,14 +462,16 @@ std::string PrepareReport::json() const {
   nlohmann::ordered_json document{
       {"finished", finished}, {"records", records}, {"cameras", nlohmann::ordered_json::array()}};
   for (const CameraReport& camera : cameras) {
-    document["cameras"].push_back({{"sequence", camera.sequence},
-                                   {"camera", camera.camera},
-                                   {"frames", camera.frames},
-                                   {"empty_frames", camera.empty_frames},
-                                   {"mask_coverage", camera.coverage},
-                                   {"border_touch", camera.border_touch},
-                                   {"template_iou", camera.template_iou},
-                                   {"checked_frames", camera.checked_frames}});
+    document["cameras"].push_back(
+        {{"sequence", camera.sequence},
+         {"camera", camera.camera},
+         {"frames", camera.frames},
+         {"empty_frames", camera.empty_frames},
+         {"mask_coverage", camera.coverage},
+         {"border_touch", camera.border_touch},
+         {"template_iou",
+          camera.checked_frames > 0 ? nlohmann::ordered_json(camera.template_iou) : nlohmann::ordered_json()},
+         {"checked_frames", camera.checked_frames}});
     if (camera.keypoints) document["cameras"].back()["keypoints"] = to_json(*camera.keypoints);
   }
   return document.dump(2);

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "doppel/core/log.h"
 #include "doppel/data/capture_cameras.h"
+#include "doppel/data/joint_detections.h"
 #include "doppel/data/mask.h"
 #include "doppel/data/template_check.h"
 #include "doppel/data/video.h"
@@ -19,49 +21,66 @@ constexpr double kMinPersonHeight = 0.5, kMaxPersonHeight = 2.5;        // metre
 constexpr double kMinCameraDistance = 0.3, kMaxCameraDistance = 100.0;  // metres
 constexpr int kPosesLookedAt = 8;
 
+/// How many frames all cameras have: the rows of a sequence without a motion.
+long count_frames(const PreparePlan& plan, const SequenceEntry& entry) {
+  long rows = std::numeric_limits<long>::max(), expected = entry.last_frame.value_or(-1) + 1;
+  for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
+    const auto videos = open_frames(plan.source(entry.videos, static_cast<int>(c)), PixelFormat::colour);
+    const long frames = videos->num_frames(expected);
+    rows = std::min(rows, frames - entry.offset(plan.cameras[c].name));
+    if (!entry.last_frame) expected = frames;
+  }
+  return rows;
+}
+
+/// Chooses the rows to prepare. @param rows how many there are @param what has so many, for messages
+void choose_rows(PlannedSequence& sequence, long rows, const std::string& what, const PrepareOptions& options) {
+  const SequenceEntry& entry = sequence.entry;
+  sequence.first_frame = entry.first_frame;
+  sequence.last_frame = entry.last_frame.value_or(rows - 1);
+  if (sequence.first_frame > sequence.last_frame || sequence.last_frame >= rows)
+    fail("sequence {}: rows {} to {} are asked for, but {} rows 0 to {}", entry.name, sequence.first_frame,
+         sequence.last_frame, what, rows - 1);
+  for (const long cut : entry.cuts)
+    if (cut >= rows) fail("sequence {}: a cut stands at row {}, but {} rows 0 to {}", entry.name, cut, what, rows - 1);
+  if (options.limit_frames > 0)
+    sequence.last_frame = std::min(sequence.last_frame, sequence.first_frame + options.limit_frames - 1);
+}
+
 void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
   for (const SequenceEntry& entry : plan.capture.sequences) {
     PlannedSequence sequence;
     sequence.entry = entry;
-    if (entry.motion.empty())
-      fail(
-          "sequence {}: no motion is named; `doppel track` finds it from keypoints and masks and writes a capture.yaml "
-          "that names it",
-          entry.name);
-    sequence.motion = read_motion(plan.capture.resolve(entry.motion), plan.character.num_dofs());
-    const long rows = sequence.motion.num_frames();
-    sequence.first_frame = entry.first_frame;
-    sequence.last_frame = entry.last_frame.value_or(rows - 1);
-    if (sequence.first_frame > sequence.last_frame || sequence.last_frame >= rows)
-      fail("sequence {}: rows {} to {} are asked for, but the motion {} has rows 0 to {}", entry.name,
-           sequence.first_frame, sequence.last_frame, entry.motion, rows - 1);
-    for (const long cut : entry.cuts)
-      if (cut >= rows)
-        fail("sequence {}: a cut stands at row {}, but the motion {} has rows 0 to {}", entry.name, cut, entry.motion,
-             rows - 1);
-    if (options.limit_frames > 0)
-      sequence.last_frame = std::min(sequence.last_frame, sequence.first_frame + options.limit_frames - 1);
+    if (entry.motion.empty()) {
+      log::info("sequence {}: no motion is named; what needs poses cannot use it until `doppel track` has found them",
+                entry.name);
+      choose_rows(sequence, count_frames(plan, entry), "its videos have", options);
+    } else {
+      sequence.motion = read_motion(plan.capture.resolve(entry.motion), plan.character.num_dofs());
+      choose_rows(sequence, sequence.motion.num_frames(), fmt::format("the motion {} has", entry.motion), options);
+    }
     plan.sequences.push_back(std::move(sequence));
   }
 }
 
 /// One side of the comparison of frame counts. @param expected what the header must say to be believed
 void check_count(const PlannedSequence& sequence, const std::string& camera, const char* what, FrameReader& reader) {
-  const long rows = sequence.motion.num_frames(), offset = sequence.entry.offset(camera);
+  const long offset = sequence.entry.offset(camera);
+  const long rows = sequence.has_motion() ? sequence.motion.num_frames() : sequence.last_frame + 1;
   const long frames = reader.num_frames(rows);
   const long first = sequence.first_frame + offset, last = sequence.last_frame + offset;
   const std::string shift = offset == 0 ? "" : fmt::format(" (frame_offset {})", offset);
   if (first < 0)
-    fail("sequence {}, camera {}: motion row {} would be frame {} of the {}{}; set first_frame to {} or more",
+    fail("sequence {}, camera {}: row {} would be frame {} of the {}{}; set first_frame to {} or more",
          sequence.entry.name, camera, sequence.first_frame, first, what, shift, -offset);
   if (last >= frames)
     fail(
-        "sequence {}, camera {}: the {} {} has {} frames, but motion rows {} to {} need frames up to {}{}; if only a "
+        "sequence {}, camera {}: the {} {} has {} frames, but rows {} to {} need frames up to {}{}; if only a "
         "part "
         "belongs together, say so with first_frame and last_frame",
         sequence.entry.name, camera, what, reader.source(), frames, sequence.first_frame, sequence.last_frame, last,
         shift);
-  if (!sequence.entry.last_frame && frames != rows && frames - offset != rows)
+  if (sequence.has_motion() && !sequence.entry.last_frame && frames != rows && frames - offset != rows)
     fail(
         "sequence {}, camera {}: the {} {} has {} frames, the motion {} rows{}; they must agree. If the surplus does "
         "not "
@@ -92,7 +111,7 @@ void inspect_sources(PreparePlan& plan) {
              camera.name, videos->source());
       camera = fitted;
       sized[c] = true;
-      if (sequence.entry.chroma_key) continue;
+      if (sequence.entry.masks_from_pictures()) continue;
       const auto masks = open_frames(plan.source(sequence.entry.masks, index), PixelFormat::grey);
       check_count(sequence, camera.name, "mask video", *masks);
       check_mask_size(sequence, camera, *masks);
@@ -118,7 +137,7 @@ void check_character(const PreparePlan& plan, const PrepareOptions& options) {
 std::vector<torch::Tensor> some_poses(const PreparePlan& plan, TemplateChecker& checker) {
   std::vector<torch::Tensor> poses;
   for (const PlannedSequence& sequence : plan.sequences)
-    for (int i = 0; i < kPosesLookedAt; ++i)
+    for (int i = 0; sequence.has_motion() && i < kPosesLookedAt; ++i)
       poses.push_back(checker.skin(
           sequence.motion.frames.at(sequence.first_frame + i * (sequence.num_frames() - 1) / kPosesLookedAt)));
   return poses;
@@ -151,6 +170,24 @@ void check_camera(const Camera& camera, const std::vector<torch::Tensor>& poses,
                              camera.name));
 }
 
+/// Tables of joints are read where they are used; here only to find out early what is wrong with them.
+void check_joints(const PreparePlan& plan) {
+  for (const PlannedSequence& sequence : plan.sequences) {
+    if (sequence.entry.joints3d.empty()) continue;
+    if (plan.evidence.landmarks.empty())
+      fail(
+          "sequence {}: `joints3d` are put on landmarks through the keypoint map; the capture has none, because no "
+          "sequence names `keypoints`",
+          sequence.entry.name);
+    for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
+      const std::string table = plan.source(sequence.entry.joints3d, static_cast<int>(c));
+      const auto frames = read_joint_detections(table, plan.evidence.map.layout);
+      log::info("sequence {}, camera {}: joints in space for {} frames, {} to {}", sequence.entry.name,
+                plan.cameras[c].name, frames.size(), frames.begin()->first, frames.rbegin()->first);
+    }
+  }
+}
+
 std::string describe_sequence(const PlannedSequence& sequence) {
   const SequenceEntry& entry = sequence.entry;
   std::string key = "none";
@@ -158,8 +195,15 @@ std::string describe_sequence(const PlannedSequence& sequence) {
     key = fmt::format("{} {} {},{},{} {} {} {}", chroma->space == ChromaKey::Space::hsv ? "hsv" : "ycrcb",
                       chroma->against_background ? "background" : "colour", chroma->colour[0], chroma->colour[1],
                       chroma->colour[2], chroma->tolerance, chroma->min_saturation, chroma->smooth);
-  return fmt::format("sequence {}: rows {} to {}, mask threshold {}, largest component {}, chroma key {}\n", entry.name,
-                     sequence.first_frame, sequence.last_frame, entry.mask_threshold, entry.largest_component, key);
+  // Nothing without subtraction, so that captures prepared before there was any still match.
+  std::string subtracted;
+  if (const auto& subtraction = entry.subtraction)
+    subtracted = fmt::format(", empty scene {} {} to {}, threshold {}, shadow {}, refine {}", subtraction->empty,
+                             subtraction->first_frame, subtraction->last_frame.value_or(-1),
+                             subtraction->model.threshold, subtraction->model.shadow, subtraction->model.refine);
+  return fmt::format("sequence {}: rows {} to {}, mask threshold {}, largest component {}, chroma key {}{}\n",
+                     entry.name, sequence.first_frame, sequence.last_frame, entry.mask_threshold,
+                     entry.largest_component, key, subtracted);
 }
 
 /// Name and size of a source; enough to notice that it was exchanged.
@@ -182,11 +226,24 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
       text += fmt::format("sequence {}, camera {}: offset {}, video {}", sequence.entry.name, plan.cameras[c].name,
                           sequence.entry.offset(plan.cameras[c].name),
                           describe_source(plan.source(sequence.entry.videos, index)));
-      if (!sequence.entry.chroma_key) text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
+      if (!sequence.entry.masks_from_pictures())
+        text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
       text += "\n";
     }
   }
   return text;
+}
+
+std::string describe_detector(const Capture& capture) {
+  const PoseDetectorOptions& detector = *capture.detector;
+  const auto file = [&](const fs::path& path) {
+    const fs::path found = capture.resolve(path.string());
+    if (!path.empty() && !fs::is_regular_file(found)) fail_at({found, 0}, "the detector's file does not exist");
+    return path.empty() ? std::string("none") : describe_source(found.string());
+  };
+  return fmt::format("detected by {}, weights {}, input height {}, scale {}, mean {}, rgb {}, threshold {}",
+                     file(detector.model), file(detector.weights), detector.input_height, detector.scale,
+                     fmt::join(detector.mean, " "), detector.rgb, detector.threshold);
 }
 
 /// Nothing without keypoints, so that captures prepared before there were any still match.
@@ -202,7 +259,9 @@ std::string describe_evidence(const PreparePlan& plan) {
       fmt::format("keypoint filter: window {}, outlier {}, sigma {}\n", filter.window, filter.outlier, filter.sigma);
   for (const PlannedSequence& sequence : plan.sequences)
     text += fmt::format("sequence {}: keypoints {}, cuts {}\n", sequence.entry.name,
-                        plan.capture.resolve(sequence.entry.keypoints).string(), fmt::join(sequence.entry.cuts, " "));
+                        plan.detects(sequence) ? describe_detector(plan.capture)
+                                               : plan.capture.resolve(sequence.entry.keypoints).string(),
+                        fmt::join(sequence.entry.cuts, " "));
   return text;
 }
 
@@ -221,7 +280,11 @@ StoreLayout make_layout(const PreparePlan& plan, const PrepareOptions& options) 
 }  // namespace
 
 std::string PreparePlan::source(const std::string& pattern, int camera) const {
-  return capture.resolve(expand_camera(pattern, file_index.at(camera), cameras.at(camera).name)).string();
+  return capture.source(pattern, file_index.at(camera), cameras.at(camera).name);
+}
+
+std::string PreparePlan::detected_table(const PlannedSequence& sequence, const fs::path& out) {
+  return (fs::absolute(out).lexically_normal() / "detected" / (sequence.entry.name + "_{name}.csv")).string();
 }
 
 void stop_or_warn(const PrepareOptions& options, const std::string& sentence) {
@@ -242,7 +305,9 @@ PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& optio
   inspect_sources(plan);
   TemplateChecker checker(plan.character);
   const std::vector<torch::Tensor> poses = some_poses(plan, checker);
-  for (const Camera& camera : plan.cameras) check_camera(camera, poses, options);
+  for (const Camera& camera : plan.cameras)
+    if (!poses.empty()) check_camera(camera, poses, options);
+  check_joints(plan);
   plan.layout = make_layout(plan, options);
   return plan;
 }

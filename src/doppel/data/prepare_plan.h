@@ -17,9 +17,10 @@ namespace doppel {
 /// A sequence with its poses and the rows of them to prepare.
 struct PlannedSequence {
   SequenceEntry entry;
-  Motion motion;
+  Motion motion;  ///< without frames: none is known
   long first_frame = 0, last_frame = 0;
 
+  bool has_motion() const { return motion.num_frames() > 0; }
   long num_frames() const { return last_frame - first_frame + 1; }
 };
 
@@ -35,6 +36,12 @@ struct PreparePlan {
 
   /// Absolute path or image pattern of one camera.
   std::string source(const std::string& pattern, int camera) const;
+  /// Whether the sequence's keypoints are to be found by the capture's detector.
+  bool detects(const PlannedSequence& sequence) const {
+    return capture.detector && sequence.entry.keypoints.empty() && !evidence.landmarks.empty();
+  }
+  /// The table that these keypoints of one camera are kept in; `{name}` in place of the camera.
+  static std::string detected_table(const PlannedSequence& sequence, const std::filesystem::path& out);
 };
 
 /// Reads everything but the pictures, and stops with a plain sentence when counts, sizes, units or cameras cannot be

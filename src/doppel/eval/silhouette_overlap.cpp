@@ -260,7 +260,8 @@ nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::ve
   }
   for (const SequenceEntry& entry : dataset.capture().sequences)
     json["mask_threshold"][entry.name] =
-        entry.chroma_key ? nlohmann::ordered_json("chroma key") : nlohmann::ordered_json(entry.mask_threshold);
+        entry.masks_from_pictures() ? nlohmann::ordered_json(entry.chroma_key ? "chroma key" : "background subtraction")
+                                    : nlohmann::ordered_json(entry.mask_threshold);
   return json;
 }
 

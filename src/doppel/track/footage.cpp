@@ -66,8 +66,9 @@ class PreparedFootage : public Footage {
     dataset_.require_landmarks();
     for (std::size_t i = 0; i < dataset_.sequences().size(); ++i) {
       const DatasetSequence& sequence = dataset_.sequences()[i];
+      const std::string& motion = dataset_.capture().sequences[i].motion;
       sequences_.push_back({sequence.name, sequence.first_frame, sequence.last_frame, sequence.cuts,
-                            dataset_.capture().resolve(dataset_.capture().sequences[i].motion).string()});
+                            motion.empty() ? "" : dataset_.capture().resolve(motion).string()});
     }
   }
 
@@ -96,28 +97,29 @@ struct View {
   Camera camera;  ///< with its distortion
   int file_index;
 
-  std::string source(const std::string& pattern) const {
-    return capture.resolve(expand_camera(pattern, file_index, camera.name)).string();
-  }
+  std::string source(const std::string& pattern) const { return capture.source(pattern, file_index, camera.name); }
+  std::unique_ptr<FrameReader> open_pictures() const { return open_frames(source(entry.videos), PixelFormat::colour); }
+  MaskSource open_masks() const { return MaskSource(capture, entry, camera, file_index); }
 };
 
 /// Keypoints and masks of one camera, frame after frame.
 class ViewReader {
  public:
   ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
-      : first_frame_(sequence.first_frame), offset_(view.entry.offset(view.camera.name)), undistort_(view.camera) {
-    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) || view.entry.chroma_key)
-      videos_ = open_frames(view.source(view.entry.videos), PixelFormat::colour);
-    masks_ = std::make_unique<MaskSource>(view.entry, view.camera,
-                                          view.entry.chroma_key ? "" : view.source(view.entry.masks),
-                                          view.capture.background.empty() ? "" : view.source(view.capture.background));
+      : first_frame_(sequence.first_frame),
+        offset_(view.entry.offset(view.camera.name)),
+        undistort_(view.camera),
+        masks_(view.open_masks()) {
+    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) ||
+        masks_.needs_picture())
+      videos_ = view.open_pictures();
     follow(view, plan, sequence);
   }
 
   void read(long frame, bool pictures, int outline_pixels, FootageFrame& result) {
-    const bool needed = pictures || masks_->needs_picture();
+    const bool needed = pictures || masks_.needs_picture();
     const cv::Mat picture = needed && videos_ ? videos_->read(frame + offset_) : cv::Mat();
-    const cv::Mat mask = masks_->read(frame + offset_, picture);
+    const cv::Mat mask = masks_.read(frame + offset_, picture);
     const auto row = static_cast<std::size_t>(frame - first_frame_);
     result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
     result.masks.push_back(mask);
@@ -128,11 +130,14 @@ class ViewReader {
   /// Of several people in a picture the mask says which one is followed; those masks are read on a way of their own.
   void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
     const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
-    std::unique_ptr<FrameReader> masks;
+    std::optional<MaskSource> masks;
+    std::unique_ptr<FrameReader> pictures;
     const auto mask_of = [&](long frame) {
-      if (view.entry.chroma_key) return cv::Mat();
-      if (!masks) masks = open_frames(view.source(view.entry.masks), PixelFormat::grey);
-      return threshold_mask(masks->read(frame), view.entry.mask_threshold);
+      if (!masks) {
+        masks = view.open_masks();
+        if (masks->needs_picture()) pictures = view.open_pictures();
+      }
+      return masks->read(frame, pictures ? pictures->read(frame) : cv::Mat());
     };
     std::vector<long> cuts;
     for (const long cut : sequence.cuts) cuts.push_back(cut + offset_);
@@ -146,7 +151,7 @@ class ViewReader {
   long first_frame_, offset_;
   Undistorter undistort_;
   std::unique_ptr<FrameReader> videos_;
-  std::unique_ptr<MaskSource> masks_;
+  MaskSource masks_;
   KeypointTrack track_;
 };
 
@@ -223,13 +228,14 @@ class CaptureFootage : public Footage {
   /// As many frames as all cameras have, unless the capture says how many belong together.
   void add_sequence(const SequenceEntry& entry) {
     if (entry.keypoints.empty())
-      fail("sequence {} of {} names no `keypoints`; nothing can be tracked without", entry.name, capture_.name);
+      fail("sequence {} of {} names no `keypoints`; nothing can be tracked without{}", entry.name, capture_.name,
+           capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder" : "");
     long frames = std::numeric_limits<long>::max();
     long expected = entry.last_frame.value_or(-1) + 1;
     for (std::size_t c = 0; c < filmed_.size(); ++c) {
       const View seen = view(entry, c);
-      const std::string source = seen.source(entry.chroma_key ? entry.videos : entry.masks);
-      const auto reader = open_frames(source, entry.chroma_key ? PixelFormat::colour : PixelFormat::grey);
+      const bool cut = entry.masks_from_pictures();
+      const auto reader = cut ? seen.open_pictures() : open_frames(seen.source(entry.masks), PixelFormat::grey);
       const long found = reader->num_frames(expected);
       frames = std::min(frames, found - entry.offset(seen.camera.name));
       if (!entry.last_frame) expected = found;

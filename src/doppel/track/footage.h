@@ -39,7 +39,7 @@ class FootageReader {
 };
 
 /// Keypoints and masks of a capture, either read from its own files or from what `doppel prepare` made of them. Motion
-/// and, but for chroma keys, videos are not needed.
+/// and, unless masks are cut out of them, videos are not needed.
 class Footage {
  public:
   virtual ~Footage() = default;
