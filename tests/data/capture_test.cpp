@@ -148,6 +148,13 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(read_capture(first).sequences[0].keypoints, capture.sequences[0].keypoints);
 }
 
+TEST(CaptureReference, IsNamedAfterItsFolderUnlessItSays) {
+  const CaptureFile file(
+      "doppel_capture: 1\ncharacter: a\ncalibration: b\nsequences: [{name: c, split: test, videos: "
+      "d, masks: e}]\n");
+  EXPECT_EQ(file.read().name, file.path().parent_path().filename().string());
+}
+
 TEST(CaptureReference, ExpandsPatterns) {
   EXPECT_EQ(expand_pattern("a{camera}b{camera:03}c{name}", 7, "left"), "a7b007cleft");
   EXPECT_EQ(expand_pattern("{frame:012}.json", 0, "", 123), "000000000123.json");

@@ -162,7 +162,8 @@ void read_sequences(const ConfigReader& reader, Capture& capture) {
 }
 
 fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
-  const fs::path root = fs::absolute(folder / reader.get("root", ".")).lexically_normal();
+  fs::path root = fs::absolute(folder / reader.get("root", ".")).lexically_normal();
+  if (!root.has_filename()) root = root.parent_path();  // "a/." becomes "a/", whose last part would be empty
   if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
   return root;
 }
