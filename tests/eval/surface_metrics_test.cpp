@@ -12,7 +12,6 @@
 namespace doppel {
 namespace {
 
-using Eigen::Vector3d;
 using support::message_of;
 using torch::Tensor;
 
@@ -52,39 +51,6 @@ Mesh sphere(int rings, int segments, double radius) {
       for (int v : {a, b, d, a, d, c}) faces.push_back(v);  // those at the poles are degenerate
     }
   return {torch::tensor(vertices).view({-1, 3}), torch::tensor(faces, torch::kInt32).view({-1, 3})};
-}
-
-TEST(TriangleDistanceReference, FaceEdgesCornersAndDegenerateOnes) {
-  const std::array<Vector3d, 3> t{Vector3d(0, 0, 0), Vector3d(4, 0, 0), Vector3d(0, 3, 0)};
-  const auto distance = [&](double x, double y, double z) {
-    return std::sqrt(squared_distance_to_triangle({x, y, z}, t));
-  };
-  EXPECT_DOUBLE_EQ(distance(1, 1, -2), 2.0);
-  EXPECT_DOUBLE_EQ(distance(2, -3, 4), 5.0);                 // edge along x
-  EXPECT_DOUBLE_EQ(distance(-3, -4, 12), 13.0);              // corner
-  EXPECT_NEAR(distance(2 + 0.6, 1.5 + 0.8, 0), 1.0, 1e-12);  // long edge
-  EXPECT_DOUBLE_EQ(distance(0.5, 0.5, 0), 0.0);
-  const std::array<Vector3d, 3> line{Vector3d(0, 0, 0), Vector3d(1, 0, 0), Vector3d(2, 0, 0)};
-  EXPECT_DOUBLE_EQ(squared_distance_to_triangle({1.5, 2, 0}, line), 4.0);
-  const std::array<Vector3d, 3> point{Vector3d(1, 1, 1), Vector3d(1, 1, 1), Vector3d(1, 1, 1)};
-  EXPECT_DOUBLE_EQ(squared_distance_to_triangle({1, 1, 4}, point), 9.0);
-}
-
-TEST(SurfaceDistanceAgrees, TreeEqualsAllTriangles) {
-  auto generator = at::detail::createCPUGenerator(9);
-  const Mesh mesh{torch::randn({200, 3}, generator), torch::randint(0, 200, {700, 3}, generator, torch::kInt32)};
-  const SurfaceDistance distance(mesh.vertices, mesh.faces);
-  const Tensor points = 3.0 * torch::randn({60, 3}, generator);
-  const auto v = mesh.vertices.accessor<float, 2>(), p = points.accessor<float, 2>();
-  const auto f = mesh.faces.accessor<int, 2>();
-  const auto corner = [&](int i) { return Vector3d(v[i][0], v[i][1], v[i][2]); };
-  for (int i = 0; i < 60; ++i) {
-    const Vector3d point(p[i][0], p[i][1], p[i][2]);
-    double best = 1e300;
-    for (int k = 0; k < 700; ++k)
-      best = std::min(best, squared_distance_to_triangle(point, {corner(f[k][0]), corner(f[k][1]), corner(f[k][2])}));
-    EXPECT_DOUBLE_EQ(distance(point), std::sqrt(best));
-  }
 }
 
 TEST(SurfaceDistanceAgrees, AnyNumberOfThreads) {
