@@ -1,0 +1,77 @@
+#include "doppel/layers/volume_rendering/volume_rendering.h"
+
+#include "doppel/layers/op_support.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+/// Optical depth of a cell beyond which it is opaque: exp(-60) is nothing beside 1, even in double.
+constexpr double kOpaque = 60.0;
+constexpr double kLargestDensity = 1e12;  // so that its product with a length is finite
+constexpr double kFaint = 1e-6;           // opacity below which a depth means nothing
+
+struct Absorption {
+  Tensor weights;  ///< [R,K]
+  Tensor opacity;  ///< [R]
+};
+
+Absorption absorb(const Tensor& density, const RaySamples& samples) {
+  check_shape("render_volume", "density", density, {-1, -1}, "[R,K]");
+  const int64_t R = density.size(0), K = density.size(1);
+  check_shape("render_volume", "samples.t", samples.t, {R, K}, "[R,K]");
+  check_shape("render_volume", "samples.near", samples.near, {R}, "[R]");
+  check_shape("render_volume", "samples.far", samples.far, {R}, "[R]");
+  const Tensor bounded = torch::nan_to_num(density, 0.0, kLargestDensity, 0.0).clamp(0.0, kLargestDensity);
+  const Tensor optical = (bounded * samples.step()).clamp_max(kOpaque);
+  const Tensor sum = optical.cumsum(1);
+  const Tensor before = torch::cat({torch::zeros_like(sum.narrow(1, 0, 1)), sum.narrow(1, 0, K - 1)}, 1);
+  return {torch::exp(-before) * -torch::expm1(-optical), -torch::expm1(-sum.select(1, K - 1))};
+}
+
+}  // namespace
+
+Tensor RaySamples::step() const { return ((far - near) / static_cast<double>(t.size(1))).clamp_min(0).unsqueeze(1); }
+
+Tensor RaySamples::points(const Tensor& origin, const Tensor& direction) const {
+  return origin.unsqueeze(-2) + t.unsqueeze(-1) * direction.unsqueeze(-2);
+}
+
+RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples,
+                        std::optional<at::Generator> generator) {
+  check_shape("sample_cells", "near", near, {-1}, "[R]");
+  check_shape("sample_cells", "far", far, {near.size(0)}, "[R]");
+  check_same_kind("sample_cells", "far", far, near);
+  if (samples < 1) fail<UsageError>("sample_cells: {} samples a ray; there must be at least 1", samples);
+  Tensor place = torch::full({near.size(0), samples}, 0.5, near.options());
+  if (generator) place = torch::rand({near.size(0), samples}, *generator, torch::kFloat32).to(near.options());
+  const Tensor cell = (torch::arange(samples, near.options()) + place) / static_cast<double>(samples);
+  return {near, far, near.unsqueeze(1) + cell * (far - near).unsqueeze(1)};
+}
+
+Tensor volume_weights(const Tensor& density, const RaySamples& samples) { return absorb(density, samples).weights; }
+
+RenderedRays render_volume(const Tensor& density, const Tensor& colour, const RaySamples& samples) {
+  const Absorption seen = absorb(density, samples);
+  check_shape("render_volume", "colour", colour, {density.size(0), density.size(1), -1}, "[R,K,C]");
+  check_same_kind("render_volume", "colour", colour, density);
+  RenderedRays result;
+  result.weights = seen.weights;
+  result.opacity = seen.opacity;
+  result.colour = (seen.weights.unsqueeze(-1) * torch::nan_to_num(colour)).sum(1);
+  // Places within the interval, so that neither the distance of the camera nor the unit costs digits.
+  const Tensor length = samples.far - samples.near;
+  const Tensor place =
+      (samples.t - samples.near.unsqueeze(1)) / torch::where(length > 0, length, torch::ones_like(length)).unsqueeze(1);
+  const Tensor sum = seen.weights.sum(1, true), solid = sum > kFaint;
+  const Tensor share =
+      torch::where(solid, seen.weights, torch::zeros_like(place)) / torch::where(solid, sum, torch::ones_like(sum));
+  const Tensor mean = (share * place).sum(1, true);
+  result.variance = (share * (place - mean).square()).sum(1);
+  result.depth = samples.near + mean.squeeze(1) * length;
+  return result;
+}
+
+}  // namespace doppel
