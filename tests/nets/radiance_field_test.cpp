@@ -1,0 +1,170 @@
+#include "doppel/nets/radiance_field.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "geometry/meshes.h"
+#include "support/gradient_check.h"
+#include "support/message_of.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using test::gradients_match;
+using test::is_near;
+using torch::Tensor;
+
+RadianceFieldConfig small_config() {
+  RadianceFieldConfig config;
+  config.features = 5;
+  config.layers = 2;
+  config.width = 12;
+  config.view_width = 7;
+  config.distance_octaves = 3;
+  config.direction_octaves = 2;
+  return config;
+}
+
+/// A sphere of radius 0.5 with random features, and rays from all around through its neighbourhood.
+struct Scene {
+  TriangleMesh mesh = support::make_sphere(2, 0.5);
+  ClosestPoint closest{mesh};
+  FieldSurface surface;
+  Tensor origin, direction, near, far;
+  explicit Scene(int64_t rays, int64_t features) {
+    auto generator = at::detail::createCPUGenerator(5);
+    surface.vertices = torch::empty({mesh.num_vertices(), 3});
+    for (int i = 0; i < mesh.num_vertices(); ++i)
+      for (int k = 0; k < 3; ++k) surface.vertices[i][k] = static_cast<float>(mesh.vertices[i][k]);
+    surface.features = torch::randn({mesh.num_vertices(), features}, generator);
+    origin = torch::tensor({0.0f, 0.0f, -2.0f});
+    const Tensor target = 1.1 * (torch::rand({rays, 3}, generator) - 0.5);
+    direction = target - origin;
+    direction = direction / direction.norm(2, {1}, true);
+    near = torch::full({rays}, 1.4);
+    far = torch::full({rays}, 1.7) + 0.4 * torch::rand({rays}, generator);
+    far[0] = near[0];  // an empty one
+  }
+};
+
+TEST(PositionalEncoding, OctavesOfSinesAndCosines) {
+  const Tensor x = torch::tensor({{0.25, -0.5}}, torch::kFloat64);
+  const double s = std::sqrt(0.5);
+  const Tensor expected = torch::tensor({{0.25, -0.5, s, -1.0, s, 0.0, 1.0, 0.0, 0.0, -1.0}}, torch::kFloat64);
+  EXPECT_TRUE(is_near(positional_encoding(x, 2), expected, 1e-12));
+  EXPECT_TRUE(torch::equal(positional_encoding(x, 0), x));
+}
+
+TEST(RadianceField, HasTheShapeOfThePaper) {
+  RadianceField field{RadianceFieldConfig()};
+  EXPECT_EQ(field->num_inputs(), 85);
+  int64_t count = 0;
+  for (const Tensor& p : field->parameters()) count += p.numel();
+  EXPECT_EQ(count, 86 * 256 + 3 * 257 * 256 + 257 + 257 * 128 + 27 * 128 + 129 * 3);
+  const FieldValues values = field->forward(torch::randn({50, 64}), torch::rand({50}), torch::randn({50, 3}));
+  EXPECT_GE(values.density.min().item<float>(), 0.0f);
+  EXPECT_GT(values.density.max().item<float>(), 1.0f);
+  EXPECT_TRUE(((values.colour > 0) & (values.colour < 1)).all().item<bool>());
+}
+
+TEST(RadianceField, BeginsTheSameWithTheSameGenerator) {
+  RadianceField a(small_config()), b(small_config()), c(small_config(), at::detail::createCPUGenerator(9));
+  EXPECT_TRUE(torch::equal(a->parameters()[0], b->parameters()[0]));
+  EXPECT_FALSE(torch::equal(a->parameters()[0], c->parameters()[0]));
+}
+
+TEST(RadianceField, Gradients) {
+  RadianceField field(small_config());
+  field->to(torch::kFloat64);
+  auto generator = at::detail::createCPUGenerator(3);
+  const auto random = [&](std::vector<int64_t> shape) { return torch::randn(shape, generator, torch::kFloat64); };
+  EXPECT_TRUE(gradients_match(
+      [&](const std::vector<Tensor>& in) {
+        const FieldValues values = field->forward(in[0], in[1], in[2]);
+        return torch::cat({values.density.unsqueeze(1) * 0.01, values.colour}, 1);
+      },
+      {{"features", random({6, 5})}, {"distance", 0.5 * random({6})}, {"direction", random({6, 3})}}));
+}
+
+// End to end: through closest points, interpolation, field and volume rendering to the vertices.
+TEST(RenderField, GradientsToSurfaceAndIntervals) {
+  const Scene scene(6, 5);
+  RadianceField field(small_config());
+  field->to(torch::kFloat64);
+  const auto d = [](const Tensor& t) { return t.to(torch::kFloat64); };
+  EXPECT_TRUE(gradients_match(
+      [&](const std::vector<Tensor>& in) {
+        const RenderedRays seen = render_field(field, scene.closest, {in[0], in[1]}, d(scene.origin),
+                                               d(scene.direction), sample_cells(in[2], in[3], 5));
+        return torch::cat({seen.colour, seen.opacity.unsqueeze(1), seen.depth.unsqueeze(1)}, 1);
+      },
+      {{"vertices", d(scene.surface.vertices)},
+       {"features", d(scene.surface.features)},
+       {"near", d(scene.near)},
+       {"far", d(scene.far)}},
+      {1e-7, 1e-6, 1e-4}));
+}
+
+TEST(DrawField, EqualsRenderField) {
+  const Scene scene(300, 64);
+  RadianceField field{RadianceFieldConfig()};
+  const RenderedRays expected = render_field(field, scene.closest, scene.surface, scene.origin, scene.direction,
+                                             sample_cells(scene.near, scene.far, 32));
+  FieldImageOptions options;
+  options.samples = 32;
+  for (int64_t chunk : {1000, 77}) {
+    options.rays_at_once = chunk;
+    const FieldImage image =
+        draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far, options);
+    EXPECT_TRUE(is_near(image.colour, expected.colour, 5e-4));
+    EXPECT_TRUE(is_near(image.opacity, expected.opacity, 2e-4));
+    EXPECT_TRUE(is_near(image.depth, expected.depth, 1e-3));
+    EXPECT_FALSE(image.colour.requires_grad());
+  }
+  EXPECT_EQ(expected.opacity[0].item<float>(), 0.0f);
+  EXPECT_GT(expected.opacity.max().item<float>(), 0.5f);
+}
+
+// Farther from the mesh than the shell there is nothing, whatever the network says.
+TEST(RenderField, NothingOutsideTheShell) {
+  const Scene scene(40, 64);
+  RadianceField field{RadianceFieldConfig()};
+  const Tensor near = torch::full({40}, 0.5), far = torch::full({40}, 1.3);  // ends 15 cm before the sphere
+  const RaySamples samples = sample_cells(near, far, 16);
+  const RenderedRays seen = render_field(field, scene.closest, scene.surface, scene.origin, scene.direction, samples);
+  EXPECT_EQ(seen.opacity.abs().max().item<float>(), 0.0f);
+  const FieldImage image = draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, near, far);
+  EXPECT_EQ(image.colour.abs().max().item<float>(), 0.0f);
+}
+
+TEST(RadianceField, RejectsWhatDoesNotFit) {
+  RadianceFieldConfig config;
+  config.layers = 0;
+  config.t_mi = 0.0;
+  EXPECT_THAT(message_of<UsageError>([&] { RadianceField field(config); }),
+              testing::AllOf(testing::HasSubstr("layers must be"), testing::HasSubstr("t_mi and t_ma")));
+  const Scene scene(4, 64);
+  RadianceField field{RadianceFieldConfig()};
+  EXPECT_THAT(message_of<UsageError>([&] {
+                field->forward(torch::zeros({2, 3}), torch::zeros({2}), torch::zeros({2, 3}));
+              }),
+              testing::HasSubstr("features must be"));
+  EXPECT_THAT(message_of<UsageError>([&] {
+                draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near * NAN,
+                           scene.far);
+              }),
+              testing::HasSubstr("not finite"));
+  EXPECT_THAT(message_of<UsageError>([&] {
+                draw_field(field, scene.closest, {scene.surface.vertices.to(torch::kFloat64), scene.surface.features},
+                           scene.origin, scene.direction, scene.near, scene.far);
+              }),
+              testing::HasSubstr("float32 on the CPU"));
+}
+
+}  // namespace
+}  // namespace doppel
