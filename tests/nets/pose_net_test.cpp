@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "doppel/core/error.h"
 #include "doppel/nets/def_net.h"
@@ -126,7 +127,7 @@ TEST_F(Pretrained, WeightsOfEitherLayoutFit) {
   for (const bool safetensors : {false, true}) {
     safetensors ? test::write_safetensors(config().pretrained, weights)
                 : test::write_torch_weights(config().pretrained, weights);
-    Backbone backbone(config(), 5, 1e-3, torch::arange(5, torch::kFloat32), seeded(1));
+    Backbone backbone(config(), 5, torch::arange(5, torch::kFloat32), seeded(1));
     const Tensor head = backbone->named_parameters()["head.weight"].clone();
     backbone->load_pretrained();
     const auto found = test::weights_of(*backbone);
@@ -143,7 +144,7 @@ TEST_F(Pretrained, WeightsOfEitherLayoutFit) {
 
 TEST_F(Pretrained, WeightsOfAnotherArchitectureAreRefused) {
   test::write_torch_weights(config().pretrained, published(ResNetKind::resnet50));
-  Backbone backbone(config(), 5, 1e-3, torch::zeros({5}), seeded(1));
+  Backbone backbone(config(), 5, torch::zeros({5}), seeded(1));
   EXPECT_THAT(message_of<FileError>([&] { backbone->load_pretrained(); }),
               AllOf(HasSubstr("another network"), HasSubstr("unexpected: layer1.0.conv3.weight"),
                     HasSubstr("other shapes: layer1.0.conv1.weight [64,64,1,1] instead of [64,64,3,3]")));
@@ -153,7 +154,7 @@ TEST_F(Pretrained, FrozenStatisticsStayWhileTraining) {
   test::write_torch_weights(config().pretrained, published(ResNetKind::resnet18));
   BackboneConfig frozen = config();
   frozen.freeze_norm = true;
-  Backbone backbone(frozen, 5, 1e-3, torch::zeros({5}), seeded(1));
+  Backbone backbone(frozen, 5, torch::zeros({5}), seeded(1));
   backbone->load_pretrained();
   backbone->train();
   const Tensor before = backbone->named_buffers()["resnet.bn1.running_mean"].clone();
@@ -168,26 +169,41 @@ const Character& actor() {
   return character;
 }
 
-PoseNetConfig small_pose_net() {
-  PoseNetConfig config;
-  config.backbone.kind = ResNetKind::resnet18;
-  config.backbone.input_size = 64;
+BackboneConfig small_backbone() {
+  BackboneConfig config;
+  config.kind = ResNetKind::resnet18;
+  config.input_size = 64;
   return config;
 }
 
 TEST(PoseNet, StartsInTheMiddleOfTheLimitsUprightAndFacingTheCamera) {
   const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
-  PoseNet net(pose, small_pose_net());  // in training mode, as it starts: features have the size of 1
+  PoseNet net(pose, small_backbone());  // in training mode, as it starts: features have the size of 1
   const auto [theta, alpha] = net->forward(random_images(3, 64));
   EXPECT_TRUE(is_near(theta, pose.middle().expand({3, -1}), 0.15));
   EXPECT_TRUE(is_near(alpha, torch::tensor({0.0, M_PI, 0.0}, torch::kFloat64).expand({3, 3}), 0.15));
   EXPECT_GT((theta[0] - theta[1]).abs().max().item<float>(), 0.0f);
 }
 
+/// The heading is the angle of a direction, whatever its length: no heading is farther from its neighbours than others.
+TEST(PoseNet, HeadingsGoRightRound) {
+  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  PoseNet net(pose, small_backbone());
+  const torch::NoGradGuard no_grad;
+  auto parameters = net->named_parameters();
+  parameters["backbone.head.weight"].zero_();
+  Tensor rotation = parameters["backbone.head.bias"].narrow(0, pose.size(), 4);
+  for (const double heading : {-3.1, -1.5, 0.0, 1.5, 3.1}) {
+    rotation.copy_(torch::tensor({2.5 * std::cos(heading), 2.5 * std::sin(heading), 3.0, 0.1}));
+    const Tensor alpha = net->forward(random_images(2, 64)).second;
+    EXPECT_TRUE(is_near(alpha, torch::tensor({heading, 3.0, 0.1}).expand({2, 3}), 1e-5));
+  }
+}
+
 TEST(PoseNet, IsTheSameForTheSameSeed) {
   const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
-  PoseNet a(pose, small_pose_net(), seeded(4)), b(pose, small_pose_net(), seeded(4)),
-      c(pose, small_pose_net(), seeded(5));
+  PoseNet a(pose, small_backbone(), seeded(4)), b(pose, small_backbone(), seeded(4)),
+      c(pose, small_backbone(), seeded(5));
   for (const auto net : {&a, &b, &c}) (*net)->eval();
   const Tensor images = random_images(2, 64);
   EXPECT_TRUE(torch::equal(a->forward(images).first, b->forward(images).first));
@@ -198,27 +214,25 @@ TEST(PoseNet, ReadsItsConfiguration) {
   const ConfigDocument document = ConfigDocument::parse(
       "backbone: resnet18\ninput_size: 128\npretrained: weights.pth\nfreeze_norm: true\nhead_scale: 0.01\n", "c.yaml");
   const ConfigReader reader = document.root();
-  const PoseNetConfig config = PoseNetConfig::read(reader);
+  const BackboneConfig config = BackboneConfig::read(reader);
   reader.finish();
-  EXPECT_EQ(config.backbone.kind, ResNetKind::resnet18);
-  EXPECT_EQ(config.backbone.input_size, 128);
-  EXPECT_EQ(config.backbone.pretrained.filename(), "weights.pth");
-  EXPECT_TRUE(config.backbone.freeze_norm);
+  EXPECT_EQ(config.kind, ResNetKind::resnet18);
+  EXPECT_EQ(config.input_size, 128);
+  EXPECT_EQ(config.pretrained.filename(), "weights.pth");
+  EXPECT_TRUE(config.freeze_norm);
   EXPECT_EQ(config.head_scale, 0.01);
   EXPECT_THAT(message_of<FileError>(
-                  [] { PoseNetConfig::read(ConfigDocument::parse("backbone: resnet51\n", "c.yaml").root()); }),
+                  [] { BackboneConfig::read(ConfigDocument::parse("backbone: resnet51\n", "c.yaml").root()); }),
               HasSubstr("resnet50"));
 }
 
 TEST(PoseNet, RejectsPicturesOfAnotherSize) {
-  PoseNet net(PoseDofs(actor().skeleton, {}, actor().rest_dofs), small_pose_net());
+  PoseNet net(PoseDofs(actor().skeleton, {}, actor().rest_dofs), small_backbone());
   EXPECT_THAT(message_of<UsageError>([&] { net->forward(torch::zeros({1, 3, 96, 96})); }), HasSubstr("[1,3,96,96]"));
 }
 
 TEST(DefNet, StartsNearTheUndeformedTemplate) {
-  DefNetConfig config;
-  config.backbone = small_pose_net().backbone;
-  DefNet net(actor().num_nodes(), config);
+  DefNet net(actor().num_nodes(), small_backbone());
   const auto [A, T] = net->forward(random_images(2, 64));
   ASSERT_EQ(A.sizes(), at::IntArrayRef({2, actor().num_nodes(), 3}));
   ASSERT_EQ(T.sizes(), A.sizes());

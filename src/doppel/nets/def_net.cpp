@@ -8,18 +8,10 @@ namespace {
 constexpr int kOutputs = 6;  // [T, A], as EGNet has them
 }  // namespace
 
-DefNetConfig DefNetConfig::read(const ConfigReader& reader) {
-  DefNetConfig config;
-  config.backbone = BackboneConfig::read(reader, config.backbone);
-  config.head_scale = reader.get("head_scale", config.head_scale, at_least(0.0));
-  return config;
-}
-
-DefNetImpl::DefNetImpl(int64_t num_nodes, const DefNetConfig& config, std::optional<at::Generator> generator)
-    : config_(config), num_nodes_(num_nodes) {
+DefNetImpl::DefNetImpl(int64_t num_nodes, const BackboneConfig& config, std::optional<at::Generator> generator)
+    : num_nodes_(num_nodes) {
   const int64_t outputs = kOutputs * num_nodes;
-  backbone_ = register_module(
-      "backbone", Backbone(config.backbone, outputs, config.head_scale, torch::zeros({outputs}), std::move(generator)));
+  backbone_ = register_module("backbone", Backbone(config, outputs, torch::zeros({outputs}), std::move(generator)));
 }
 
 std::pair<Tensor, Tensor> DefNetImpl::forward(const Tensor& image) {

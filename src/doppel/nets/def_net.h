@@ -11,18 +11,10 @@
 
 namespace doppel {
 
-struct DefNetConfig {
-  BackboneConfig backbone;
-  double head_scale = 1e-3;  ///< deviation of the last layer's first weights: training starts near the skinned template
-
-  /// Keys: `head_scale` and those of BackboneConfig. @throws FileError at the key
-  static DefNetConfig read(const ConfigReader& reader);
-};
-
 class DefNetImpl : public torch::nn::Module {
  public:
   /// @param num_nodes K of the character's graph
-  DefNetImpl(int64_t num_nodes, const DefNetConfig& config, std::optional<at::Generator> generator = std::nullopt);
+  DefNetImpl(int64_t num_nodes, const BackboneConfig& config, std::optional<at::Generator> generator = std::nullopt);
 
   /// @param image [B,3,S,S], colours with ImageNet's mean and deviation taken out
   /// @return A [B,K,3] Euler angles and T [B,K,3] metres of the nodes, in canonical pose
@@ -30,10 +22,9 @@ class DefNetImpl : public torch::nn::Module {
 
   Backbone& backbone() { return backbone_; }
   int64_t num_nodes() const { return num_nodes_; }
-  const DefNetConfig& config() const { return config_; }
+  const BackboneConfig& config() const { return backbone_->config(); }
 
  private:
-  DefNetConfig config_;
   int64_t num_nodes_;
   Backbone backbone_{nullptr};
 };

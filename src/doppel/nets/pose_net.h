@@ -12,18 +12,14 @@
 
 namespace doppel {
 
-struct PoseNetConfig {
-  BackboneConfig backbone;
-  double head_scale = 1e-3;  ///< deviation of the last layer's first weights: training starts near the middle of limits
-
-  /// Keys: `head_scale` and those of BackboneConfig. @throws FileError at the key
-  static PoseNetConfig read(const ConfigReader& reader);
-};
-
+/// The thesis's last layer gives alpha itself. Here it gives a direction for the heading alpha_1, which is the angle of
+/// that direction: pictures of a person who turns right round change smoothly, and so does a direction, while an angle
+/// would have to jump by a full turn somewhere, and pictures near that place would get values between.
 class PoseNetImpl : public torch::nn::Module {
  public:
   /// @param pose which joint angles, and where they start
-  PoseNetImpl(const PoseDofs& pose, const PoseNetConfig& config, std::optional<at::Generator> generator = std::nullopt);
+  PoseNetImpl(const PoseDofs& pose, const BackboneConfig& config,
+              std::optional<at::Generator> generator = std::nullopt);
 
   /// @param image [B,3,S,S], colours with ImageNet's mean and deviation taken out
   /// @return theta [B,P] and alpha [B,3] (pose_dofs.h). Without training theta is about the middle of its limits, alpha
@@ -31,10 +27,9 @@ class PoseNetImpl : public torch::nn::Module {
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& image);
 
   Backbone& backbone() { return backbone_; }
-  const PoseNetConfig& config() const { return config_; }
+  const BackboneConfig& config() const { return backbone_->config(); }
 
  private:
-  PoseNetConfig config_;
   int64_t num_angles_;
   Backbone backbone_{nullptr};
 };

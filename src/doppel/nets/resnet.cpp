@@ -92,25 +92,26 @@ Tensor ResNetImpl::forward(const Tensor& image) {
   return x.mean({2, 3});
 }
 
-BackboneConfig BackboneConfig::read(const ConfigReader& reader, const BackboneConfig& defaults) {
-  BackboneConfig config = defaults;
-  const std::string fallback = kKindWords[static_cast<std::size_t>(defaults.kind)];
+BackboneConfig BackboneConfig::read(const ConfigReader& reader) {
+  BackboneConfig config;
+  const std::string fallback = kKindWords[static_cast<std::size_t>(config.kind)];
   config.kind =
       reader.choice("backbone", kKindWords, fallback) == "resnet18" ? ResNetKind::resnet18 : ResNetKind::resnet50;
-  config.input_size = reader.get("input_size", defaults.input_size, between(32, 1024));
+  config.input_size = reader.get("input_size", config.input_size, between(32, 1024));
   if (reader.has("pretrained")) config.pretrained = reader.path("pretrained");
-  config.freeze_norm = reader.get("freeze_norm", defaults.freeze_norm);
+  config.freeze_norm = reader.get("freeze_norm", config.freeze_norm);
+  config.head_scale = reader.get("head_scale", config.head_scale, at_least(0.0));
   return config;
 }
 
-BackboneImpl::BackboneImpl(const BackboneConfig& config, int64_t outputs, double head_scale, const Tensor& head_bias,
+BackboneImpl::BackboneImpl(const BackboneConfig& config, int64_t outputs, const Tensor& head_bias,
                            std::optional<at::Generator> generator)
     : config_(config) {
   at::Generator draw = generator ? *generator : at::detail::createCPUGenerator(1);
   resnet_ = register_module("resnet", ResNet(config.kind, draw));
   head_ = register_module("head", torch::nn::Linear(resnet_->features(), outputs));
   const torch::NoGradGuard no_grad;
-  head_->weight.normal_(0.0, head_scale, draw);
+  head_->weight.normal_(0.0, config.head_scale, draw);
   head_->bias.copy_(head_bias);
 }
 

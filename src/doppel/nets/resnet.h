@@ -51,26 +51,27 @@ class ResNetImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ResNet);
 
-/// The part of a configuration that PoseNet and DefNet share.
+/// What PoseNet and DefNet are configured by.
 struct BackboneConfig {
   ResNetKind kind = ResNetKind::resnet50;
   int input_size = 256;              ///< S: side of the pictures
   std::filesystem::path pretrained;  ///< weights to start from (weights_file.h); empty: random ones
   /// Batch normalisation keeps the statistics it has: those of `pretrained`, when batches are too small for their own.
   bool freeze_norm = false;
+  /// Deviation of the last layer's first weights: small, so that training starts from what its bias says.
+  double head_scale = 1e-3;
 
-  /// Keys: `backbone: resnet18 | resnet50`, `input_size`, `pretrained`, `freeze_norm`. @throws FileError at the key
-  static BackboneConfig read(const ConfigReader& reader, const BackboneConfig& defaults);
-  static BackboneConfig read(const ConfigReader& reader) { return read(reader, BackboneConfig()); }
+  /// Keys: `backbone: resnet18 | resnet50`, `input_size`, `pretrained`, `freeze_norm`, `head_scale`.
+  /// @throws FileError at the key
+  static BackboneConfig read(const ConfigReader& reader);
 };
 
 /// A ResNet with one fully connected layer behind it.
 class BackboneImpl : public torch::nn::Module {
  public:
-  /// @param outputs numbers per picture @param head_scale deviation of the last layer's weights @param head_bias
-  /// [outputs] what comes out at first
+  /// @param outputs numbers per picture @param head_bias [outputs] what comes out at first
   /// @param generator draws the initial weights; by default a fresh one with a fixed seed
-  BackboneImpl(const BackboneConfig& config, int64_t outputs, double head_scale, const torch::Tensor& head_bias,
+  BackboneImpl(const BackboneConfig& config, int64_t outputs, const torch::Tensor& head_bias,
                std::optional<at::Generator> generator);
 
   /// @param image [B,3,S,S] @return [B,outputs]
