@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <map>
 
 #include "doppel/core/error.h"
 #include "doppel/train/checkpoint.h"
@@ -16,7 +17,7 @@ struct Model : torch::nn::Module {
   explicit Model(std::uint64_t seed) {
     const auto generator = at::detail::createCPUGenerator(seed);
     for (const auto& [name, size] : std::vector<std::pair<std::string, int64_t>>{{"a", 3}, {"b", 70001}, {"c", 1}})
-      register_parameter(name, torch::empty({size}).normal_(0, 0.1, generator));
+      register_parameter(name, torch::empty({size, 1}).normal_(0, 0.1, generator));
     register_parameter("unused", torch::ones({4}));
   }
 };
@@ -96,10 +97,10 @@ TEST(AdamReference, FirstStepMovesByTheLearningRate) {
   Model model(5);
   const auto before = model.named_parameters()["a"].detach().clone();
   Adam adam(model, {});
-  model.named_parameters()["a"].mutable_grad() = torch::tensor({3.0f, -0.02f, 5e-3f});
+  model.named_parameters()["a"].mutable_grad() = torch::tensor({3.0f, -0.02f, 5e-3f}).view({3, 1});
   adam.step(0.25, adam.gradient_norm());
   const auto moved = model.named_parameters()["a"].detach() - before;
-  EXPECT_TRUE(torch::allclose(moved, torch::tensor({-0.25f, 0.25f, -0.25f}), 0, 1e-5));
+  EXPECT_TRUE(torch::allclose(moved.view(-1), torch::tensor({-0.25f, 0.25f, -0.25f}), 0, 1e-5));
 }
 
 TEST(AdamReference, ClippingScalesTheWholeGradient) {
@@ -169,6 +170,35 @@ TEST(AdamDecays, KernelsAndNotBiases) {
   adam.step(0.1, 0.0);
   EXPECT_TRUE(torch::allclose(model->weight, weight * 0.8));
   EXPECT_TRUE(torch::equal(model->bias, bias));
+}
+
+/// Two convolutions with normalisation behind them, as ResNet names them, and a graph's bias, which has two dimensions.
+struct NormalisedModel : torch::nn::Module {
+  NormalisedModel() {
+    register_module("conv1", torch::nn::Conv2d(torch::nn::Conv2dOptions(1, 1, 1).bias(false)));
+    register_module("bn1", torch::nn::BatchNorm2d(1));
+    register_module("downsample",
+                    torch::nn::Sequential(torch::nn::Conv2d(torch::nn::Conv2dOptions(1, 1, 1).bias(false)),
+                                          torch::nn::BatchNorm2d(1)));
+    register_parameter("graph_bias", torch::ones({2, 2}));
+    register_parameter("graph_norm_weight", torch::ones({2, 2}));
+  }
+};
+
+TEST(AdamDecays, NoScaleOfANormalisationUnderAnyName) {
+  NormalisedModel model;
+  std::map<std::string, torch::Tensor> before;
+  for (auto& item : model.named_parameters()) {
+    before[item.key()] = item.value().detach().clone();
+    item.value().mutable_grad() = torch::zeros_like(item.value());
+  }
+  AdamOptions options;
+  options.weight_decay = 2.0;
+  Adam(model, options).step(0.1, 0.0);
+  for (const auto& item : model.named_parameters()) {
+    const bool decays = item.key() == "conv1.weight" || item.key() == "downsample.0.weight";
+    EXPECT_TRUE(torch::allclose(item.value(), before[item.key()] * (decays ? 0.8 : 1.0))) << item.key();
+  }
 }
 
 TEST(AdamRejects, DoubleParameters) {

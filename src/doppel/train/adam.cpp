@@ -16,9 +16,10 @@ namespace {
 /// Fixed, so that partial sums do not depend on the number of threads.
 constexpr std::int64_t kChunk = 1 << 16;
 
-/// Biases and the scales of normalisation layers say where outputs lie, not how they depend on inputs.
-bool is_kernel(const std::string& name) {
-  return name.find("bias") == std::string::npos && name.find("norm") == std::string::npos;
+/// Biases and the scales of normalisation layers say where outputs lie, not how they depend on inputs. What has one
+/// dimension is one of them under any name (ResNet's `bn1`); those of a graph's nodes have two, and tell by name.
+bool is_kernel(const std::string& name, const torch::Tensor& parameter) {
+  return parameter.dim() >= 2 && name.find("bias") == std::string::npos && name.find("norm") == std::string::npos;
 }
 
 }  // namespace
@@ -43,7 +44,7 @@ Adam::Adam(const torch::nn::Module& module, const AdamOptions& options) : option
   Group kernels, others;
   others.weight_decay_scale = 0.0;
   for (const auto& item : module.named_parameters())
-    (is_kernel(item.key()) ? kernels : others).parameters.emplace_back(item.key(), item.value());
+    (is_kernel(item.key(), item.value()) ? kernels : others).parameters.emplace_back(item.key(), item.value());
   add(kernels);
   add(others);
 }

@@ -40,7 +40,8 @@ class Adam {
 
   /// @throws Error naming the parameter that is not a contiguous float32 CPU tensor
   Adam(std::vector<Group> groups, const AdamOptions& options);
-  /// All parameters of a module; weight decay leaves out biases and the parameters of layers named `norm`.
+  /// All parameters of a module; weight decay leaves out what has one dimension, biases, and the parameters of layers
+  /// named `norm`.
   Adam(const torch::nn::Module& module, const AdamOptions& options);
 
   /// Norm of all gradients together (not finite if any of them is not).
