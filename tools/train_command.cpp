@@ -80,7 +80,7 @@ int run(const Arguments& arguments, const CommonOptions& common) {
   ChainOptions options;
   for (const std::string& name : arguments.stages) options.stages.push_back(stage_from(name));
   options.mode = arguments.resume ? RunMode::resume : arguments.overwrite ? RunMode::overwrite : RunMode::automatic;
-  const fs::path out = arguments.out.empty() ? (chain.single() ? "runs/egnet" : "runs/ddc") : arguments.out;
+  const fs::path out = arguments.out.empty() ? fs::path("runs") / chain.name() : fs::path(arguments.out);
   const auto summaries = train_stages(chain, out, options);
   print_summaries(summaries, out, chain.single(), common.json);
   if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
@@ -97,9 +97,9 @@ Command add_train(CLI::App& program) {
   auto arguments = std::make_shared<Arguments>();
   app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/egnet.yaml")->required();
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
-  app->add_option("--out", arguments->out, "Folder of the run (default: runs/egnet, or runs/ddc for a chain)");
+  app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the stage's or chain's name)");
   app->add_option("--stages", arguments->stages,
-                  "Stages of a chain to train: egnet,lighting,deltanet,texnet (default: all)")
+                  "Stages of a chain to train: egnet,lighting,deltanet,texnet or posenet,defnet (default: all)")
       ->delimiter(',');
   app->add_flag("--resume", arguments->resume, "Fail unless there is a run to resume");
   app->add_flag("--overwrite", arguments->overwrite, "Replace the run in --out");

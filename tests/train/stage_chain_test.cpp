@@ -266,7 +266,8 @@ TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
     const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "ddc.yaml";
     const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
     EXPECT_EQ(chain.capture(), "/somewhere");
-    for (int i = 0; i < kNumStages; ++i) EXPECT_TRUE(chain.has(static_cast<StageKind>(i))) << size << " " << i;
+    for (int i = 0; i < static_cast<int>(StageKind::posenet); ++i)
+      EXPECT_TRUE(chain.has(static_cast<StageKind>(i))) << size << " " << i;
   }
   const StageChain paper = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/ddc.yaml", {"capture=/somewhere"}));

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "doppel/render/boundary.h"
+#include "doppel/train/overlay.h"
 
 namespace doppel {
 
@@ -64,6 +65,24 @@ std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) cons
   for (std::size_t i = 0; i < n && !samples.empty(); ++i)
     chosen.push_back(samples[(2 * i + 1) * samples.size() / (2 * n)]);
   return chosen;
+}
+
+std::vector<Picture> CaptureStage::outline_pictures(
+    const torch::Tensor& faces, const std::string& legend,
+    const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const {
+  std::vector<Picture> pictures;
+  for (Split split : {Split::test, Split::train}) {
+    const std::vector<SampleId> samples = samples_to_show(split, 4);
+    if (samples.empty()) continue;
+    OverlaySheet sheet(dataset_, faces);
+    for (const SampleId& sample : samples) {
+      const auto [blue, red] = surfaces(sample);
+      sheet.add(sample, blue, red);
+    }
+    pictures.push_back({"overlay-" + to_string(split),
+                        to_string(split) + " split: outline of the mask green, " + legend, sheet.image()});
+  }
+  return pictures;
 }
 
 torch::Tensor face_tensor(const Character& character) {

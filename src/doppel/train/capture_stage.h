@@ -37,6 +37,11 @@ class CaptureStage : public Stage {
   torch::Tensor training_windows(std::size_t limit, int window) const;
   /// Frames of a split to show in the report, evenly spread.
   std::vector<SampleId> samples_to_show(Split split, int count) const;
+  /// A picture of outlines for each split that has frames: the mask's green, those of two surfaces blue and red.
+  /// @param legend what blue and red are @param surfaces both, [N,3], of a frame
+  std::vector<Picture> outline_pictures(
+      const torch::Tensor& faces, const std::string& legend,
+      const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const;
 
  private:
   const Dataset& dataset_;

@@ -1,7 +1,5 @@
 #include "doppel/train/egnet_stage.h"
 
-#include "doppel/train/overlay.h"
-
 namespace doppel {
 
 namespace {
@@ -62,22 +60,12 @@ void EgNetStage::prepare_evaluation() {
 }
 
 std::vector<Picture> EgNetStage::pictures() {
-  std::vector<Picture> pictures;
-  for (Split split : {Split::test, Split::train}) {
-    const std::vector<SampleId> samples = samples_to_show(split, 4);
-    if (samples.empty()) continue;
-    OverlaySheet sheet(dataset(), faces_);
-    for (const SampleId& sample : samples) {
-      const torch::Tensor window = dataset().dof_window(sample, config_.model.window).unsqueeze(0);
-      const auto [A, T] = network_->forward(window);
-      const torch::Tensor dofs = window.select(1, -1).contiguous();
-      sheet.add(sample, surface_->skinned(dofs)[0], surface_->deformed(dofs, A, T)[0]);
-    }
-    pictures.push_back({"overlay-" + to_string(split),
-                        to_string(split) + " split: outline of the mask green, pure skinning blue, EGNet red",
-                        sheet.image()});
-  }
-  return pictures;
+  return outline_pictures(faces_, "pure skinning blue, EGNet red", [this](const SampleId& sample) {
+    const torch::Tensor window = dataset().dof_window(sample, config_.model.window).unsqueeze(0);
+    const auto [A, T] = network_->forward(window);
+    const torch::Tensor dofs = window.select(1, -1).contiguous();
+    return std::make_pair(surface_->skinned(dofs)[0], surface_->deformed(dofs, A, T)[0]);
+  });
 }
 
 }  // namespace doppel

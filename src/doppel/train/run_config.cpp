@@ -48,8 +48,8 @@ LoaderOptions with_window(LoaderOptions options, int window) {
   return options;
 }
 
-SilhouetteOptions read_silhouette_options(const ConfigReader& loss) {
-  SilhouetteOptions s;
+SilhouetteOptions read_silhouette_options(const ConfigReader& loss, const SilhouetteOptions& defaults) {
+  SilhouetteOptions s = defaults;
   s.model_to_data = loss.get("model_to_data", s.model_to_data, at_least(0.0));
   s.data_to_model = loss.get("data_to_model", s.data_to_model, at_least(0.0));
   s.distance_scale = loss.get("distance_scale", s.distance_scale, at_least(1e-6));

@@ -29,6 +29,6 @@ LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int 
 LoaderOptions with_window(LoaderOptions options, int window);
 
 /// The keys of the silhouette loss in a section `loss`, without the weight of the whole.
-SilhouetteOptions read_silhouette_options(const ConfigReader& loss);
+SilhouetteOptions read_silhouette_options(const ConfigReader& loss, const SilhouetteOptions& defaults = {});
 
 }  // namespace doppel

@@ -22,6 +22,11 @@ Schedule Schedule::read(const ConfigReader& reader, std::int64_t iterations) {
 }
 
 double Schedule::rate(std::int64_t step) const {
+  if (kind == Kind::pieces) {
+    for (const Piece& piece : pieces)
+      if (step < piece.end) return piece.rate;
+    return pieces.empty() ? 0.0 : pieces.back().rate;
+  }
   if (step < warmup) return learning_rate * static_cast<double>(step + 1) / static_cast<double>(warmup);
   const double done = static_cast<double>(step - warmup);
   switch (kind) {
@@ -36,6 +41,8 @@ double Schedule::rate(std::int64_t step) const {
       return learning_rate * std::pow(factor, std::floor(done / static_cast<double>(interval)));
     case Kind::exponential:
       return learning_rate * std::pow(factor, done / static_cast<double>(interval));
+    case Kind::pieces:
+      break;  // above: they need no warm-up
   }
   return learning_rate;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "doppel/core/config.h"
 
@@ -12,9 +13,14 @@ namespace doppel {
 /// - constant: the base rate (thesis A.2);
 /// - cosine: half a cosine from the base rate down to `final_ratio` of it at the last step;
 /// - step: times `factor` every `interval` steps;
-/// - exponential: times `factor` per `interval` steps, smoothly.
+/// - exponential: times `factor` per `interval` steps, smoothly;
+/// - pieces: a rate of its own for each piece (no word in a configuration: PosePhases).
 struct Schedule {
-  enum class Kind { constant, cosine, step, exponential };
+  enum class Kind { constant, cosine, step, exponential, pieces };
+  struct Piece {
+    std::int64_t end;  ///< steps done when it is over
+    double rate;
+  };
 
   Kind kind = Kind::constant;
   double learning_rate = 1e-4;
@@ -23,6 +29,7 @@ struct Schedule {
   double final_ratio = 0.0;      ///< cosine
   double factor = 0.1;           ///< step, exponential
   std::int64_t interval = 1000;  ///< step, exponential
+  std::vector<Piece> pieces;     ///< pieces
 
   /// Reads `learning_rate`, `schedule`, `warmup`, `final_ratio`, `decay_factor`, `decay_interval`.
   static Schedule read(const ConfigReader& reader, std::int64_t iterations);

@@ -5,9 +5,11 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/train/def_net_stage.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/egnet_stage.h"
 #include "doppel/train/lighting_stage.h"
+#include "doppel/train/pose_net_stage.h"
 #include "doppel/train/report.h"
 #include "doppel/train/tex_net_stage.h"
 
@@ -36,37 +38,54 @@ void check_stage(const ConfigDocument& document, StageKind stage) {
     case StageKind::texnet:
       TexNetRunConfig::read(document);
       break;
+    case StageKind::posenet:
+      PoseNetRunConfig::read(document);
+      break;
+    case StageKind::defnet:
+      DefNetRunConfig::read(document);
+      break;
   }
+}
+
+/// A stage that stands at the beginning of a chain: it needs the character alone.
+template <typename StageType, typename Config>
+TrainSummary train_first(const ConfigDocument& document, const std::string& resolved, const RunFolder& folder,
+                         RunMode mode) {
+  const Config config = Config::read(document);
+  const Dataset dataset = Dataset::open(config.subject.capture);
+  const Character character = load_character(dataset.character_path(), config.subject.character);
+  folder.open(resolved, mode);
+  StageType stage(dataset, character, config);
+  return Trainer(stage, config.trainer, folder).run();
+}
+
+/// One that builds on what was trained before it.
+template <typename StageType, typename Config, typename Trained>
+TrainSummary train_next(Trained& trained, const ConfigDocument& document, const std::string& resolved,
+                        const RunFolder& folder, RunMode mode) {
+  const Dataset dataset = Dataset::open(trained.subject.capture);
+  folder.open(resolved, mode);
+  const Config config = Config::read(document);
+  StageType stage(dataset, trained, config);
+  return Trainer(stage, config.trainer, folder).run();
 }
 
 TrainSummary train_one(StageKind kind, const ConfigDocument& document, const fs::path& out, const RunFolder& folder,
                        RunMode mode) {
   const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", name_of(kind));
   const std::string resolved = head + document.resolved();
-  if (kind == StageKind::egnet) {
-    const EgNetRunConfig config = EgNetRunConfig::read(document);
-    const Dataset dataset = Dataset::open(config.subject.capture);
-    const Character character = load_character(dataset.character_path(), config.subject.character);
-    folder.open(resolved, mode);
-    EgNetStage stage(dataset, character, config);
-    return Trainer(stage, config.trainer, folder).run();
+  if (kind == StageKind::egnet) return train_first<EgNetStage, EgNetRunConfig>(document, resolved, folder, mode);
+  if (kind == StageKind::posenet) return train_first<PoseNetStage, PoseNetRunConfig>(document, resolved, folder, mode);
+  if (kind == StageKind::defnet) {
+    TrainedPose pose = TrainedPose::load(out, std::nullopt, /*with_defnet=*/false);
+    return train_next<DefNetStage, DefNetRunConfig>(pose, document, resolved, folder, mode);
   }
   TrainedActor actor = TrainedActor::load(out, std::nullopt, kind);
-  const Dataset dataset = Dataset::open(actor.subject.capture);
-  folder.open(resolved, mode);
-  if (kind == StageKind::lighting) {
-    const LightingRunConfig config = LightingRunConfig::read(document);
-    LightingStage stage(dataset, actor, config);
-    return Trainer(stage, config.trainer, folder).run();
-  }
-  if (kind == StageKind::deltanet) {
-    const DeltaNetRunConfig config = DeltaNetRunConfig::read(document);
-    DeltaNetStage stage(dataset, actor, config);
-    return Trainer(stage, config.trainer, folder).run();
-  }
-  const TexNetRunConfig config = TexNetRunConfig::read(document);
-  TexNetStage stage(dataset, actor, config);
-  return Trainer(stage, config.trainer, folder).run();
+  if (kind == StageKind::lighting)
+    return train_next<LightingStage, LightingRunConfig>(actor, document, resolved, folder, mode);
+  if (kind == StageKind::deltanet)
+    return train_next<DeltaNetStage, DeltaNetRunConfig>(actor, document, resolved, folder, mode);
+  return train_next<TexNetStage, TexNetRunConfig>(actor, document, resolved, folder, mode);
 }
 
 /// The folder that holds the stages of a chain: it must be new, empty, or a chain's already.
@@ -85,7 +104,7 @@ void open_chain_folder(const fs::path& out, const std::string& resolved) {
 }  // namespace
 
 const std::vector<std::string>& stage_names() {
-  static const std::vector<std::string> names{"egnet", "lighting", "deltanet", "texnet"};
+  static const std::vector<std::string> names{"egnet", "lighting", "deltanet", "texnet", "posenet", "defnet"};
   return names;
 }
 
@@ -105,38 +124,51 @@ StageChain StageChain::read(const ConfigDocument& document) {
   StageChain chain;
   chain.document_ = document;
   const ConfigReader root = document.root();
-  chain.single_ = root.choice("stage", {"egnet", "ddc"}, "egnet") == "egnet";
+  chain.name_ = root.choice("stage", {"egnet", "posenet", "ddc", "deepcap"}, "egnet");
+  chain.single_ = chain.name_ == "egnet" || chain.name_ == "posenet";
   if (chain.single_) {
-    chain.sections_[0] = Section::own;
-    check_stage(document, StageKind::egnet);
+    const StageKind stage = stage_from(chain.name_);
+    chain.sections_[static_cast<std::size_t>(stage)] = Section::own;
+    check_stage(document, stage);
     return chain;
   }
+  if (chain.name_ == "ddc")
+    chain.read_sections(root, StageKind::egnet, StageKind::posenet);
+  else
+    chain.read_sections(root, StageKind::posenet, static_cast<StageKind>(kNumStages));
+  return chain;
+}
+
+/// The stages `first` .. `end` - 1 and nothing else may have sections.
+void StageChain::read_sections(const ConfigReader& root, StageKind first, StageKind end) {
+  std::vector<std::string> known = kSharedKeys;
+  known.push_back("stage");
   for (const std::string& key : kSharedKeys) root.has(key);
-  for (int i = 0; i < kNumStages; ++i) {
+  for (int i = static_cast<int>(first); i < static_cast<int>(end); ++i) {
     const std::string& name = name_of(kind_of(i));
+    known.push_back(name);
     if (!root.has(name)) continue;
     const ConfigReader section = root.section(name);
-    const bool borrowed = section.has("run");
-    chain.sections_[i] = borrowed ? Section::borrowed : Section::own;
-    if (borrowed) {
+    const bool is_borrowed = section.has("run");
+    sections_[i] = is_borrowed ? Section::borrowed : Section::own;
+    if (is_borrowed) {
       section.path("run");
       section.finish();
     } else {
       section.keys();
-      check_stage(chain.stage(kind_of(i)), kind_of(i));
+      check_stage(stage(kind_of(i)), kind_of(i));
     }
   }
   for (const std::string& key : root.keys())
-    if (key != "stage" && std::find(kSharedKeys.begin(), kSharedKeys.end(), key) == kSharedKeys.end() &&
-        std::find(stage_names().begin(), stage_names().end(), key) == stage_names().end()) {
-      std::vector<std::string> known = kSharedKeys;
-      known.insert(known.end(), stage_names().begin(), stage_names().end());
+    if (std::find(known.begin(), known.end(), key) == known.end()) {
       const auto meant = nearest_word(key, known);
       root.fail_at_key(key, "unknown key; {}",
                        meant ? "did you mean " + *meant + "?" : fmt::format("known are {}", fmt::join(known, ", ")));
     }
-  if (!chain.has(StageKind::egnet)) root.fail_at_key("egnet", "a chain begins with this stage; it must be there");
-  return chain;
+  if (!has(first))
+    root.fail_at_key(name_of(first),
+                     "a chain begins with this stage; it must be there (another run's: --set {}.run=RUN)",
+                     name_of(first));
 }
 
 ConfigDocument StageChain::stage(StageKind stage) const {
@@ -145,13 +177,14 @@ ConfigDocument StageChain::stage(StageKind stage) const {
 
 fs::path StageChain::capture() const {
   const ConfigReader root = document_.root();
-  return RunSubject::read(document_, root, single_ ? "egnet" : "ddc").capture;
+  return RunSubject::read(document_, root, name_).capture;
 }
 
 fs::path stage_folder(const fs::path& run, StageKind stage) {
   const ConfigDocument document = ConfigDocument::load(RunFolder(run).config());
   const ConfigReader root = document.root();
-  if (root.get("stage", "egnet") != "ddc") return stage == StageKind::egnet ? run : run / name_of(stage);
+  const std::string name = root.get("stage", "egnet");
+  if (name != "ddc" && name != "deepcap") return name == name_of(stage) ? run : run / name_of(stage);
   const ConfigReader section = root.section(name_of(stage));
   return section.has("run") ? stage_folder(section.path("run"), stage) : run / name_of(stage);
 }

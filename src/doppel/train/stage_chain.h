@@ -10,19 +10,20 @@
 
 namespace doppel {
 
-/// Stages in the order they are trained in; each builds on those before it.
-enum class StageKind { egnet, lighting, deltanet, texnet };
-inline constexpr int kNumStages = 4;
-/// egnet, lighting, deltanet, texnet
+/// Stages in the order they are trained in; each builds on those of its chain before it. The first four are the chain
+/// `ddc` (chapter 6), the others `deepcap` (chapter 5).
+enum class StageKind { egnet, lighting, deltanet, texnet, posenet, defnet };
+inline constexpr int kNumStages = 6;
+/// egnet, lighting, deltanet, texnet, posenet, defnet
 const std::vector<std::string>& stage_names();
 const std::string& name_of(StageKind stage);
 /// @throws UsageError for another word, with the nearest one
 StageKind stage_from(const std::string& name);
 
-/// A configuration and the stages it describes. `stage: egnet` is one stage alone. `stage: ddc` is a chain: `capture`,
-/// `seed` and `character` on top, and a section per stage, each with what a file of that stage alone would hold; a
-/// stage without a section is left out. A section with the one key `run: FOLDER` takes a stage that another run has
-/// trained.
+/// A configuration and the stages it describes. `stage: egnet` or `stage: posenet` is one stage alone. `stage: ddc` and
+/// `stage: deepcap` are chains: `capture`, `seed` and `character` on top, and a section per stage, each with what a
+/// file of that stage alone would hold; a stage without a section is left out. A section with the one key `run: FOLDER`
+/// takes a stage that another run has trained.
 class StageChain {
  public:
   /// Reads all sections, so that a mistake in the last one shows before the first is trained.
@@ -31,6 +32,8 @@ class StageChain {
 
   const ConfigDocument& document() const { return document_; }
   bool single() const { return single_; }
+  /// What `stage:` says.
+  const std::string& name() const { return name_; }
   bool has(StageKind stage) const { return sections_[static_cast<std::size_t>(stage)] != Section::absent; }
   /// Whether another run has it.
   bool borrowed(StageKind stage) const { return sections_[static_cast<std::size_t>(stage)] == Section::borrowed; }
@@ -41,7 +44,10 @@ class StageChain {
 
  private:
   enum class Section { absent, own, borrowed };
+  void read_sections(const ConfigReader& root, StageKind first, StageKind end);
+
   ConfigDocument document_;
+  std::string name_;
   bool single_ = false;
   Section sections_[kNumStages] = {};
 };

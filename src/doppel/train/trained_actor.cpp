@@ -5,13 +5,11 @@
 #include "doppel/core/error.h"
 #include "doppel/data/capture.h"
 #include "doppel/render/projection.h"
-#include "doppel/train/checkpoint.h"
-#include "doppel/train/crc32c.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/egnet_config.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/run_folder.h"
-#include "doppel/train/stage_chain.h"
+#include "doppel/train/stored_stage.h"
 #include "doppel/train/tex_net_stage.h"
 
 namespace doppel {
@@ -19,35 +17,6 @@ namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Puts the weights and buffers that a checkpoint means for use into a module.
-void load_evaluation_weights(torch::nn::Module& network, const Checkpoint& checkpoint) {
-  const auto pick = [&](const std::string& preferred, const std::string& name) {
-    return checkpoint.has_tensor(preferred + name) ? preferred + name : "model." + name;
-  };
-  for (auto& item : network.named_parameters()) {
-    checkpoint.copy_tensor(pick("optimizer.mean.", item.key()), item.value());
-    item.value().requires_grad_(false);
-  }
-  for (auto& item : network.named_buffers())
-    if (item.value().defined()) checkpoint.copy_tensor(pick("evaluation.", item.key()), item.value());
-  network.eval();
-}
-
-/// A stage on disk: its configuration and its newest checkpoint.
-struct StoredStage {
-  ConfigDocument config;
-  std::int64_t step;
-  Checkpoint checkpoint;
-};
-
-std::optional<StoredStage> find_stage(const fs::path& run_path, StageKind kind) {
-  const RunFolder run(stage_folder(run_path, kind));
-  if (!fs::exists(run.config())) return std::nullopt;
-  auto latest = CheckpointFolder(run.checkpoints()).load_latest();
-  if (!latest) return std::nullopt;
-  return StoredStage{ConfigDocument::load(run.config()), latest->first, std::move(latest->second)};
-}
 
 void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run,
                 const std::optional<fs::path>& capture_path) {
@@ -58,10 +27,7 @@ void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& r
   const Capture capture = read_capture(actor.subject.capture);
   actor.frames_per_second = capture.fps;
   actor.character = load_character(capture.character_path(), actor.subject.character);
-  const std::string fingerprint = actor.character.fingerprint();
-  if (stage.checkpoint.text("identity").find(fingerprint) == std::string::npos)
-    fail("{} was trained for another character: {}; {} has fingerprint {}", run.string(),
-         stage.checkpoint.text("identity"), capture.character_path().string(), fingerprint);
+  check_character(stage, actor.character, run, capture.character_path());
   actor.surface = CharacterSurface(actor.character);
   actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
   if (!actor.character.mesh.texture.empty() && actor.mesh->has_uvs())
@@ -96,18 +62,6 @@ torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
   return out[0].permute({1, 2, 0}).contiguous();
 }
 
-std::uint32_t checksum(const torch::nn::Module& module) {
-  std::uint32_t sum = 0;
-  const auto add = [&](const torch::Tensor& tensor) {
-    const torch::Tensor bytes = tensor.contiguous();
-    sum = crc32c(bytes.data_ptr(), bytes.nbytes(), sum);
-  };
-  for (const auto& item : module.named_parameters()) add(item.value());
-  for (const auto& item : module.named_buffers())
-    if (item.value().defined()) add(item.value());
-  return sum;
-}
-
 }  // namespace
 
 TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::path>& capture,
@@ -119,7 +73,7 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
   TrainedActor actor;
   load_egnet(actor, *egnet_stage, run, capture);
   actor.steps["egnet"] = egnet_stage->step;
-  const int end = before ? static_cast<int>(*before) : kNumStages;
+  const int end = static_cast<int>(before.value_or(StageKind::posenet));  // what follows is of another chain
   for (int i = static_cast<int>(StageKind::lighting); i < end; ++i) {
     const auto kind = static_cast<StageKind>(i);
     const auto stage = find_stage(run, kind);
@@ -162,9 +116,9 @@ torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch
 }
 
 std::string TrainedActor::digest() const {
-  std::string text = fmt::format("egnet {:08x}", checksum(*egnet));
-  if (lighting) text += fmt::format(" lighting {:08x}", checksum(*lighting));
-  if (deltanet) text += fmt::format(" deltanet {:08x}", checksum(*deltanet));
+  std::string text = fmt::format("egnet {:08x}", weights_checksum(*egnet));
+  if (lighting) text += fmt::format(" lighting {:08x}", weights_checksum(*lighting));
+  if (deltanet) text += fmt::format(" deltanet {:08x}", weights_checksum(*deltanet));
   return text;
 }
 

@@ -1,0 +1,61 @@
+#include "doppel/train/trained_pose.h"
+
+#include "doppel/core/error.h"
+#include "doppel/train/def_net_stage.h"
+#include "doppel/train/run_folder.h"
+#include "doppel/train/stored_stage.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>& capture, bool with_defnet) {
+  if (!fs::exists(RunFolder(run).config()))
+    fail("{} is not a run: it holds no config.yaml; give the --out folder of `doppel train`", run.string());
+  const auto stored = find_stage(run, StageKind::posenet);
+  if (!stored) fail("{} has no checkpoint of posenet yet; train it first", run.string());
+  const PoseNetRunConfig config = PoseNetRunConfig::read(stored->config);
+  TrainedPose trained;
+  trained.subject = config.subject;
+  if (capture) trained.subject.capture = fs::absolute(*capture);
+  trained.detections = config.detections;
+  trained.trained_on_cameras = config.loader.cameras;
+  const Dataset dataset = Dataset::open(trained.subject.capture);
+  trained.character = load_character(dataset.character_path(), trained.subject.character);
+  check_character(*stored, trained.character, run, dataset.character_path());
+  dataset.require_landmarks();
+  trained.landmarks = dataset.landmarks();
+  trained.pose.emplace(trained.character.skeleton, config.dofs, trained.character.rest_dofs);
+  trained.landmark_layer = Landmarks(trained.character.skeleton, trained.landmarks);
+  trained.surface = CharacterSurface(trained.character);
+  trained.posenet = PoseNet(*trained.pose, config.model);
+  load_evaluation_weights(*trained.posenet, stored->checkpoint);
+  trained.steps["posenet"] = stored->step;
+  if (!with_defnet) return trained;
+  if (const auto deformation = find_stage(run, StageKind::defnet)) {
+    trained.defnet = DefNet(trained.character.num_nodes(), DefNetRunConfig::read(deformation->config).model);
+    load_evaluation_weights(*trained.defnet, deformation->checkpoint);
+    trained.steps["defnet"] = deformation->step;
+  }
+  return trained;
+}
+
+CapturedPose TrainedPose::capture(const PersonView& view) {
+  const torch::NoGradGuard no_grad;
+  return capture_pose(posenet, *pose, landmark_layer, view, detections.alignment);
+}
+
+torch::Tensor TrainedPose::dofs(const CapturedPose& captured) const {
+  return pose->dofs(captured.theta, captured.rotation, captured.position);
+}
+
+std::pair<torch::Tensor, torch::Tensor> TrainedPose::deformation(const torch::Tensor& image) {
+  const torch::NoGradGuard no_grad;
+  if (defnet) return defnet->forward(image);
+  const torch::Tensor none = torch::zeros({image.size(0), character.num_nodes(), 3}, image.options());
+  return {none, none};
+}
+
+std::string TrainedPose::digest() const { return fmt::format("posenet {:08x}", weights_checksum(*posenet)); }
+
+}  // namespace doppel

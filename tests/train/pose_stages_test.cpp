@@ -1,0 +1,231 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "doppel/core/error.h"
+#include "doppel/data/prepare.h"
+#include "doppel/data/synth/synth.h"
+#include "doppel/train/checkpoint.h"
+#include "doppel/train/def_net_stage.h"
+#include "doppel/train/pose_net_stage.h"
+#include "doppel/train/stage_chain.h"
+#include "doppel/train/trained_pose.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using support::TemporaryFolder;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+TEST(PosePhases, AreTheThesissWhereTheConfigurationIsSilent) {
+  const PosePhases phases;
+  EXPECT_EQ(phases.iterations(), 360000);
+  const Schedule schedule = phases.schedule();
+  EXPECT_EQ(schedule.rate(0), 1e-5);
+  EXPECT_EQ(schedule.rate(119999), 1e-5);
+  EXPECT_EQ(schedule.rate(120000), 1e-6);
+  EXPECT_EQ(schedule.rate(359999), 1e-6);
+  const auto weights = [&](std::int64_t step) {
+    const PosePhases::Place place = phases.at(step);
+    return std::make_pair(place.phase->keypoints, place.phase->limits_weight(place.progress));
+  };
+  EXPECT_EQ(weights(0), std::make_pair(0.01, 1.0));
+  EXPECT_EQ(weights(39999), std::make_pair(0.01, 1.0));
+  EXPECT_EQ(weights(40001), std::make_pair(0.01, 0.1));
+  EXPECT_EQ(weights(60000), std::make_pair(0.01, 0.0));
+  EXPECT_EQ(weights(120000), std::make_pair(1e-4, 0.0));
+  EXPECT_EQ(weights(240000), std::make_pair(1e-5, 0.0));
+  EXPECT_DOUBLE_EQ(phases.at(180000).progress, 0.5);
+}
+
+TEST(PosePhases, AreReadFromTheConfiguration) {
+  const PosePhases phases = PosePhases::read(
+      ConfigDocument::parse("phases:\n  - {iterations: 10, learning_rate: 0.1, limits: 2, limits_off_at: 0.2}\n"
+                            "  - {iterations: 5, keypoints: 3}\n",
+                            "c.yaml")
+          .root());
+  EXPECT_EQ(phases.iterations(), 15);
+  EXPECT_EQ(phases.at(1).phase->limits_weight(phases.at(1).progress), 2.0);
+  EXPECT_EQ(phases.at(2).phase->limits_weight(phases.at(2).progress), 0.0);
+  EXPECT_EQ(phases.at(12).phase->keypoints, 3.0);
+  EXPECT_EQ(phases.schedule().rate(9), 0.1);
+}
+
+TEST(PoseConfigurations, ThatComeAlongAreReadable) {
+  for (const std::string size : {"tiny", "small", "paper"}) {
+    const fs::path folder = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size;
+    const StageChain pose = StageChain::read(ConfigDocument::load(folder / "posenet.yaml", {"capture=/somewhere"}));
+    EXPECT_TRUE(pose.single());
+    const StageChain both = StageChain::read(
+        ConfigDocument::load(folder / "defnet.yaml", {"capture=/somewhere", "posenet.run=/elsewhere"}));
+    EXPECT_TRUE(both.borrowed(StageKind::posenet));
+    EXPECT_TRUE(both.has(StageKind::defnet));
+    EXPECT_FALSE(both.has(StageKind::egnet));
+  }
+  const PoseNetRunConfig paper = PoseNetRunConfig::read(
+      ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/posenet.yaml", {"capture=/somewhere"}));
+  EXPECT_EQ(paper.loader.batch_size, 90);
+  EXPECT_EQ(paper.trainer.iterations, PosePhases().iterations());
+  for (std::int64_t step : {0, 39000, 41000, 61000, 130000, 250000}) {
+    const PosePhases::Place found = paper.phases.at(step), expected = PosePhases().at(step);
+    EXPECT_EQ(paper.trainer.schedule.rate(step), PosePhases().schedule().rate(step));
+    EXPECT_EQ(found.phase->keypoints, expected.phase->keypoints);
+    EXPECT_EQ(found.phase->limits_weight(found.progress), expected.phase->limits_weight(expected.progress));
+  }
+}
+
+TEST(PoseConfigurations, MistakesAreNamed) {
+  const auto complaint = [](const std::string& text) {
+    return message_of([&] { StageChain::read(ConfigDocument::parse("capture: x\n" + text, "c.yaml")); });
+  };
+  EXPECT_THAT(complaint("stage: deepcap\ndefnet: {}\n"), HasSubstr("--set posenet.run=RUN"));
+  EXPECT_THAT(complaint("stage: posenet\ntrain: {iterations: 3}\n"), HasSubstr("phases"));
+  EXPECT_THAT(complaint("stage: posenet\nmodel: {backbon: resnet18}\n"), HasSubstr("backbone"));
+  EXPECT_THAT(complaint("stage: deepcap\nposenet: {}\negnet: {}\n"), HasSubstr("unknown key"));
+}
+
+constexpr char kChain[] = R"(stage: deepcap
+posenet:
+  data: {batch_size: 4}
+  model: {backbone: resnet18, input_size: 64}
+  phases:
+    - {iterations: 10, learning_rate: 1e-3, limits: 1}
+    - {iterations: 4, learning_rate: 1e-4}
+  train: {log_every: 2, checkpoint_every: 6}
+defnet:
+  data: {batch_size: 2, cameras_per_sample: 2}
+  model: {backbone: resnet18, input_size: 64}
+  train: {iterations: 6, learning_rate: 1e-4, log_every: 2, checkpoint_every: 3}
+)";
+
+/// The synthetic actor in a few frames, and both stages trained on it for a moment.
+class PoseTraining : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    synth::SynthOptions actor = synth::SynthOptions::preset("tiny");
+    actor.frames = 8;
+    actor.test_frames = 4;
+    actor.cameras = 3;
+    actor.size = 128;
+    synth::write_synthetic_capture(*folder_ / "capture", actor);
+    PrepareOptions prepare;
+    prepare.out = *folder_ / "prepared";
+    prepare.image_size = 96;
+    prepare.mask_size = 96;
+    prepare_capture(read_capture(*folder_ / "capture"), prepare);
+    summaries_ = train_stages(chain(), *folder_ / "run", {});
+  }
+  static void TearDownTestSuite() { delete folder_; }
+
+  static StageChain chain(const std::vector<std::string>& overrides = {}) {
+    return StageChain::read(
+        ConfigDocument::parse("capture: " + (*folder_ / "prepared").string() + "\n" + kChain, "chain.yaml", overrides));
+  }
+  static TemporaryFolder* folder_;
+  static std::vector<StageSummary> summaries_;
+};
+TemporaryFolder* PoseTraining::folder_ = nullptr;
+std::vector<StageSummary> PoseTraining::summaries_;
+
+TEST_F(PoseTraining, RunsBothStagesAndTheirLossesFall) {
+  ASSERT_EQ(summaries_.size(), 2u);
+  EXPECT_EQ(summaries_[0].summary.step, 14);
+  EXPECT_EQ(summaries_[1].summary.step, 6);
+  const auto metrics = read_metrics(RunFolder(*folder_ / "run/posenet").metrics());
+  EXPECT_LT(metrics.back().loss, metrics.front().loss);
+  EXPECT_DOUBLE_EQ(metrics.back().learning_rate, 1e-4);
+  for (const char* picture : {"posenet/pictures/overlay-test.jpg", "defnet/pictures/overlay-test.jpg"})
+    EXPECT_TRUE(fs::exists(*folder_ / "run" / picture)) << picture;
+}
+
+TEST_F(PoseTraining, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
+  const RunFolder run(*folder_ / "broken");
+  for (const std::int64_t stop : {3, 8, 14}) {
+    const PoseNetRunConfig config = PoseNetRunConfig::read(chain().stage(StageKind::posenet));
+    const Dataset dataset = Dataset::open(config.subject.capture);
+    const Character character = load_character(dataset.character_path(), config.subject.character);
+    run.open("stage: posenet\n", RunMode::automatic);
+    PoseNetStage stage(dataset, character, config);
+    TrainerOptions options = config.trainer;
+    options.iterations = stop;
+    Trainer(stage, options, run).run();
+  }
+  const auto expected = CheckpointFolder(RunFolder(*folder_ / "run/posenet").checkpoints()).load_latest()->second;
+  const auto found = CheckpointFolder(run.checkpoints()).load_latest()->second;
+  ASSERT_EQ(expected.tensors().size(), found.tensors().size());
+  for (const auto& [name, tensor] : expected.tensors()) EXPECT_TRUE(torch::equal(tensor, found.tensor(name))) << name;
+}
+
+TEST_F(PoseTraining, WhatWasTrainedCapturesAFrame) {
+  TrainedPose trained = TrainedPose::load(*folder_ / "run");
+  EXPECT_EQ(trained.steps.at("posenet"), 14);
+  EXPECT_EQ(trained.steps.at("defnet"), 6);
+  const Dataset dataset = Dataset::open(trained.subject.capture);
+  LoaderOptions options;
+  options.person_size = trained.input_size();
+  const Batch batch = person_batch(dataset, dataset.samples(Split::test)[1], options);
+  const CapturedPose captured = trained.capture(person_view(batch));
+  EXPECT_TRUE(captured.valid.all().item<bool>());
+  const torch::Tensor dofs = trained.dofs(captured);
+  // The DoFs pose the landmarks where the alignment put them.
+  EXPECT_LT((trained.landmark_layer->forward(dofs) - captured.landmarks).abs().max().item<float>(), 1e-4f);
+  // Global alignment places even a hardly trained pose near the person.
+  EXPECT_LT((captured.position - trained.pose->position(batch.dofs.select(1, -1).contiguous())).norm().item<float>(),
+            0.5f);
+  const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+  EXPECT_EQ(A.sizes(), at::IntArrayRef({1, trained.character.num_nodes(), 3}));
+  EXPECT_GT(T.abs().max().item<float>(), 0.0f);
+  EXPECT_TRUE(trained.surface->deformed(dofs, A, T).isfinite().all().item<bool>());
+}
+
+TEST_F(PoseTraining, DefNetLeavesPoseNetAlone) {
+  TrainedPose pose = TrainedPose::load(*folder_ / "run", std::nullopt, false);
+  EXPECT_FALSE(pose.defnet);
+  const std::string before = pose.digest();
+  const Dataset dataset = Dataset::open(pose.subject.capture);
+  DefNetStage stage(dataset, pose, DefNetRunConfig::read(chain().stage(StageKind::defnet)));
+  Profile profile;
+  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
+  torch::Tensor total;
+  for (const LossTerm& term : static_cast<Stage&>(stage).loss(context)) {
+    EXPECT_GE(term.value.item<double>(), 0.0) << term.name;
+    total = total.defined() ? total + term.value : term.value;
+  }
+  total.backward();
+  EXPECT_EQ(pose.digest(), before);
+  for (const torch::Tensor& parameter : pose.posenet->parameters()) EXPECT_FALSE(parameter.grad().defined());
+  for (const auto& parameter : stage.network()->named_parameters())
+    EXPECT_TRUE(parameter.value().grad().isfinite().all().item<bool>()) << parameter.key();
+}
+
+TEST_F(PoseTraining, PeopleThatNoCameraSeesHaveNoLoss) {
+  const Dataset dataset = Dataset::open(*folder_ / "prepared");
+  const Character character = load_character(dataset.character_path());
+  PoseNetStage stage(dataset, character, PoseNetRunConfig::read(chain().stage(StageKind::posenet)));
+  LoaderOptions options;
+  options.person_size = 64;
+  Batch batch = person_batch(dataset, dataset.samples(Split::train)[0], options);
+  batch.keypoints = torch::zeros_like(batch.keypoints);
+  Profile profile;
+  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
+  stage.network()->eval();
+  const LossTerms terms = stage.loss(batch, context);
+  EXPECT_EQ(terms[0].value.item<double>(), 0.0);
+  terms[0].value.backward();
+  for (const auto& parameter : stage.network()->named_parameters())
+    EXPECT_EQ(parameter.value().grad().abs().max().item<double>(), 0.0) << parameter.key();
+}
+
+TEST_F(PoseTraining, DefNetSeesThePictureThatPoseNetSees) {
+  TrainedPose pose = TrainedPose::load(*folder_ / "run");
+  const Dataset dataset = Dataset::open(pose.subject.capture);
+  const DefNetRunConfig config = DefNetRunConfig::read(chain({"defnet.model.input_size=96"}).stage(StageKind::defnet));
+  EXPECT_THAT(message_of<UsageError>([&] { DefNetStage(dataset, pose, config); }), HasSubstr("PoseNet's is 64"));
+}
+
+}  // namespace
+}  // namespace doppel
