@@ -14,7 +14,9 @@
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/stage_chain.h"
+#include "doppel/train/stored_stage.h"
 #include "doppel/train/trained_actor.h"
+#include "pose_evaluation.h"
 
 namespace doppel::tools {
 
@@ -48,12 +50,13 @@ torch::Tensor windows(const Dataset& dataset, const std::vector<SampleId>& sampl
   return torch::stack(all);
 }
 
-/// What is evaluated: a character, and, with a run, its trained model.
+/// What is evaluated: a character, and, with a run, its trained model: one of the two.
 struct Subject {
-  std::optional<TrainedActor> trained;
+  std::optional<TrainedActor> actor;
+  std::optional<TrainedPose> pose;
   std::optional<Character> untrained;
   CharacterSurface surface{nullptr};
-  const Character& character() const { return trained ? trained->character : *untrained; }
+  const Character& character() const { return actor ? actor->character : pose ? pose->character : *untrained; }
 };
 
 /// The ways to colour the finished geometry that the actor knows. One that was trained on silhouettes alone has none:
@@ -90,8 +93,9 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
   Json result;
   result["skinning"] =
       evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
-  if (!subject.trained) return result;
-  TrainedActor& actor = *subject.trained;
+  if (subject.pose) result.update(evaluate_pose_run(dataset, *subject.pose, split, options));
+  if (!subject.actor) return result;
+  TrainedActor& actor = *subject.actor;
   const auto measure = [&](const std::string& name, torch::Tensor (TrainedActor::*surface)(const torch::Tensor&)) {
     const auto deformed = [&](const std::vector<SampleId>& samples) {
       return (actor.*surface)(windows(dataset, samples, actor.window()));
@@ -115,29 +119,49 @@ Subject load_subject(const Arguments& arguments, fs::path& capture) {
     subject.untrained = load_character(read_capture(capture).character_path());
   } else {
     const auto other = arguments.capture.empty() ? std::nullopt : std::make_optional<fs::path>(arguments.capture);
-    subject.trained = TrainedActor::load(arguments.run, other);
-    capture = subject.trained->subject.capture;
+    if (fs::exists(RunFolder(arguments.run).config()) && find_stage(arguments.run, StageKind::posenet))
+      subject.pose = TrainedPose::load(arguments.run, other);
+    else
+      subject.actor = TrainedActor::load(arguments.run, other);
+    capture = subject.pose ? subject.pose->subject.capture : subject.actor->subject.capture;
   }
   subject.surface = CharacterSurface(subject.character());
   return subject;
+}
+
+/// The camera that a capture from one camera is given: the first of those compared, unless one is named.
+EvaluationOptions with_input_camera(const Subject& subject, const Dataset& dataset, EvaluationOptions options) {
+  if (!subject.pose && !options.input_camera.empty())
+    fail<UsageError>("--input-camera: this run does not capture from one camera; leave the option out");
+  if (subject.pose && options.input_camera.empty())
+    options.input_camera = dataset.camera(dataset.camera_indices(options.cameras).front()).name;
+  return options;
+}
+
+/// The conditions that the trained model adds.
+void describe_run(const Subject& subject, const Dataset& dataset, const Arguments& arguments,
+                  const EvaluationOptions& options, Json& protocol) {
+  if (subject.actor && !picture_methods(*subject.actor).empty()) protocol["pictures"] = photometric_protocol(dataset);
+  if (subject.pose) {
+    protocol["poses"] = "14 joints against the capture's motion, bones rescaled; surfaces moved to the true place";
+    protocol["input_camera"] = options.input_camera;
+  }
+  protocol["run"] = fs::absolute(arguments.run).lexically_normal().string();
+  protocol["steps"] = subject.pose ? subject.pose->steps : subject.actor->steps;
+  protocol["trained_on_cameras"] = subject.pose ? subject.pose->trained_on_cameras : subject.actor->trained_on_cameras;
 }
 
 int run(const Arguments& arguments, const CommonOptions& common) {
   fs::path capture;
   Subject subject = load_subject(arguments, capture);
   const Dataset dataset = Dataset::open(capture);
+  const EvaluationOptions options = with_input_camera(subject, dataset, arguments.options);
   const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
   Json evaluation;
-  evaluation["protocol"] = evaluation_protocol(dataset, splits, arguments.options);
-  if (subject.trained) {
-    if (!picture_methods(*subject.trained).empty()) evaluation["protocol"]["pictures"] = photometric_protocol(dataset);
-    evaluation["protocol"]["run"] = fs::absolute(arguments.run).lexically_normal().string();
-    evaluation["protocol"]["steps"] = subject.trained->steps;
-    evaluation["protocol"]["trained_on_cameras"] = subject.trained->trained_on_cameras;
-  }
-  for (Split split : splits)
-    evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, arguments.options);
-  if (subject.trained) {
+  evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
+  if (!subject.untrained) describe_run(subject, dataset, arguments, options, evaluation["protocol"]);
+  for (Split split : splits) evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, options);
+  if (!subject.untrained) {
     write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");
     write_run_report(arguments.run);
   }
@@ -148,13 +172,16 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_evaluate(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("evaluate", "Measure how well skinning and a trained model fill the masks");
+  CLI::App* app = program.add_subcommand(
+      "evaluate", "Measure how well skinning and a trained model fill the masks, and captured poses");
   app->footer(kExample);
   auto arguments = std::make_shared<Arguments>();
   app->add_option("--run", arguments->run, "Folder of a run; results also go into its evaluation.json and report.html");
   app->add_option("--capture", arguments->capture, "Prepared capture (default: the one the run was trained on)");
   app->add_option("--split", arguments->split, "train, test or all")->capture_default_str();
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
+  app->add_option("--input-camera", arguments->options.input_camera,
+                  "The camera that PoseNet and DefNet see (default: the first of --cameras)");
   app->add_option("--every", arguments->options.every, "Each n-th frame")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

@@ -229,6 +229,32 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
 }
 
+TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
+  step("train " DOPPEL_SOURCE "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " + at("posenet"));
+  step("train " DOPPEL_SOURCE "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
+       " --set posenet.run=" + at("posenet") + " --out " + at("defnet"));
+  const std::string evaluate = "evaluate --run " + at("defnet") + " --split test --every 4 --json";
+  const Outcome outcome = run(evaluate);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out), test = result["splits"]["test"];
+  EXPECT_EQ(result["protocol"]["input_camera"], "0");
+  for (const char* method : {"posenet", "defnet"})
+    for (const char* figure : {"AMVIoU", "RVIoU", "SVIoU", "GLE_mm", "3DPCK", "AUC", "MPJPE_mm"})
+      EXPECT_TRUE(test[method].contains(figure)) << method << " " << figure;
+  EXPECT_EQ(test["posenet"]["3DPCK"], test["defnet"]["3DPCK"]);  // of the poses, which DefNet leaves alone
+  EXPECT_NE(test["posenet"]["AMVIoU"], test["defnet"]["AMVIoU"]);
+  EXPECT_EQ(test["posenet"]["SVIoU"], test["posenet"]["cameras"]["0"]);
+  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 20.0);
+  EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 500.0);
+
+  const Outcome other = run(evaluate + " --input-camera 2");
+  ASSERT_EQ(other.code, 0) << other.err;
+  const nlohmann::json from_two = nlohmann::json::parse(other.out)["splits"]["test"];
+  EXPECT_EQ(from_two["posenet"]["SVIoU"], from_two["posenet"]["cameras"]["2"]);
+  EXPECT_NE(from_two["posenet"]["MPJPE_mm"], test["posenet"]["MPJPE_mm"]);
+  EXPECT_EQ(run("evaluate --run " + at("run") + " --input-camera 2").code, 2);
+}
+
 TEST_F(ProgramRecovers, AMistypedKeyIsNamedWithItsNeighbour) {
   const Outcome outcome = run("train " DOPPEL_SOURCE "/configs/tiny/egnet.yaml --set capture=" + at("prepared") +
                               " --set data.batch_sise=2 --out " + at("other"));
