@@ -115,11 +115,14 @@ LossTerms PoseNetStage::loss(const Batch& batch, StepContext& context) {
 }
 
 std::vector<Picture> PoseNetStage::pictures() {
-  return outline_pictures(faces_, "the capture's own motion blue, PoseNet red", [this](const SampleId& sample) {
+  const std::string legend = "the capture's own motion blue (where it has one), PoseNet red";
+  return outline_pictures(faces_, legend, [this](const SampleId& sample) {
     const Batch batch = person_batch(dataset(), sample, loader_options());
     const CapturedPose captured = capture(batch);
     const torch::Tensor dofs = pose_.dofs(captured.theta, captured.rotation, captured.position);
-    return std::make_pair(surface_->skinned(batch.dofs.select(1, -1).contiguous())[0], surface_->skinned(dofs)[0]);
+    const torch::Tensor found = surface_->skinned(dofs)[0];
+    if (!batch.dofs.defined()) return std::make_pair(found, found);
+    return std::make_pair(surface_->skinned(batch.dofs.select(1, -1).contiguous())[0], found);
   });
 }
 
