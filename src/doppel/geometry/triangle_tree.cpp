@@ -71,12 +71,12 @@ TriangleTree::TriangleTree(const std::vector<Vector3d>& vertices, const std::vec
   std::vector<Vector3d> centres;
   for (const Triangle& f : faces) {
     centres.push_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
-    triangles_.push_back({{}, static_cast<int>(triangles_.size())});
+    triangles_.push_back({{vertices[f[0]], vertices[f[1]], vertices[f[2]]}, static_cast<int>(triangles_.size())});
   }
   // Before any comparison sorts by them.
   for (const Vector3d& centre : centres)
     if (!centre.allFinite()) fail<UsageError>("distance to a surface: a vertex of a face is not finite");
-  nodes_.push_back({{}, 0, num_faces()});
+  nodes_.push_back({{Vector3d::Zero(), Vector3d::Zero()}, 0, num_faces()});
   for (std::size_t node = 0; node < nodes_.size(); ++node) split(node, centres);
   place_.resize(faces.size());
   for (int i = 0; i < num_faces(); ++i) place_[triangles_[i].face] = i;
