@@ -9,7 +9,7 @@
 /// unit directions, from the camera.
 ///
 /// Plain tensor operations, any device and float type, no kernel: at R = 1000 and K = 64 they take a small part of what
-/// the field's network does (`radiance_bench`).
+/// the field's network does: some 20 passes over 64,000 numbers, against 0.25 million products for each of them.
 
 #include <torch/torch.h>
 
