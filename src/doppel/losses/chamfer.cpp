@@ -1,0 +1,75 @@
+#include "doppel/losses/chamfer.h"
+
+#include <ATen/Parallel.h>
+
+#include <vector>
+
+#include "doppel/geometry/triangle_tree.h"
+#include "doppel/layers/closest_point/closest_point.h"
+#include "doppel/layers/op_support.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+/// Rows of `places` [M,3] nearest to each of `points` [P,3], both finite. @return int64 [P]
+Tensor nearest_rows(const Tensor& points, const Tensor& places) {
+  std::vector<Triangle> dots;  // a triangle without extent is a point
+  for (int i = 0; i < static_cast<int>(places.size(0)); ++i) dots.push_back({i, i, i});
+  const TriangleTree tree(positions_of(places), dots);
+  const std::vector<Eigen::Vector3d> from = positions_of(points);
+  const Tensor nearest = torch::empty({points.size(0)}, torch::kInt64);
+  at::parallel_for(0, points.size(0), 128, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) nearest.data_ptr<int64_t>()[i] = tree.closest(from[i]).face;
+  });
+  return nearest.to(points.device());
+}
+
+/// Mean of eta over the squared distances of rows.
+Tensor robust_mean(const Tensor& offset, double threshold) {
+  const Tensor squared = offset.square().sum(1);
+  const Tensor near = squared <= threshold * threshold;
+  return torch::where(near, squared, torch::zeros_like(squared)).mean();
+}
+
+}  // namespace
+
+Tensor point_cloud(const RenderedRays& rays, const Tensor& origin, const Tensor& direction, double least_opacity) {
+  check_shape("point_cloud", "direction", direction, {rays.depth.size(0), 3}, "[R,3]");
+  const torch::NoGradGuard no_grad;
+  const Tensor seen = (rays.opacity > least_opacity).nonzero().squeeze(1);
+  return (origin + rays.depth.unsqueeze(1) * direction).index_select(0, seen);
+}
+
+Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, int64_t num_vertices) {
+  const Tensor seen_faces = face_id.masked_select(face_id >= 0).to(torch::kInt64);
+  Tensor seen = torch::zeros({num_vertices}, torch::kBool);
+  seen.index_fill_(0, faces.index_select(0, seen_faces).flatten(), true);
+  return seen;
+}
+
+Tensor chamfer_loss(const Tensor& vertices, const Tensor& cloud_in, const Tensor& visible,
+                    const ChamferOptions& options) {
+  constexpr const char* kName = "chamfer_loss";
+  check_shape(kName, "vertices", vertices, {-1, 3}, "[N,3]");
+  check_shape(kName, "cloud", cloud_in, {-1, 3}, "[R,3]");
+  check_same_kind(kName, "cloud", cloud_in, vertices);
+  if (visible.defined() && (visible.scalar_type() != torch::kBool || visible.sizes() != vertices.sizes().slice(0, 1)))
+    fail<UsageError>("{}: visible must be bool [N] = [{}], found {}", kName, vertices.size(0), describe(visible));
+  for (const Tensor& points : {vertices, cloud_in})
+    if (!points.isfinite().all().item<bool>())
+      fail<UsageError>("{}: vertices or cloud have numbers that are not finite; what made them has gone wrong", kName);
+  const Tensor cloud = cloud_in.detach();
+  if (vertices.size(0) == 0 || cloud.size(0) == 0) return vertices.sum() * 0.0;
+  // The gradient of an embedding adds up rows far faster than that of an index.
+  Tensor loss = robust_mean(torch::embedding(vertices, nearest_rows(cloud, vertices)) - cloud, options.threshold);
+  const Tensor shown = visible.defined() ? visible.nonzero().squeeze(1)
+                                         : torch::arange(vertices.size(0), vertices.options().dtype(torch::kInt64));
+  if (shown.size(0) == 0) return loss;
+  const Tensor from = torch::embedding(vertices, shown);
+  return loss + robust_mean(from - cloud.index_select(0, nearest_rows(from, cloud)), options.threshold);
+}
+
+}  // namespace doppel

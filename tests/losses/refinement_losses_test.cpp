@@ -1,0 +1,128 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/losses/chamfer.h"
+#include "doppel/losses/isometry.h"
+#include "support/gradient_check.h"
+#include "support/message_of.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using test::gradients_match;
+using test::is_near;
+using torch::Tensor;
+
+Tensor random_points(int64_t count, uint64_t seed) {
+  return torch::rand({count, 3}, at::detail::createCPUGenerator(seed), torch::kFloat64);
+}
+
+/// Every pair looked at.
+double chamfer_by_hand(const Tensor& vertices, const Tensor& cloud, const Tensor& visible, double threshold) {
+  const Tensor squared = (vertices.unsqueeze(1) - cloud.unsqueeze(0)).square().sum(2);
+  const auto mean = [&](const Tensor& least) {
+    return (least * (least <= threshold * threshold).to(torch::kFloat64)).mean().item<double>();
+  };
+  return mean(squared.amin(1).masked_select(visible)) + mean(squared.amin(0));
+}
+
+TEST(ChamferLoss, EqualsAllPairs) {
+  const Tensor vertices = random_points(80, 1), cloud = random_points(150, 2);
+  Tensor visible = torch::ones({80}, torch::kBool);
+  for (double threshold : {0.04, 0.12, 10.0}) {
+    const ChamferOptions options{threshold};
+    EXPECT_NEAR(chamfer_loss(vertices, cloud, {}, options).item<double>(),
+                chamfer_by_hand(vertices, cloud, visible, threshold), 1e-12);
+  }
+  visible.slice(0, 0, 50).fill_(false);
+  EXPECT_NEAR(chamfer_loss(vertices, cloud, visible, {0.12}).item<double>(),
+              chamfer_by_hand(vertices, cloud, visible, 0.12), 1e-12);
+}
+
+// A cloud 1 cm before a plane: both directions 1e-4. Points farther than the threshold count 0, but count.
+TEST(ChamferLoss, OfParallelPlanes) {
+  const Tensor plane = random_points(60, 3) * torch::tensor({1.0, 1.0, 0.0}, torch::kFloat64);
+  Tensor cloud = plane.clone();
+  cloud.select(1, 2) += 0.01;
+  EXPECT_NEAR(chamfer_loss(plane, cloud).item<double>(), 2e-4, 1e-12);
+  cloud.slice(0, 0, 30).select(1, 2) += 1.0;
+  const double both = chamfer_loss(plane, cloud).item<double>();
+  EXPECT_NEAR(chamfer_loss(plane, cloud.slice(0, 30), torch::zeros({60}, torch::kBool)).item<double>(), 1e-4, 1e-12);
+  EXPECT_LT(both, 2e-4);
+}
+
+TEST(ChamferLoss, Gradients) {
+  const Tensor vertices = random_points(30, 4), cloud = random_points(40, 5);
+  const Tensor visible = random_points(30, 6).select(1, 0) > 0.3;
+  EXPECT_TRUE(gradients_match([&](const std::vector<Tensor>& in) { return chamfer_loss(in[0], cloud, visible, {0.3}); },
+                              {{"vertices", vertices}}));
+}
+
+TEST(ChamferLoss, WithoutPointsAndRejections) {
+  Tensor vertices = random_points(5, 7).requires_grad_();
+  const Tensor loss = chamfer_loss(vertices, torch::zeros({0, 3}, torch::kFloat64));
+  loss.backward();
+  EXPECT_EQ(loss.item<double>(), 0.0);
+  EXPECT_EQ(vertices.grad().abs().max().item<double>(), 0.0);
+  const Tensor broken = torch::full({2, 3}, NAN, torch::kFloat64);
+  EXPECT_THAT(message_of<UsageError>([&] { chamfer_loss(vertices, broken); }), testing::HasSubstr("not finite"));
+  EXPECT_THAT(message_of<UsageError>([&] { chamfer_loss(vertices, random_points(3, 1), torch::ones({5})); }),
+              testing::HasSubstr("visible must be bool [N] = [5]"));
+}
+
+TEST(PointCloud, OfRaysThatSawASurface) {
+  const RaySamples samples =
+      sample_cells(torch::full({2}, 3.96, torch::kFloat64), torch::full({2}, 4.04, torch::kFloat64), 65);
+  Tensor density = torch::zeros({2, 65}, torch::kFloat64);
+  density[0][32] = 1e5;
+  density[1][32] = 10.0;  // a haze
+  const RenderedRays seen = render_volume(density, torch::zeros({2, 65, 3}, torch::kFloat64), samples);
+  const Tensor direction = torch::tensor({{0.0, 0.6, 0.8}, {0.0, 0.0, 1.0}}, torch::kFloat64);
+  const Tensor cloud = point_cloud(seen, torch::tensor({1.0, 0.0, 0.0}, torch::kFloat64), direction);
+  EXPECT_TRUE(is_near(cloud, torch::tensor({{1.0, 2.4, 3.2}}, torch::kFloat64), 1e-9));
+}
+
+TEST(SeenVertices, AreCornersOfDrawnFaces) {
+  const Tensor faces = torch::tensor({{0, 1, 2}, {1, 3, 2}, {3, 4, 2}}, torch::kInt64);
+  const Tensor face_id = torch::tensor({{-1, 0}, {0, 2}}, torch::kInt32);
+  EXPECT_TRUE(torch::equal(seen_vertices(face_id, faces, 6),
+                           torch::tensor({true, true, true, true, true, false}, torch::kBool)));
+  EXPECT_FALSE(seen_vertices(torch::full({2, 2}, -1, torch::kInt32), faces, 6).any().item<bool>());
+}
+
+const MeshTopology& path_of_three() {
+  static const MeshTopology topology(3, {{0, 1}, {1, 2}});
+  return topology;
+}
+
+TEST(IsometryLoss, ByHand) {
+  const Tensor rest = torch::tensor({{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 2.0, 0.0}}, torch::kFloat64);
+  const EdgeLengths edges(path_of_three(), rest);
+  const Tensor turned = torch::tensor({{0.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 1.0, 2.0}}, torch::kFloat64);
+  const Tensor longer = torch::tensor({{0.0, 0.0, 0.0}, {3.0, 0.0, 0.0}, {3.0, 1.0, 0.0}}, torch::kFloat64);
+  EXPECT_NEAR(isometry_loss(turned.unsqueeze(0), edges).item<double>(), 0.0, 1e-15);
+  EXPECT_NEAR(isometry_loss(torch::stack({turned, longer}), edges).item<double>(), (4.0 + 1.0) / 4.0, 1e-12);
+  EXPECT_NEAR(isometry_loss(longer.unsqueeze(0).to(torch::kFloat32), edges).item<double>(), 2.5, 1e-6);
+}
+
+TEST(IsometryLoss, Gradients) {
+  const EdgeLengths edges(path_of_three(), random_points(3, 8));
+  EXPECT_TRUE(gradients_match([&](const std::vector<Tensor>& in) { return isometry_loss(in[0], edges); },
+                              {{"vertices", random_points(6, 9).view({2, 3, 3})}}));
+  Tensor folded = torch::zeros({1, 3, 3}).requires_grad_();
+  isometry_loss(folded, edges).backward();
+  EXPECT_EQ(folded.grad().abs().max().item<float>(), 0.0f);
+  EXPECT_EQ(isometry_loss(torch::zeros({0, 3, 3}), edges).item<float>(), 0.0f);
+  EXPECT_THAT(message_of<UsageError>([&] {
+                isometry_loss(torch::zeros({1, 4, 3}), edges);
+              }),
+              testing::HasSubstr("vertices must be"));
+}
+
+}  // namespace
+}  // namespace doppel
