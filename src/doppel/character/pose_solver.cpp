@@ -24,24 +24,26 @@ Vector3d rotation_error(const Matrix3d& actual, const Matrix3d& wanted) {
 
 }  // namespace
 
+double reach_of_dof(const Skeleton& skeleton, int dof) {
+  double sum = 0.0;
+  for (const Dof::Drive& drive : skeleton.dofs.at(static_cast<std::size_t>(dof)).joints)
+    sum += std::pow(drive.weight * skeleton.joints[static_cast<std::size_t>(drive.joint)].axis.norm(), 2);
+  return std::sqrt(sum);
+}
+
 struct PoseSolver::Problem {
   const std::vector<PoseGoal>& goals;
   std::vector<double> start;
 };
 
 PoseSolver::PoseSolver(const Skeleton& skeleton, int iterations)
-    : skeleton_(skeleton),
-      iterations_(iterations),
-      handles_(skeleton.joints.size()),
-      reach_(skeleton.dofs.size(), 0.0) {
+    : skeleton_(skeleton), iterations_(iterations), handles_(skeleton.joints.size()) {
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
     for (const Dof::Drive& drive : skeleton.dofs[static_cast<std::size_t>(d)].joints) {
       const auto j = static_cast<std::size_t>(drive.joint);
-      if (drive.weight == 0.0) continue;
-      handles_[j].push_back({drive.joint, d, drive.weight});
-      reach_[static_cast<std::size_t>(d)] += std::pow(drive.weight * skeleton.joints[j].axis.norm(), 2);
+      if (drive.weight != 0.0) handles_[j].push_back({drive.joint, d, drive.weight});
     }
-    reach_[static_cast<std::size_t>(d)] = std::sqrt(reach_[static_cast<std::size_t>(d)]);
+    reach_.push_back(reach_of_dof(skeleton, d));
   }
 }
 

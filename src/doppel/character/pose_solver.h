@@ -7,6 +7,9 @@
 
 namespace doppel {
 
+/// How far the joints of a DoF move per unit of it: radians and metres, root of the sum of squares.
+double reach_of_dof(const Skeleton& skeleton, int dof);
+
 /// Where a joint should be and how it should be turned.
 struct PoseGoal {
   int joint = 0;
