@@ -44,6 +44,10 @@ void print_table(const nlohmann::ordered_json& report) {
     if (sequence.contains("against_given_motion"))
       fmt::print("  against the motion that was given: landmarks {:.1f} mm apart on average\n",
                  sequence["against_given_motion"]["MPJPE_mm"].get<double>());
+    if (sequence.contains("surface"))
+      fmt::print("  IoU with the masks: {:.4f} of the pose alone, {:.4f} of the bent surface, {:.1f} frames/s\n",
+                 sequence["surface"]["IoU_pose"].get<double>(), sequence["surface"]["IoU"].get<double>(),
+                 sequence["surface"]["frames_per_second"].get<double>());
     if (!sequence["lost_frames"].empty())
       fmt::print("  not to be trusted, and interpolated: frames {}\n", sequence["lost_frames"].dump());
   }
@@ -85,7 +89,8 @@ Command add_track(CLI::App& program) {
       ->capture_default_str();
   app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml)");
   app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
-  app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the skinned surface");
+  app->add_flag("--surface", options.surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
+  app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");
   app->add_option("--sheet-frames", options.sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();

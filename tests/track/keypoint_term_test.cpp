@@ -18,7 +18,7 @@ class KeypointTermTest : public ::testing::Test {
 
   Residuals rows_at(const std::vector<double>& dofs) const {
     Residuals rows;
-    KeypointTerm(cameras_, frame_, 2.0, kernel_).evaluate(model_, model_.pose(dofs, true), true, rows);
+    KeypointTerm<PoseModel>(cameras_, frame_, 2.0, kernel_).evaluate(model_, model_.pose(dofs, true), true, rows);
     return rows;
   }
 
@@ -49,11 +49,11 @@ TEST_F(KeypointTermTest, LeavesOutWhatTheDetectorDoubts) {
 }
 
 TEST_F(KeypointTermTest, SlopesAreCentralDifferences) {
-  KeypointTerm term(cameras_, frame_, 2.0, kernel_);
+  KeypointTerm<PoseModel> term(cameras_, frame_, 2.0, kernel_);
   support::check_term(term, model_, bent_pose(character_, 0.15), 1e-5);
   support::check_energy_gradient(term, model_, bent_pose(character_, 0.15));
-  support::check_weight([&](double weight) { return KeypointTerm(cameras_, frame_, weight, kernel_); }, model_,
-                        bent_pose(character_, 0.15));
+  support::check_weight([&](double weight) { return KeypointTerm<PoseModel>(cameras_, frame_, weight, kernel_); },
+                        model_, bent_pose(character_, 0.15));
 }
 
 TEST_F(KeypointTermTest, SlopesThereWhereTheResidualIsZero) {

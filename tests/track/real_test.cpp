@@ -27,5 +27,21 @@ TEST_F(RealTracking, FindsTheGivenMotion) {
   EXPECT_EQ(testing["initialised"], 1);
 }
 
+/// Loose clothes: the pose alone leaves a tenth of the masks open, the bent surface nearly nothing.
+TEST_F(RealTracking, BendsTheSurfaceToTheMasks) {
+  const support::TemporaryFolder folder;
+  TrackOptions options;
+  options.out = folder.path();
+  options.sequences = {"testing"};
+  options.limit_frames = 4;
+  options.surface = true;
+  const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
+  const auto report = track_capture(*footage, options);
+  const auto& surface = report["sequences"]["testing"]["surface"];
+  RecordProperty("IoU", std::to_string(surface["IoU"].get<double>()));
+  EXPECT_LT(surface["IoU_pose"].get<double>(), 0.92);
+  EXPECT_GT(surface["IoU"].get<double>(), 0.955);
+}
+
 }  // namespace
 }  // namespace doppel

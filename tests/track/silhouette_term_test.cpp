@@ -30,15 +30,16 @@ class SilhouetteTermTest : public ::testing::Test {
 
 TEST_F(SilhouetteTermTest, SlopesAreCentralDifferences) {
   const std::vector<double> dofs = bent_pose(character_, 0.12);
-  SilhouetteTerm term(cameras_, frame_, vertices_, 10.0, kernel_);
+  SilhouetteTerm<PoseModel> term(cameras_, frame_, vertices_, 10.0, 0.3, kernel_);
   support::check_term(term, model_, dofs, 2e-5);
   support::check_energy_gradient(term, model_, dofs);
-  support::check_weight([&](double weight) { return SilhouetteTerm(cameras_, frame_, vertices_, weight, kernel_); },
-                        model_, dofs);
+  support::check_weight(
+      [&](double weight) { return SilhouetteTerm<PoseModel>(cameras_, frame_, vertices_, weight, 0.3, kernel_); },
+      model_, dofs);
 }
 
 TEST_F(SilhouetteTermTest, EachCameraCountsItsWeightHoweverManyVertices) {
-  SilhouetteTerm term(cameras_, frame_, {{0, 1}, {0, 2}, {0, 3}, {1, 4}}, 6.0, {});
+  SilhouetteTerm<PoseModel> term(cameras_, frame_, {{0, 1}, {0, 2}, {0, 3}, {1, 4}}, 6.0, 1.0, {});
   Residuals rows;
   term.evaluate(model_, model_.pose(character_.rest_dofs, false), false, rows);
   ASSERT_EQ(rows.num_groups(), 4);
@@ -49,7 +50,7 @@ TEST_F(SilhouetteTermTest, EachCameraCountsItsWeightHoweverManyVertices) {
 TEST_F(SilhouetteTermTest, ACameraThatSeesNobodyHasNoRows) {
   frame_[1].outline = OutlineField(cv::Mat::zeros(256, 256, CV_8UC1), 200);
   EXPECT_TRUE(frame_[1].outline.empty());
-  SilhouetteTerm term(cameras_, frame_, {{0, 1}, {1, 2}}, 1.0, {});
+  SilhouetteTerm<PoseModel> term(cameras_, frame_, {{0, 1}, {1, 2}}, 1.0, 1.0, {});
   Residuals rows;
   const PosedBody body = model_.pose(character_.rest_dofs, false);
   term.freeze(model_, body);
@@ -81,7 +82,8 @@ TEST(SilhouetteTerm, GoesToTheSideThatTheNormalFaces) {
 TEST_F(SilhouetteTermTest, TheRowOfAVertexOnTheWrongSideKeepsItsCostAndTurnsItsSlope) {
   const std::vector<double> dofs = bent_pose(character_, 0.12);
   const PosedBody body = model_.pose(dofs, true);
-  SilhouetteTerm frozen(cameras_, frame_, vertices_, 10.0, {}), plain(cameras_, frame_, vertices_, 10.0, {});
+  SilhouetteTerm<PoseModel> frozen(cameras_, frame_, vertices_, 10.0, 1.0, {}),
+      plain(cameras_, frame_, vertices_, 10.0, 1.0, {});
   frozen.freeze(model_, body);
   Residuals rows, reference;
   frozen.evaluate(model_, body, true, rows);
@@ -94,6 +96,37 @@ TEST_F(SilhouetteTermTest, TheRowOfAVertexOnTheWrongSideKeepsItsCostAndTurnsItsS
   }
   EXPECT_GT(turned, 0);
   EXPECT_NEAR(rows.cost(), reference.cost(), 1e-9 * reference.cost());
+}
+
+TEST_F(SilhouetteTermTest, WithinTheMaskItCountsAsMuchAsItIsTold) {
+  const std::vector<double> dofs = bent_pose(character_, 0.12);
+  const PosedBody body = model_.pose(dofs, true);
+  Residuals whole, part;
+  SilhouetteTerm<PoseModel>(cameras_, frame_, vertices_, 10.0, 1.0, {}).evaluate(model_, body, true, whole);
+  SilhouetteTerm<PoseModel>(cameras_, frame_, vertices_, 10.0, 0.25, {}).evaluate(model_, body, true, part);
+  int inside = 0;
+  for (Eigen::Index row = 0; row < whole.num_rows(); ++row) {
+    const double share = whole.value(row) < 0.0 ? 0.5 : 1.0;  // of the residual; 0.25 of its square
+    inside += share < 1.0;
+    EXPECT_NEAR(part.value(row), share * whole.value(row), 1e-12);
+  }
+  EXPECT_GT(inside, 0);
+  EXPECT_LT(inside, static_cast<int>(whole.num_rows()));
+}
+
+TEST(OutlineField, ItsContourLiesBetweenThePixelsAndFacesOut) {
+  cv::Mat mask = cv::Mat::zeros(64, 64, CV_8UC1);
+  mask(cv::Rect(20, 10, 12, 40)).setTo(255);
+  const OutlineField field(mask, 64, 0.0);
+  const auto points = field.contour(10000);
+  ASSERT_GE(points.size(), 80u);
+  for (const auto& point : points) {
+    EXPECT_LT(std::abs(field.at(point.pixel).distance), 0.75 * field.box().image_pixels_per_pixel(64));
+    EXPECT_NEAR(point.normal.norm(), 1.0, 1e-9);
+    EXPECT_GT(field.at(point.pixel + 2.0 * point.normal).distance, 0.0);
+    EXPECT_LT(field.at(point.pixel - 2.0 * point.normal).distance, 0.0);
+  }
+  EXPECT_EQ(field.contour(7).size(), 7u);
 }
 
 TEST(OutlineField, IsContinuousAcrossTheEdgeOfItsWindow) {

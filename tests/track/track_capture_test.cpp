@@ -158,6 +158,13 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
   config.dofs = {"lean_9"};
   EXPECT_THAT(message_of<UsageError>([&] { chosen_dofs(config, character_.skeleton, landmarks_); }),
               HasSubstr("the nearest is 'lean_"));
+  config.dofs = {"lean_1", "flex_*"};
+  config.also = {"lean_2"};
+  config.hold = {"flex_2"};
+  std::vector<std::string> names;
+  for (const int dof : chosen_dofs(config, character_.skeleton, landmarks_))
+    names.push_back(character_.skeleton.dofs[static_cast<std::size_t>(dof)].name);
+  EXPECT_EQ(names, (std::vector<std::string>{"lean_1", "flex_1", "lean_2", "flex_3"}));
 }
 
 }  // namespace

@@ -26,6 +26,15 @@ class OutlineField {
   OutlineField(const cv::Mat& mask, int pixels, double margin = 0.1);
 
   bool empty() const { return distance_.empty(); }
+  /// The mask in the window, 0 or 255.
+  cv::Mat inside() const { return distance_ < 0.0; }
+  /// A point of the mask's outline, between two pixels.
+  struct Point {
+    Eigen::Vector2d pixel;   ///< of the camera's picture
+    Eigen::Vector2d normal;  ///< unit, out of the mask
+  };
+  /// At most so many of them, spread evenly.
+  std::vector<Point> contour(int most) const;
   const CropBox& box() const { return box_; }
   int pixels() const { return distance_.cols; }
 

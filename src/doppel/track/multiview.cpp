@@ -6,6 +6,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/track/alignment.h"
+#include "doppel/track/terms/contour_term.h"
 #include "doppel/track/terms/keypoint_term.h"
 #include "doppel/track/terms/limit_term.h"
 #include "doppel/track/terms/point_term.h"
@@ -163,7 +164,7 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
     terms.push_back(std::make_unique<PriorTerm>("prior", rest, std::max(1.0, options_.prior_weight)));
     SolverOptions solver = options_.solver;
     solver.iterations = kStartIterations;
-    const SolverSummary summary = fit_pose(model_, std::move(terms), dofs, solver);
+    const SolverSummary summary = doppel::fit<PoseModel>(model_, std::move(terms), dofs, solver);
     if (!(summary.final_cost < least)) continue;
     least = summary.final_cost;
     best = std::move(dofs);
@@ -174,8 +175,8 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
 Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<double>* expected) const {
   Terms result;
   const MultiviewOptions& o = options_;
-  result.push_back(std::make_unique<KeypointTerm>(cameras_, frame, o.keypoint_weight,
-                                                  RobustKernel{RobustKernel::Kind::geman_mcclure, o.keypoint_scale}));
+  result.push_back(std::make_unique<KeypointTerm<PoseModel>>(
+      cameras_, frame, o.keypoint_weight, RobustKernel{RobustKernel::Kind::geman_mcclure, o.keypoint_scale}));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
   if (o.prior_weight > 0.0)
     result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
@@ -194,14 +195,18 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<doub
 MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vector<double> start,
                                             const std::vector<double>* expected) const {
   Fit result;
-  SolverSummary summary = fit_pose(model_, terms(frame, expected), start, options_.solver);
+  SolverSummary summary = doppel::fit<PoseModel>(model_, terms(frame, expected), start, options_.solver);
   result.frame.iterations = summary.iterations;
   for (int round = 0; options_.silhouette_weight > 0.0 && round < options_.outline_rounds; ++round) {
     Terms all = terms(frame, expected);
-    all.push_back(std::make_unique<SilhouetteTerm>(
-        cameras_, frame, outlines_.find(frame, posed_vertices(model_, model_.pose(start, false))),
-        options_.silhouette_weight, RobustKernel{RobustKernel::Kind::geman_mcclure, options_.silhouette_scale}));
-    summary = fit_pose(model_, std::move(all), start, options_.solver);
+    const auto outline = outlines_.find(frame, posed_vertices(model_, model_.pose(start, false)));
+    const RobustKernel kernel{RobustKernel::Kind::geman_mcclure, options_.silhouette_scale};
+    all.push_back(std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, frame, outline, options_.silhouette_weight,
+                                                              options_.silhouette_inside, kernel));
+    if (options_.contour_weight > 0.0)
+      all.push_back(std::make_unique<ContourTerm<PoseModel>>(cameras_, frame, outline, options_.outline_vertices,
+                                                             options_.contour_reach, options_.contour_weight, kernel));
+    summary = doppel::fit<PoseModel>(model_, std::move(all), start, options_.solver);
     result.frame.iterations += summary.iterations;
   }
   result.frame.dofs = std::move(start);

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "doppel/track/evidence.h"
+#include "doppel/track/fit_problem.h"
 #include "doppel/track/outline.h"
 #include "doppel/track/pose_model.h"
-#include "doppel/track/pose_problem.h"
 #include "doppel/track/triangulation.h"
 
 namespace doppel {
@@ -24,7 +24,10 @@ struct MultiviewOptions {
   double keypoint_weight = 1.0;
   double keypoint_scale = 20.0;    ///< of the Geman-McClure kernel, reference pixels
   double silhouette_weight = 5.0;  ///< of each camera
+  double silhouette_inside = 1.0;  ///< share of it that an outline within the mask counts
   double silhouette_scale = 20.0;  ///< of the Geman-McClure kernel, reference pixels
+  double contour_weight = 0.0;     ///< of each camera: the mask's outline to the surface's, kernel as above
+  double contour_reach = 60.0;     ///< reference pixels: farther apart they do not belong together
   double limit_weight = 2000.0;
   double temporal_weight = 5000.0;  ///< landmarks to where the last frames lead
   double steady_weight = 100.0;     ///< DoFs to where the last frames lead

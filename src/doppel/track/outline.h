@@ -21,9 +21,13 @@ class OutlineFinder {
 
   /// @param vertices [N] world metres
   std::vector<OutlineVertex> find(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+  /// Intersection over union of the drawn surface and the mask in the windows, mean over the cameras that see the
+  /// person; 0 when none does.
+  double overlap(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
 
  private:
   struct State;
+  struct Windows;
   std::unique_ptr<const State> state_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/character/pose_solver.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -55,12 +56,7 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
     if (!root_ || std::find(turns.begin(), turns.end(), dof) == turns.end()) unknowns_.push_back({dof, -1});
   }
   for (int axis = 0; root_ && axis < 3; ++axis) unknowns_.push_back({-1, axis});
-  for (const Dof& dof : skeleton.dofs) {
-    double sum = 0.0;
-    for (const Dof::Drive& drive : dof.joints)
-      sum += std::pow(drive.weight * skeleton.joints[static_cast<std::size_t>(drive.joint)].axis.norm(), 2);
-    reach_.push_back(std::sqrt(sum));
-  }
+  for (int d = 0; d < skeleton.num_dofs(); ++d) reach_.push_back(reach_of_dof(skeleton, d));
   for (const Marker& landmark : landmarks_) landmark_carrier_.push_back(carrier_of(landmark.joint));
   const std::vector<Eigen::Affine3d> rest = skeleton.pose(character.rest_dofs);
   for (const int joint : character.bone_joint) {
@@ -207,6 +203,11 @@ PoseModel::Blend PoseModel::blend(const PosedBody& body, int vertex) const {
 Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const {
   const Blend blended = blend(body, vertex);
   return blended.turned + blended.translation;
+}
+
+Eigen::Affine3d PoseModel::movement(const PosedBody& body, int vertex) const {
+  const Blend blended = blend(body, vertex);
+  return Eigen::Translation3d(blended.translation) * blended.real.normalized();
 }
 
 Vector3d PoseModel::normal(const PosedBody& body, int vertex) const {

@@ -14,6 +14,7 @@
 
 #include "doppel/character/character.h"
 #include "doppel/track/root_rotation.h"
+#include "doppel/track/solver/dense_system.h"
 
 namespace doppel {
 
@@ -35,6 +36,10 @@ struct PosedBody {
 
 class PoseModel {
  public:
+  using State = PosedBody;
+  using Rows = Residuals;
+  using System = DenseSystem;
+
   /// @param landmarks points on joints; @param dofs DoFs that are unknown, in any order, each once
   PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs);
 
@@ -60,11 +65,13 @@ class PoseModel {
   Eigen::Vector3d landmark(const PosedBody& body, int landmark) const;
   /// Vertices are skinned each with its own blend of dual quaternions, as `CharacterSurface::skinned` does.
   Eigen::Vector3d vertex(const PosedBody& body, int vertex) const;
+  /// The rigid movement of a vertex out of the rest pose.
+  Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
   /// Its unit normal, turned with the vertex.
   Eigen::Vector3d normal(const PosedBody& body, int vertex) const;
 
   /// Adds gradient^T d point / d unknowns to a row of n numbers.
-  using Row = Eigen::Map<Eigen::RowVectorXd>;
+  using Row = Rows::Slope;
   void add_landmark_slope(const PosedBody& body, int landmark, const Eigen::Vector3d& gradient, Row row) const;
   void add_vertex_slope(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, Row row) const;
 

@@ -39,8 +39,8 @@ std::vector<int> chosen_sequences(const Footage& footage, const std::vector<std:
   return chosen;
 }
 
-/// The frames whose fits are shown.
-std::vector<long> shown_frames(const FootageSequence& sequence, int count) {
+/// So many frames, spread over a sequence.
+std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
   std::vector<long> frames;
   for (int i = 0; i < count; ++i) {
     const long frame = sequence.first_frame + (2 * i + 1) * sequence.num_frames() / (2 * count);
@@ -52,11 +52,12 @@ std::vector<long> shown_frames(const FootageSequence& sequence, int count) {
 /// One sequence, from its frames to its files.
 class SequenceRun {
  public:
-  SequenceRun(const Footage& footage, const TrackOptions& options, int sequence)
+  /// @param character with the template to fit
+  SequenceRun(const Footage& footage, const Character& character, const TrackOptions& options, int sequence)
       : footage_(footage),
         options_(options),
         index_(sequence),
-        tracker_(footage.character(), footage.landmarks(),
+        tracker_(character, footage.landmarks(),
                  chosen_dofs(options.config, footage.character().skeleton, footage.landmarks()), footage.cameras(),
                  options.config.fit) {
     result_.sequence = footage.sequences()[static_cast<std::size_t>(sequence)];
@@ -68,7 +69,7 @@ class SequenceRun {
   TrackedSequence run(Progress& progress) {
     const FootageSequence& sequence = result_.sequence;
     const auto reader = footage_.read(index_);
-    const std::vector<long> shown = shown_frames(sequence, options_.sheet_frames);
+    const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
     TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.config.fit.outline_pixels);
     for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
       if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was kept", frame, sequence.name);
@@ -121,6 +122,19 @@ class SequenceRun {
   TrackedSequence result_;
 };
 
+/// Tracks all once with the template as it is, and finds how it is worn.
+Character worn_character(const Footage& footage, const TrackOptions& options, const std::vector<int>& chosen,
+                         Progress& progress) {
+  TrackOptions quiet = options;
+  quiet.sheet_frames = 0;
+  WornTemplate worn(footage, options.config.surface);
+  for (const int s : chosen) {
+    const TrackedSequence first = SequenceRun(footage, footage.character(), quiet, s).run(progress);
+    worn.add(s, spread_frames(first.sequence, options.config.worn_frames), first.motion, progress);
+  }
+  return worn.character();
+}
+
 void write_vertices(const fs::path& path, const Footage& footage, const TrackedSequence& tracked) {
   const Character& character = footage.character();
   const PoseModel model(character, {}, {});
@@ -142,7 +156,7 @@ void write_sequence(const Footage& footage, const TrackOptions& options, const T
   write_motion(stem.string() + ".motion", tracked.motion, true);
   write_bvh(stem.string() + ".bvh",
             bvh_from_motion(character.skeleton, tracked.motion, footage.capture().fps, character.rest_dofs));
-  if (options.vertices) write_vertices(stem.string() + "_vertices.npy", footage, tracked);
+  if (options.vertices && !options.surface) write_vertices(stem.string() + "_vertices.npy", footage, tracked);
 }
 
 // ---- what is reported ----
@@ -158,6 +172,29 @@ ordered_json frame_json(long frame, const TrackedFrame& found) {
           {"steps", found.iterations},
           {"stopped_by", to_string(found.reason)},
           {"costs", terms}};
+}
+
+ordered_json surface_json(const TrackedSurface& surface) {
+  const auto count = static_cast<double>(surface.frames.size());
+  double posed = 0.0, bent = 0.0, steps = 0.0;
+  ordered_json frames = ordered_json::array();
+  for (const SurfaceFrame& frame : surface.frames) {
+    posed += frame.posed_overlap;
+    bent += frame.overlap;
+    steps += frame.iterations;
+    ordered_json terms;
+    for (const TermCost& term : frame.terms) terms[term.name] = term.cost;
+    frames.push_back({{"IoU_pose", frame.posed_overlap},
+                      {"IoU", frame.overlap},
+                      {"steps", frame.iterations},
+                      {"stopped_by", to_string(frame.reason)},
+                      {"costs", terms}});
+  }
+  return {{"IoU_pose", posed / count},
+          {"IoU", bent / count},
+          {"steps_per_frame", steps / count},
+          {"frames_per_second", surface.seconds > 0.0 ? count / surface.seconds : 0.0},
+          {"per_frame", frames}};
 }
 
 ordered_json sequence_json(const Footage& footage, const TrackedSequence& tracked) {
@@ -187,6 +224,7 @@ ordered_json sequence_json(const Footage& footage, const TrackedSequence& tracke
       result["against_given_motion"] = {{"MPJPE_mm", difference.mean_mm}, {"3DPCK", 100.0 * difference.within_150mm}};
     }
   }
+  if (tracked.surface) result["surface"] = surface_json(*tracked.surface);
   result["per_frame"] = frames;
   return result;
 }
@@ -254,11 +292,18 @@ ordered_json track_capture(const Footage& footage, const TrackOptions& options) 
     const long frames = footage.sequences()[static_cast<std::size_t>(s)].num_frames();
     total += options.limit_frames > 0 ? std::min(options.limit_frames, frames) : frames;
   }
-  Progress progress("track", total);
+  const int passes = 1 + (options.config.worn_frames > 0) + options.surface;
+  Progress progress("track", passes * total);
+  std::optional<Character> worn;
+  if (options.config.worn_frames > 0) worn = worn_character(footage, options, chosen, progress);
   ordered_json report{{"method", "multiview"}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
   for (const int s : chosen) {
-    tracked.push_back(SequenceRun(footage, options, s).run(progress));
+    tracked.push_back(SequenceRun(footage, worn ? *worn : footage.character(), options, s).run(progress));
+    TrackedSequence& sequence = tracked.back();
+    if (options.surface)
+      sequence.surface = track_surface(footage, s, sequence.sequence, sequence.motion, options.config.surface,
+                                       options.out / sequence.sequence.name, options.vertices, progress);
     write_sequence(footage, options, tracked.back());
     report["sequences"][tracked.back().sequence.name] = sequence_json(footage, tracked.back());
   }

@@ -10,6 +10,7 @@
 #include "doppel/track/footage.h"
 #include "doppel/track/multiview.h"
 #include "doppel/track/track_config.h"
+#include "doppel/track/track_surface.h"
 
 namespace doppel {
 
@@ -19,6 +20,7 @@ struct TrackedSequence {
   std::vector<TrackedFrame> frames;  ///< as they were fitted
   Motion motion;                     ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
   double seconds = 0.0;              ///< of fitting, without reading
+  std::optional<TrackedSurface> surface;
 
   int count(FrameState state) const;
 };
@@ -37,12 +39,13 @@ struct TrackOptions {
   std::vector<std::string> sequences;  ///< names; empty: all
   long limit_frames = 0;               ///< of each sequence; 0: all
   bool vertices = false;               ///< `<sequence>_vertices.npy`
+  bool surface = false;                ///< bend the surface to the masks: `<sequence>_graph.npy`
   int sheet_frames = 6;                ///< rows of `<sequence>.jpg`; 0: none
 };
 
 /// Tracks sequences of a capture and writes into `options.out`:
-/// - `<sequence>.motion`, `<sequence>.bvh`, and `<sequence>_vertices.npy` float32 [frames, N, 3] (skinned, world
-/// metres)
+/// - `<sequence>.motion`, `<sequence>.bvh`, and `<sequence>_vertices.npy` float32 [frames, N, 3] (world metres;
+///   skinned, or bent to the masks with `surface`, which also writes `<sequence>_graph.npy`)
 /// - `<sequence>.jpg`: outlines of masks and of the fitted surface in some frames and cameras
 /// - `capture.yaml`: the capture with these motions in it, ready for `doppel prepare`
 /// - `track.json`: what is returned: per sequence its states, errors, speed, and per frame state, costs and steps

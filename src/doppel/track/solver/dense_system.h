@@ -17,6 +17,8 @@ class DenseSystem {
   /// @return false when the system is not positive definite or not finite
   bool solve(double damping, Eigen::VectorXd& step) const;
 
+  /// H x
+  Eigen::VectorXd product(const Eigen::VectorXd& x) const { return hessian_.selfadjointView<Eigen::Lower>() * x; }
   /// Only the lower half is filled.
   const Eigen::MatrixXd& hessian() const { return hessian_; }
   const Eigen::VectorXd& gradient() const { return gradient_; }

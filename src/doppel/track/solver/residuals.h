@@ -22,21 +22,12 @@ struct RobustKernel {
 };
 
 /// The rows of one energy term: groups of equally many residuals (two for a pixel, three for a point) that share a
-/// weight, and the slope of each row with respect to the unknowns. Its energy is the sum over groups of
-/// weight * kernel(|rows|^2).
-class Residuals {
+/// weight. Its energy is the sum over groups of weight * kernel(|rows|^2). How the slopes of the rows with respect to
+/// the unknowns are kept is the affair of those below.
+class ResidualRows {
  public:
-  /// Empties it. @param slopes whether rows carry slopes this time; without, `slope` must not be asked for
-  void reset(int num_unknowns, int rows_per_group, const RobustKernel& kernel, bool slopes);
-  /// Adds a group of zero rows. @return the index of its first row
-  Eigen::Index add_group(double weight);
-
   double& value(Eigen::Index row) { return values_[static_cast<std::size_t>(row)]; }
   double value(Eigen::Index row) const { return values_[static_cast<std::size_t>(row)]; }
-  using Slope = Eigen::Map<Eigen::RowVectorXd>;
-  /// [n] d value / d unknowns
-  Slope slope(Eigen::Index row) { return {slopes_.data() + row * num_unknowns_, num_unknowns_}; }
-
   bool has_slopes() const { return has_slopes_; }
   int rows_per_group() const { return rows_per_group_; }
   Eigen::Index num_rows() const { return static_cast<Eigen::Index>(values_.size()); }
@@ -46,16 +37,42 @@ class Residuals {
   const RobustKernel& kernel() const { return kernel_; }
 
   double cost() const;
-  /// Adds J^T W J to the lower half of `hessian` and J^T W r to `gradient`, with W = weight * kernel's weight. The
-  /// rows are scaled in place: `reset` before the next use.
-  void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
+  /// Square root of weight * kernel's weight: what the rows of a group are multiplied with in the normal equations.
+  double factor(Eigen::Index group) const;
+
+ protected:
+  ResidualRows() = default;
+  void reset_rows(int num_unknowns, int rows_per_group, const RobustKernel& kernel, bool slopes);
+  Eigen::Index add_rows(double weight);
+
+  std::vector<double> values_;
 
  private:
   double squared_length(Eigen::Index group) const;
   int num_unknowns_ = 0, rows_per_group_ = 1;
   bool has_slopes_ = false;
   RobustKernel kernel_;
-  std::vector<double> weights_, values_, slopes_;
+  std::vector<double> weights_;
+};
+
+/// Rows that may depend on any of some hundred unknowns.
+class Residuals : public ResidualRows {
+ public:
+  /// Empties it. @param slopes whether rows carry slopes this time; without, `slope` must not be asked for
+  void reset(int num_unknowns, int rows_per_group, const RobustKernel& kernel, bool slopes);
+  /// Adds a group of zero rows. @return the index of its first row
+  Eigen::Index add_group(double weight);
+
+  using Slope = Eigen::Map<Eigen::RowVectorXd>;
+  /// [n] d value / d unknowns
+  Slope slope(Eigen::Index row) { return {slopes_.data() + row * num_unknowns(), num_unknowns()}; }
+
+  /// Adds J^T W J to the lower half of `hessian` and J^T W r to `gradient`, with W = weight * kernel's weight. The
+  /// rows are scaled in place: `reset` before the next use.
+  void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
+
+ private:
+  std::vector<double> slopes_;
 };
 
 }  // namespace doppel

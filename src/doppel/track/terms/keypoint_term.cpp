@@ -2,11 +2,14 @@
 
 namespace doppel {
 
-KeypointTerm::KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
-                           const RobustKernel& kernel)
+template <typename Model>
+KeypointTerm<Model>::KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
+                                  const RobustKernel& kernel)
     : cameras_(cameras), frame_(frame), weight_(weight), kernel_(kernel) {}
 
-void KeypointTerm::evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const {
+template <typename Model>
+void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::State& body, bool slopes,
+                                   typename Model::Rows& rows) const {
   rows.reset(model.num_unknowns(), 2, kernel_, slopes);
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const double scale = reference_pixels(cameras_[c]);
@@ -28,5 +31,8 @@ void KeypointTerm::evaluate(const PoseModel& model, const PosedBody& body, bool 
     }
   }
 }
+
+template class KeypointTerm<PoseModel>;
+template class KeypointTerm<GraphModel>;
 
 }  // namespace doppel

@@ -10,7 +10,8 @@ namespace doppel {
 /// Landmarks belong where detectors saw them: pi_c(p_m) - k_cm in every camera (4.3), in pixels of a picture 1024 wide,
 /// weighted with the confidence, which counts as 0 below kSeenConfidence. A landmark behind a camera counts as
 /// kBehindCamera pixels away.
-class KeypointTerm : public PoseTerm {
+template <typename Model>
+class KeypointTerm : public Term<Model> {
  public:
   /// @param cameras without distortion, @param frame what they saw; both must outlive the term
   /// @param kernel in reference pixels
@@ -18,7 +19,8 @@ class KeypointTerm : public PoseTerm {
                const RobustKernel& kernel);
 
   std::string name() const override { return "keypoints"; }
-  void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
+  void evaluate(const Model& model, const typename Model::State& body, bool slopes,
+                typename Model::Rows& rows) const override;
 
  private:
   const std::vector<Camera>& cameras_;

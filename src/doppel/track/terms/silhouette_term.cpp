@@ -1,13 +1,18 @@
 #include "doppel/track/terms/silhouette_term.h"
 
+#include <cmath>
+
 namespace doppel {
 
-SilhouetteTerm::SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame,
-                               std::vector<OutlineVertex> vertices, double weight, const RobustKernel& kernel)
+template <typename Model>
+SilhouetteTerm<Model>::SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+                                      std::vector<OutlineVertex> vertices, double weight, double inside,
+                                      const RobustKernel& kernel)
     : cameras_(cameras),
       frame_(frame),
       vertices_(std::move(vertices)),
       targets_(vertices_.size(), 0.0),
+      inside_(std::sqrt(inside)),
       kernel_(kernel) {
   std::vector<double> count(cameras.size(), 0.0);
   for (const OutlineVertex& vertex : vertices_) ++count[static_cast<std::size_t>(vertex.camera)];
@@ -21,7 +26,8 @@ bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::V
   return sample.distance < 0.0 && (projected.slope * normal).dot(sample.gradient) < 0.0;
 }
 
-void SilhouetteTerm::freeze(const PoseModel& model, const PosedBody& body) {
+template <typename Model>
+void SilhouetteTerm<Model>::freeze(const Model& model, const typename Model::State& body) {
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     targets_[i] = 0.0;
     const auto [camera, vertex] = vertices_[i];
@@ -34,7 +40,9 @@ void SilhouetteTerm::freeze(const PoseModel& model, const PosedBody& body) {
   }
 }
 
-void SilhouetteTerm::evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const {
+template <typename Model>
+void SilhouetteTerm<Model>::evaluate(const Model& model, const typename Model::State& body, bool slopes,
+                                     typename Model::Rows& rows) const {
   rows.reset(model.num_unknowns(), 1, kernel_, slopes);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     const auto [camera, vertex] = vertices_[i];
@@ -47,11 +55,14 @@ void SilhouetteTerm::evaluate(const PoseModel& model, const PosedBody& body, boo
       continue;
     }
     const OutlineField::Sample sample = frame_[c].outline.at(projected->pixel);
-    const double scale = reference_pixels(cameras_[c]);
-    rows.value(row) = scale * sample.distance - targets_[i];
+    const double scale = reference_pixels(cameras_[c]) * (sample.distance < 0.0 ? inside_ : 1.0);
+    rows.value(row) = scale * sample.distance - (sample.distance < 0.0 ? inside_ : 1.0) * targets_[i];
     if (slopes)
       model.add_vertex_slope(body, vertex, scale * projected->slope.transpose() * sample.gradient, rows.slope(row));
   }
 }
+
+template class SilhouetteTerm<PoseModel>;
+template class SilhouetteTerm<GraphModel>;
 
 }  // namespace doppel

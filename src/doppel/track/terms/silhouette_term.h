@@ -20,15 +20,17 @@ struct OutlineVertex {
 /// the thesis). Its residual stays |d| while its slope is negated: that is the residual
 /// d - 2 d0 with d0 the distance at the pose the step starts from, which is what a row here holds. So the cost falls
 /// along the step, and a damped solver can tell a good one.
-class SilhouetteTerm : public PoseTerm {
+template <typename Model>
+class SilhouetteTerm : public Term<Model> {
  public:
   /// @param cameras without distortion, @param frame what they saw; both must outlive the term
   SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, std::vector<OutlineVertex> vertices,
-                 double weight, const RobustKernel& kernel);
+                 double weight, double inside, const RobustKernel& kernel);
 
   std::string name() const override { return "silhouette"; }
-  void freeze(const PoseModel& model, const PosedBody& body) override;
-  void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
+  void freeze(const Model& model, const typename Model::State& body) override;
+  void evaluate(const Model& model, const typename Model::State& body, bool slopes,
+                typename Model::Rows& rows) const override;
 
  private:
   const std::vector<Camera>& cameras_;
@@ -36,6 +38,7 @@ class SilhouetteTerm : public PoseTerm {
   std::vector<OutlineVertex> vertices_;
   std::vector<double> weights_;  ///< [vertices]
   std::vector<double> targets_;  ///< [vertices] distance that the row is measured from, reference pixels
+  double inside_;                ///< what a row within the mask is multiplied with
   RobustKernel kernel_;
 };
 

@@ -2,21 +2,29 @@
 
 #include <string>
 
+#include "doppel/track/graph_model.h"
 #include "doppel/track/pose_model.h"
-#include "doppel/track/solver/residuals.h"
 
 namespace doppel {
 
-/// One part of the energy of a pose. A term fills in the rows of its residuals and their slopes; weights, robust
-/// kernels and sums are `Residuals`' affair.
-class PoseTerm {
+/// One part of an energy. A term fills in the rows of its residuals and their slopes; weights, robust kernels and sums
+/// are the rows' affair. `Model` says what is unknown and where points of the body are: a `PoseModel` or a
+/// `GraphModel`; terms that ask only for vertices and landmarks serve both.
+template <typename Model>
+class Term {
  public:
-  virtual ~PoseTerm() = default;
+  using State = typename Model::State;
+  using Rows = typename Model::Rows;
+
+  virtual ~Term() = default;
   virtual std::string name() const = 0;
-  /// Called before every step, at the pose that it starts from: chooses what stays constant during the step.
-  virtual void freeze(const PoseModel&, const PosedBody&) {}
-  /// @param slopes whether the rows carry slopes; then `body` was posed with them
-  virtual void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const = 0;
+  /// Called before every step, at the state that it starts from: chooses what stays constant during the step.
+  virtual void freeze(const Model&, const State&) {}
+  /// @param slopes whether the rows carry slopes; then `state` was worked out with them
+  virtual void evaluate(const Model& model, const State& state, bool slopes, Rows& rows) const = 0;
 };
+
+using PoseTerm = Term<PoseModel>;
+using GraphTerm = Term<GraphModel>;
 
 }  // namespace doppel
