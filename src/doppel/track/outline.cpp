@@ -11,15 +11,15 @@
 #include "doppel/render/render_mesh.h"
 
 namespace doppel {
-namespace {
 
-/// Every so many of them that at most `most` stay.
 void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most) {
   const std::size_t count = vertices.size() - first, wanted = static_cast<std::size_t>(most);
-  if (count <= wanted) return;
+  if (vertices.size() <= first || count <= wanted) return;
   for (std::size_t i = 0; i < wanted; ++i) vertices[first + i] = vertices[first + i * count / wanted];
   vertices.resize(first + wanted);
 }
+
+namespace {
 
 torch::Tensor surface_tensor(const std::vector<Eigen::Vector3d>& vertices) {
   torch::Tensor surface = torch::empty({1, static_cast<std::int64_t>(vertices.size()), 3});
@@ -70,7 +70,7 @@ std::vector<OutlineVertex> OutlineFinder::find(const FrameEvidence& frame,
   for (const int camera : windows.seeing) {
     const std::size_t first = result.size();
     for (std::size_t v = 0; v < vertices.size(); ++v)
-      if (*flag++) result.push_back({camera, static_cast<int>(v)});
+      if (*flag++) result.push_back({camera, static_cast<int>(v), 0.0});
     thin_out(result, first, state_->most);
   }
   return result;

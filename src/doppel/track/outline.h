@@ -31,6 +31,9 @@ class OutlineFinder {
   std::unique_ptr<const State> state_;
 };
 
+/// Keeps those before `first`, and every so many of the others that at most `most` of these stay.
+void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most);
+
 /// The posed surface, [N] world metres.
 std::vector<Eigen::Vector3d> posed_vertices(const PoseModel& model, const PosedBody& body);
 

@@ -63,6 +63,7 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
     bone_carrier_.push_back(carrier_of(joint));
     joint_from_rest_.push_back(rest[static_cast<std::size_t>(joint)].inverse(Eigen::Isometry));
   }
+  rest_vertices_ = character.mesh.vertices;
   rest_normals_ = vertex_normals(character.mesh);
   find_root_dofs();
 }
@@ -191,7 +192,7 @@ PoseModel::Blend PoseModel::blend(const PosedBody& body, int vertex) const {
     result.dual.coeffs() += weight * bone.dual.coeffs();
   }
   result.squared_norm = std::max(result.real.squaredNorm(), kSmallestSquaredNorm);
-  const Vector3d rest = character_.mesh.vertices[static_cast<std::size_t>(vertex)];
+  const Vector3d rest = rest_vertices_[static_cast<std::size_t>(vertex)];
   const Vector3d v = result.real.vec();
   const double w = result.real.w();
   const Vector3d cross = v.cross(rest);

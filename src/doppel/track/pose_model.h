@@ -43,6 +43,10 @@ class PoseModel {
   /// @param landmarks points on joints; @param dofs DoFs that are unknown, in any order, each once
   PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs);
 
+  /// The surface that is posed from now on, in the rest pose: the template, bent. Its normals stay the template's.
+  /// @param vertices [N] world metres
+  void set_rest_vertices(std::vector<Eigen::Vector3d> vertices) { rest_vertices_ = std::move(vertices); }
+
   int num_unknowns() const { return static_cast<int>(unknowns_.size()); }
   int num_landmarks() const { return static_cast<int>(landmarks_.size()); }
   const std::vector<Marker>& landmarks() const { return landmarks_; }
@@ -67,6 +71,7 @@ class PoseModel {
   Eigen::Vector3d vertex(const PosedBody& body, int vertex) const;
   /// The rigid movement of a vertex out of the rest pose.
   Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
+  const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[static_cast<std::size_t>(vertex)]; }
   /// Its unit normal, turned with the vertex.
   Eigen::Vector3d normal(const PosedBody& body, int vertex) const;
 
@@ -102,6 +107,7 @@ class PoseModel {
   std::vector<int> landmark_carrier_;             ///< [M]
   std::vector<int> bone_carrier_;                 ///< [Bn]
   std::vector<Eigen::Affine3d> joint_from_rest_;  ///< [Bn] inverse of the bone's joint in the rest pose
+  std::vector<Eigen::Vector3d> rest_vertices_;    ///< [N]
   std::vector<Eigen::Vector3d> rest_normals_;     ///< [N]
 };
 

@@ -4,8 +4,12 @@ namespace doppel {
 
 template <typename Model>
 KeypointTerm<Model>::KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
-                                  const RobustKernel& kernel)
-    : cameras_(cameras), frame_(frame), weight_(weight), kernel_(kernel) {}
+                                  const RobustKernel& kernel, std::vector<double> landmark_weights)
+    : cameras_(cameras),
+      frame_(frame),
+      weight_(weight),
+      kernel_(kernel),
+      landmark_weights_(std::move(landmark_weights)) {}
 
 template <typename Model>
 void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::State& body, bool slopes,
@@ -16,7 +20,8 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
     for (int m = 0; m < model.num_landmarks(); ++m) {
       const Keypoint& keypoint = frame_[c].keypoints[static_cast<std::size_t>(m)];
       if (!(keypoint.confidence >= kSeenConfidence)) continue;
-      const Eigen::Index first = rows.add_group(weight_ * keypoint.confidence);
+      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[static_cast<std::size_t>(m)];
+      const Eigen::Index first = rows.add_group(weight_ * share * keypoint.confidence);
       const auto projected = project_with_slope(cameras_[c], model.landmark(body, m));
       if (!projected) {
         rows.value(first) = kBehindCamera;

@@ -15,8 +15,9 @@ class KeypointTerm : public Term<Model> {
  public:
   /// @param cameras without distortion, @param frame what they saw; both must outlive the term
   /// @param kernel in reference pixels
+  /// @param landmark_weights [M] lambda_i; none: 1 each
   KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
-               const RobustKernel& kernel);
+               const RobustKernel& kernel, std::vector<double> landmark_weights = {});
 
   std::string name() const override { return "keypoints"; }
   void evaluate(const Model& model, const typename Model::State& body, bool slopes,
@@ -27,6 +28,7 @@ class KeypointTerm : public Term<Model> {
   const FrameEvidence& frame_;
   double weight_;
   RobustKernel kernel_;
+  std::vector<double> landmark_weights_;
 };
 
 }  // namespace doppel

@@ -29,14 +29,14 @@ bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::V
 template <typename Model>
 void SilhouetteTerm<Model>::freeze(const Model& model, const typename Model::State& body) {
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    targets_[i] = 0.0;
-    const auto [camera, vertex] = vertices_[i];
+    const auto [camera, vertex, distance] = vertices_[i];
+    targets_[i] = distance;
     const auto c = static_cast<std::size_t>(camera);
     const auto projected = project_with_slope(cameras_[c], model.vertex(body, vertex));
     if (!projected || frame_[c].outline.empty()) continue;
     const OutlineField::Sample sample = frame_[c].outline.at(projected->pixel);
     if (belongs_to_opposite_outline(*projected, model.normal(body, vertex), sample))
-      targets_[i] = 2.0 * reference_pixels(cameras_[c]) * sample.distance;
+      targets_[i] = 2.0 * reference_pixels(cameras_[c]) * sample.distance - distance;
   }
 }
 
@@ -45,7 +45,7 @@ void SilhouetteTerm<Model>::evaluate(const Model& model, const typename Model::S
                                      typename Model::Rows& rows) const {
   rows.reset(model.num_unknowns(), 1, kernel_, slopes);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    const auto [camera, vertex] = vertices_[i];
+    const int camera = vertices_[i].camera, vertex = vertices_[i].vertex;
     const auto c = static_cast<std::size_t>(camera);
     if (frame_[c].outline.empty()) continue;
     const Eigen::Index row = rows.add_group(weights_[i]);

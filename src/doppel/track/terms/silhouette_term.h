@@ -10,6 +10,9 @@ namespace doppel {
 /// A vertex on the outline of the posed surface, as one camera sees it.
 struct OutlineVertex {
   int camera = 0, vertex = 0;
+  /// Where it lies to the outline that it stands for, pixels of a picture 1024 wide, - inside: as vertices are not
+  /// dense, most lie a little within the outline of the surface, and are to lie as much within the outline of the mask.
+  double distance = 0.0;
 };
 
 /// The outline of the surface belongs on the outline of the mask (4.5): for each outline vertex the distance of its

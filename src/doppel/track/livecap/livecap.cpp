@@ -1,0 +1,258 @@
+#include "doppel/track/livecap/livecap.h"
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "doppel/core/error.h"
+#include "doppel/track/agreement.h"
+#include "doppel/track/alignment.h"
+#include "doppel/track/livecap/single_view_start.h"
+#include "doppel/track/terms/keypoint_term.h"
+#include "doppel/track/terms/limit_term.h"
+#include "doppel/track/terms/point_term.h"
+#include "doppel/track/terms/prior_term.h"
+#include "doppel/track/terms/relative_point_term.h"
+#include "doppel/track/terms/silhouette_term.h"
+#include "doppel/track/thesis_units.h"
+
+namespace doppel {
+namespace {
+
+using Points = std::vector<std::optional<Eigen::Vector3d>>;
+using Terms = std::vector<std::unique_ptr<PoseTerm>>;
+
+constexpr std::size_t kFewestLandmarks = 4;
+
+void check(const LivecapOptions& o) {
+  const std::pair<const char*, double> numbers[] = {
+      {"keypoint weight", o.keypoint_weight},     {"joint weight", o.joint_weight},
+      {"silhouette weight", o.silhouette_weight}, {"temporal weight", o.temporal_weight},
+      {"limit weight", o.limit_weight},           {"prior weight", o.prior_weight},
+      {"steady weight", o.steady_weight},         {"smallest share", o.smallest_share}};
+  for (const auto& [name, value] : numbers)
+    if (!(value >= 0.0) || !std::isfinite(value)) fail("the {} of the fit is {}; it must be 0 or more", name, value);
+  if (!(o.keypoint_weight > 0.0)) fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
+  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.agreement > 0.0))
+    fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
+         o.agreement);
+  if (o.outline_pixels < 16 || o.outline_vertices < 1)
+    fail("the outlines of the fit need windows of at least 16 pixels, and 1 vertex or more");
+}
+
+RobustKernel kernel(double thesis_pixels) {
+  return {RobustKernel::Kind::geman_mcclure, reference_from_thesis(thesis_pixels)};
+}
+
+std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
+  std::vector<Eigen::Vector3d> points;
+  for (int m = 0; m < model.num_landmarks(); ++m) points.push_back(model.landmark(body, m));
+  return points;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+/// What the terms of one frame read.
+struct LivecapTracker::Evidence {
+  FrameEvidence frame;  ///< of the one camera
+  Points joints;        ///< [M] world axes, with the body's bone lengths
+};
+
+struct LivecapTracker::Fit {
+  TrackedFrame frame;
+  double cost = std::numeric_limits<double>::infinity();  ///< of keypoints and joints: what was seen of the pose
+};
+
+LivecapTracker::LivecapTracker(const Character& character, const std::vector<Marker>& landmarks,
+                               const std::vector<int>& dofs, const Camera& camera, const LivecapOptions& options)
+    : model_(character, landmarks, dofs),
+      cameras_{camera},
+      options_(options),
+      viewer_(character, camera, options.outline_pixels),
+      roles_(landmark_roles(landmarks)),
+      tree_(character.skeleton, landmarks, character.rest_dofs),
+      rigidity_(rigidity_of_landmarks(model_)),
+      history_(character.rest_dofs),
+      rest_vertices_(character.mesh.vertices),
+      surface_(character, cameras_.front(), options.nonrigid) {
+  check(options);
+  if (landmarks.size() < kFewestLandmarks)
+    fail("tracking from one camera needs at least {} landmarks on the skeleton, received {}", kFewestLandmarks,
+         landmarks.size());
+  if (!model_.root())
+    fail(
+        "tracking from one camera needs a root that can be placed and turned freely; all of its six DoFs must be "
+        "unknown");
+  for (std::size_t m = 0; !options.faces && m < landmarks.size(); ++m)
+    if (roles_.detection[m] < 1.0) roles_.detection[m] = 0.0;
+}
+
+void LivecapTracker::cut() {
+  history_.clear();
+  forget_surface();
+  segment_begins_ = true;
+}
+
+void LivecapTracker::forget_surface() {
+  surface_.cut();
+  bend(model_.character().mesh.vertices);
+}
+
+void LivecapTracker::bend(std::vector<Eigen::Vector3d> rest_vertices) {
+  rest_vertices_ = std::move(rest_vertices);
+  model_.set_rest_vertices(rest_vertices_);
+}
+
+LivecapFrame LivecapTracker::track(const LivecapInput& input) {
+  const auto start = std::chrono::steady_clock::now();
+  Evidence evidence{{input.view}, {}};
+  for (const auto& joint : input.joints)
+    evidence.joints.push_back(joint ? std::optional<Eigen::Vector3d>(cameras_.front().R.transpose() * *joint)
+                                    : std::nullopt);
+  if (options_.joint_weight == 0.0) evidence.joints.clear();
+  if (!evidence.joints.empty())
+    evidence.joints =
+        tree_.with_lengths_of(std::move(evidence.joints), landmarks_of(model_, model_.pose(history_.last(), false)));
+  evidence.joints.resize(static_cast<std::size_t>(model_.num_landmarks()));
+  LivecapFrame frame;
+  frame.pose = track_pose(evidence);
+  remember(frame.pose);
+  frame.pose_seconds = seconds_since(start);
+  track_surface(input, frame);
+  frame.surface_seconds = seconds_since(start) - frame.pose_seconds;
+  return frame;
+}
+
+TrackedFrame LivecapTracker::track_pose(const Evidence& evidence) {
+  Fit best;
+  best.frame.dofs = history_.last();
+  const Agreement agreement = agreement_of(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame,
+                                           reference_from_thesis(options_.agreement));
+  best.frame.keypoints = agreement.keypoints;
+  if (agreement.keypoints < options_.fewest_keypoints) return best.frame;
+  if (!history_.empty()) {
+    const std::vector<double> expected = history_.predicted(model_.root());
+    best = fit(evidence, expected, &expected);
+  }
+  if (best.frame.trusted()) return best.frame;
+  Fit anew = start_anew(evidence);
+  anew.frame.iterations += best.frame.iterations;
+  if (!anew.frame.trusted()) {
+    best.frame.dofs = history_.last();
+    return best.frame;
+  }
+  anew.frame.state = segment_begins_ ? FrameState::initialised : FrameState::recovered;
+  return anew.frame;
+}
+
+void LivecapTracker::remember(const TrackedFrame& found) {
+  if (found.state != FrameState::tracked) forget_surface();
+  if (!found.trusted()) {
+    history_.clear();
+    return;
+  }
+  history_.add(found.dofs, found.state == FrameState::tracked);
+  segment_begins_ = false;
+}
+
+Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected) const {
+  Terms result;
+  const LivecapOptions& o = options_;
+  result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
+                                                  per_square_reference_pixel(o.keypoint_weight),
+                                                  kernel(o.keypoint_scale), roles_.detection));
+  std::vector<PointTerm::Target> joints;
+  for (std::size_t m = 0; m < evidence.joints.size(); ++m)
+    if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
+  if (!joints.empty())
+    result.push_back(
+        std::make_unique<RelativePointTerm>("joints", std::move(joints), per_square_metre(o.joint_weight)));
+  if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
+  if (o.prior_weight > 0.0)
+    result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
+  if (!expected) return result;
+  if (o.steady_weight > 0.0) result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));
+  if (o.temporal_weight == 0.0) return result;
+  const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
+  std::vector<PointTerm::Target> targets;
+  for (std::size_t m = 0; m < last.size(); ++m) targets.push_back({static_cast<int>(m), last[m], roles_.steadiness[m]});
+  result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), per_square_metre(o.temporal_weight)));
+  return result;
+}
+
+/// The outline of the surface as it was bent last, in a pose.
+std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& evidence, const std::vector<double>& dofs) {
+  const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
+  std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
+  thin_out(outline, 0, options_.outline_vertices);
+  // The thesis's weight is that of a vertex; the term shares its own among them.
+  const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
+  return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
+                                          kernel(options_.silhouette_scale));
+}
+
+/// @param expected where the last frames lead, or null
+LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<double> start,
+                                        const std::vector<double>* expected) {
+  Terms all = terms(evidence, expected);
+  if (options_.silhouette_weight > 0.0 && !evidence.frame.front().outline.empty())
+    all.push_back(silhouette_term(evidence, start));
+  const SolverSummary summary = doppel::fit(model_, std::move(all), start, options_.solver);
+  Fit result;
+  result.frame.iterations = summary.iterations;
+  result.frame.terms = summary.terms;
+  result.frame.reason = summary.reason;
+  result.cost = 0.0;
+  for (const TermCost& term : summary.terms)
+    if (term.name == "keypoints" || term.name == "joints") result.cost += term.cost;
+  const Agreement agreement = agreement_of(model_, model_.pose(start, false), cameras_, evidence.frame,
+                                           reference_from_thesis(options_.agreement));
+  result.frame.dofs = std::move(start);
+  result.frame.keypoints = agreement.keypoints;
+  result.frame.agreeing = agreement.share;
+  result.frame.keypoint_error = agreement.error;
+  const bool good = agreement.keypoints >= options_.fewest_keypoints && agreement.share >= options_.smallest_share &&
+                    std::isfinite(summary.final_cost);
+  result.frame.state = good ? FrameState::tracked : FrameState::lost;
+  return result;
+}
+
+/// Of all poses to start from, the one whose fit explains most of what was seen; then once more with the outline.
+LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
+  Fit best;
+  best.frame.dofs = history_.last();
+  std::optional<std::vector<double>> nearest;
+  double least = std::numeric_limits<double>::infinity();
+  int steps = 0;
+  SolverOptions solver = options_.solver;
+  solver.iterations = options_.start_iterations;
+  for (std::vector<double>& start : single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints,
+                                                       evidence.joints, rigidity_, model_.character().rest_dofs)) {
+    const SolverSummary summary = doppel::fit(model_, terms(evidence, nullptr), start, solver);
+    steps += summary.iterations;
+    if (!(summary.final_cost < least)) continue;
+    least = summary.final_cost;
+    nearest = std::move(start);
+  }
+  if (nearest) best = fit(evidence, std::move(*nearest), nullptr);
+  best.frame.iterations += steps;
+  return best;
+}
+
+void LivecapTracker::track_surface(const LivecapInput& input, LivecapFrame& frame) {
+  const PosedSurface posed =
+      pose_surface(model_, model_.pose(frame.pose.dofs, false), model_.character().mesh.vertices);
+  frame.vertices = posed.vertices;
+  if (!options_.surface || !frame.pose.trusted() || input.view.outline.empty()) return;
+  NonrigidSurface found = surface_.fit(posed, input.view.outline, input.picture);
+  frame.vertices = std::move(found.vertices);
+  frame.surface_terms = std::move(found.terms);
+  bend(surface_.rest_vertices());
+}
+
+}  // namespace doppel

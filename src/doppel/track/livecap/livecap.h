@@ -1,0 +1,104 @@
+#pragma once
+
+/// The one-camera tracker (chapter 4): pose, and then surface, from what one camera sees, frame by frame.
+///
+/// A frame's pose starts where the last two lead to. Six Gauss-Newton steps fit keypoints, joints in space where a
+/// network gave some, and the outline (4.1-4.6). The surface then leaves the skeleton and follows outline and colours
+/// (4.7-4.15, `NonrigidStage`).
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/track/livecap/bone_lengths.h"
+#include "doppel/track/livecap/landmark_roles.h"
+#include "doppel/track/multiview.h"
+#include "doppel/track/pose_history.h"
+#include "doppel/track/surface/nonrigid_stage.h"
+#include "doppel/track/surface/surface_viewer.h"
+
+namespace doppel {
+
+/// Weights are those of the thesis (4.8), in its units: millimetres, pixels of a picture 540 wide, radians. A term of
+/// weight 0 is switched off.
+struct LivecapOptions {
+  double keypoint_weight = 460.0;  ///< lambda_2D
+  double keypoint_scale = 20.0;    ///< pixels, of the Geman-McClure kernel
+  double joint_weight = 28.0;      ///< lambda_3D
+  double silhouette_weight = 200.0;
+  double silhouette_scale = 20.0;  ///< pixels, of the Geman-McClure kernel
+  double temporal_weight = 1.5;
+  double limit_weight = 1e6;
+  double prior_weight = 500.0;    ///< DoFs to the rest pose: for those that nothing else determines
+  double steady_weight = 3000.0;  ///< DoFs to where the last frames lead
+  bool faces = true;              ///< points of the face count 0.326; false: not at all
+
+  int outline_pixels = 256;                        ///< side of the windows that outlines are looked for in
+  int outline_vertices = 300;                      ///< at most
+  SolverOptions solver{6, 1e-6, 1e6, 1e-4, 1e-7};  ///< of each frame
+  int start_iterations = 60;                       ///< of a frame that starts from nothing
+
+  double agreement = 21.0;      ///< pixels within which a keypoint agrees
+  double smallest_share = 0.5;  ///< of keypoints that agree: below, the fit is lost
+  int fewest_keypoints = 8;     ///< confident ones in a frame: below, there is nothing to fit
+
+  bool surface = true;  ///< the second stage; false: the skinned template
+  NonrigidOptions nonrigid;
+};
+
+/// What was seen of one instant.
+struct LivecapInput {
+  ViewEvidence view;
+  std::vector<std::optional<Eigen::Vector3d>> joints;  ///< [M] camera axes, from any origin, metres; or none
+  cv::Mat picture;                                     ///< 8-bit BGR, without distortion; may be empty
+};
+
+struct LivecapFrame {
+  TrackedFrame pose;
+  Eigen::Matrix3Xd vertices;            ///< [3,N] world metres; of a lost frame the last trusted pose's
+  std::vector<TermCost> surface_terms;  ///< of the second stage
+  double pose_seconds = 0.0, surface_seconds = 0.0;
+};
+
+class LivecapTracker {
+ public:
+  /// @param landmarks in the order of the keypoints; @param dofs to be found, the others keep the rest pose's values
+  /// @param camera without distortion @param character must outlive the tracker
+  /// @throws Error for fewer than four landmarks, a root that cannot be turned freely, or options out of range
+  LivecapTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
+                 const Camera& camera, const LivecapOptions& options = {});
+
+  LivecapFrame track(const LivecapInput& input);
+  /// The next frame does not follow from those before.
+  void cut();
+
+  const PoseModel& model() const { return model_; }
+
+ private:
+  struct Evidence;
+  struct Fit;
+  std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected) const;
+  std::unique_ptr<PoseTerm> silhouette_term(const Evidence& evidence, const std::vector<double>& dofs);
+  Fit fit(const Evidence& evidence, std::vector<double> start, const std::vector<double>* expected);
+  Fit start_anew(const Evidence& evidence);
+  TrackedFrame track_pose(const Evidence& evidence);
+  void remember(const TrackedFrame& found);
+  void forget_surface();
+  void bend(std::vector<Eigen::Vector3d> rest_vertices);
+  void track_surface(const LivecapInput& input, LivecapFrame& frame);
+
+  PoseModel model_;
+  std::vector<Camera> cameras_;  ///< the one
+  LivecapOptions options_;
+  SurfaceViewer viewer_;
+  LandmarkRoles roles_;
+  LandmarkTree tree_;
+  std::vector<double> rigidity_;  ///< [M]
+  PoseHistory history_;
+  std::vector<Eigen::Vector3d> rest_vertices_;  ///< [N] the template, bent as the last frame's surface was
+  NonrigidStage surface_;
+  bool segment_begins_ = true;
+};
+
+}  // namespace doppel

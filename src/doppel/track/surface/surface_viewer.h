@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "doppel/character/character.h"
+#include "doppel/geometry/camera.h"
+#include "doppel/track/surface/part_mask.h"
+#include "doppel/track/surface/posed_surface.h"
+#include "doppel/track/terms/silhouette_term.h"
+
+namespace doppel {
+
+/// What a camera sees of a surface.
+struct SurfaceView {
+  /// Vertices on the outline, ascending: an uncovered pixel is among the 3x3 around them.
+  std::vector<OutlineVertex> outline;
+  std::vector<char> visible;  ///< [N] 1: faces the camera, and nothing is in front of it
+  PartMask parts;
+};
+
+class SurfaceViewer {
+ public:
+  /// @param camera without distortion; @param pixels side of the windows that the surface is drawn in
+  SurfaceViewer(const Character& character, const Camera& camera, int pixels);
+  ~SurfaceViewer();
+  SurfaceViewer(SurfaceViewer&&) noexcept;
+  SurfaceViewer& operator=(SurfaceViewer&&) noexcept;
+
+  const std::vector<char>& vertex_parts() const;  ///< [N] `body_parts`
+  /// @param window of the picture; what lies outside of it is neither visible nor on the outline
+  /// @param growth of the parts, pixels of the picture
+  SurfaceView look(const PosedSurface& surface, const CropBox& window, double growth);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace doppel
