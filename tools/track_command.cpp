@@ -6,7 +6,9 @@
 #include <vector>
 
 #include "command.h"
+#include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 
 namespace doppel::tools {
@@ -19,12 +21,12 @@ constexpr char kExample[] =
     "Example:\n"
     "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
     "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
-    "CAPTURE needs a calibration, a character, and keypoints and masks of at least two cameras (docs/tracking.md). "
-    "Its\n"
-    "sequences need no motion: the capture.yaml that is written names the tracked ones.";
+    "  doppel track recordings/street --method livecap --vertices\n"
+    "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least two\n"
+    "cameras. Its sequences need no motion: the capture.yaml that is written names the tracked ones.";
 
 struct Arguments {
-  std::string capture, method = "multiview", config;
+  std::string capture, method = "multiview", config, camera;
   std::vector<std::string> set;
   TrackOptions options;
 };
@@ -48,6 +50,15 @@ void print_table(const nlohmann::ordered_json& report) {
       fmt::print("  IoU with the masks: {:.4f} of the pose alone, {:.4f} of the bent surface, {:.1f} frames/s\n",
                  sequence["surface"]["IoU_pose"].get<double>(), sequence["surface"]["IoU"].get<double>(),
                  sequence["surface"]["frames_per_second"].get<double>());
+    if (sequence.contains("livecap")) {
+      const auto& figures = sequence["livecap"];
+      const auto& times = figures["milliseconds"];
+      fmt::print("  IoU with the masks: {:.4f} of the pose alone, {:.4f} of the surface\n",
+                 figures["IoU_pose"].get<double>(), figures["IoU"].get<double>());
+      fmt::print("  {:.1f} frames/s with reading; milliseconds a frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
+                 figures["frames_per_second"].get<double>(), times["read"].get<double>(), times["pose"].get<double>(),
+                 times["surface"].get<double>());
+    }
     if (!sequence["lost_frames"].empty())
       fmt::print("  not to be trusted, and interpolated: frames {}\n", sequence["lost_frames"].dump());
   }
@@ -57,12 +68,38 @@ fs::path default_out(const fs::path& capture) {
   return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
+  const TrackOptions& wanted = arguments.options;
+  LivecapCaptureOptions options;
+  options.out = wanted.out;
+  options.config = read_livecap_config(config_document(arguments));
+  options.sequences = wanted.sequences;
+  options.limit_frames = wanted.limit_frames;
+  options.vertices = wanted.vertices;
+  options.sheet_frames = wanted.sheet_frames;
+  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
+  return track_livecap(*footage, options);
+}
+
+nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
   TrackOptions options = arguments.options;
-  if (options.out.empty()) options.out = default_out(arguments.capture);
   options.config = read_track_config(config_document(arguments));
   const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels);
-  const nlohmann::ordered_json report = track_capture(*footage, options);
+  return track_capture(*footage, options);
+}
+
+int run(Arguments arguments, const CommonOptions& common) {
+  TrackOptions& options = arguments.options;
+  if (options.out.empty()) options.out = default_out(arguments.capture);
+  const bool one_camera = arguments.method == "livecap";
+  if (one_camera && options.surface)
+    fail<UsageError>(
+        "--surface belongs to --method multiview; livecap tracks the surface always, unless the "
+        "configuration says `surface: {{enabled: false}}`");
+  if (!one_camera && !arguments.camera.empty())
+    fail<UsageError>("--camera belongs to --method livecap; the multi-view fit takes all cameras of the capture");
+  const nlohmann::ordered_json report =
+      one_camera ? track_with_one_camera(arguments) : track_with_all_cameras(arguments);
   if (common.json)
     fmt::print("{}\n", report.dump(2));
   else
@@ -79,15 +116,16 @@ Command add_track(CLI::App& program) {
   auto arguments = std::make_shared<Arguments>();
   TrackOptions& options = arguments->options;
   app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
-  app->add_option("--method", arguments->method, "multiview: a fit to all cameras")
-      ->check(CLI::IsMember({"multiview"}))
+  app->add_option("--method", arguments->method, "multiview: a fit to all cameras; livecap: pose and surface from one")
+      ->check(CLI::IsMember({"multiview", "livecap"}))
       ->capture_default_str();
   app->add_option("--out", options.out, "Folder to write into (default: CAPTURE/tracked)");
   app->add_option("--sequences", options.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
   app->add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml)");
+  app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
+  app->add_option("--camera", arguments->camera, "The camera to track with (livecap), where the capture has several");
   app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
   app->add_flag("--surface", options.surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
   app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");

@@ -109,7 +109,10 @@ class ViewReader {
       : first_frame_(sequence.first_frame),
         offset_(view.entry.offset(view.camera.name)),
         undistort_(view.camera),
-        masks_(view.open_masks()) {
+        masks_(view.open_masks()),
+        picker_(plan.map, plan.landmarks) {
+    if (!view.entry.joints3d.empty())
+      joints_ = read_joint_detections(view.source(view.entry.joints3d), plan.map.layout);
     if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) ||
         masks_.needs_picture())
       videos_ = view.open_pictures();
@@ -124,6 +127,8 @@ class ViewReader {
     result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
     result.masks.push_back(mask);
     if (pictures) result.pictures.push_back(picture.empty() ? picture : undistort_.apply(picture));
+    const auto joints = joints_.find(frame + offset_);
+    result.joints.push_back(joints == joints_.end() ? std::vector<JointDetection>{} : picker_.pick(joints->second));
   }
 
  private:
@@ -141,9 +146,9 @@ class ViewReader {
     };
     std::vector<long> cuts;
     for (const long cut : sequence.cuts) cuts.push_back(cut + offset_);
-    track_ = follow_person([&](long frame) { return source.people(frame); }, mask_of,
-                           LandmarkPicker(plan.map, plan.landmarks), view.camera, sequence.first_frame + offset_,
-                           sequence.last_frame + offset_, cuts, view.capture.keypoint_filter);
+    track_ = follow_person([&](long frame) { return source.people(frame); }, mask_of, picker_, view.camera,
+                           sequence.first_frame + offset_, sequence.last_frame + offset_, cuts,
+                           view.capture.keypoint_filter);
     for (const std::string& doubt : keypoint_doubts(track_.facts))
       log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
   }
@@ -152,7 +157,9 @@ class ViewReader {
   Undistorter undistort_;
   std::unique_ptr<FrameReader> videos_;
   MaskSource masks_;
+  LandmarkPicker picker_;
   KeypointTrack track_;
+  std::map<long, std::vector<JointDetection>> joints_;  ///< by video frame, in the layout's order
 };
 
 class CaptureReader : public FootageReader {
@@ -173,8 +180,8 @@ class CaptureReader : public FootageReader {
 
 class CaptureFootage : public Footage {
  public:
-  CaptureFootage(const fs::path& path, int outline_pixels)
-      : capture_(find_capture(path)),
+  CaptureFootage(const fs::path& path, int outline_pixels, const std::string& camera)
+      : capture_(with_camera(find_capture(path), camera)),
         character_(load_character(capture_.character_path())),
         plan_(plan_evidence(capture_, character_)),
         outline_pixels_(outline_pixels) {
@@ -201,6 +208,10 @@ class CaptureFootage : public Footage {
   }
 
  private:
+  static Capture with_camera(Capture capture, const std::string& camera) {
+    if (!camera.empty()) capture.cameras = {camera};
+    return capture;
+  }
   View view(const SequenceEntry& entry, std::size_t c) const { return {entry, capture_, filmed_[c], file_index_[c]}; }
 
   void choose_cameras() {
@@ -261,9 +272,12 @@ class CaptureFootage : public Footage {
 
 }  // namespace
 
-std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels) {
-  if (fs::is_directory(path / "store")) return std::make_unique<PreparedFootage>(path, outline_pixels);
-  return std::make_unique<CaptureFootage>(path, outline_pixels);
+std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels, const std::string& camera) {
+  if (!fs::is_directory(path / "store")) return std::make_unique<CaptureFootage>(path, outline_pixels, camera);
+  if (!camera.empty())
+    fail<UsageError>("{} is a prepared folder; a single camera of it cannot be chosen: give the capture itself",
+                     path.string());
+  return std::make_unique<PreparedFootage>(path, outline_pixels);
 }
 
 }  // namespace doppel

@@ -8,6 +8,7 @@
 
 #include "doppel/character/character.h"
 #include "doppel/data/capture.h"
+#include "doppel/data/joint_detections.h"
 #include "doppel/track/evidence.h"
 
 namespace doppel {
@@ -28,6 +29,8 @@ struct FootageFrame {
   std::vector<cv::Mat> masks;  ///< [C] 0 or 255, without lens distortion
   std::vector<cv::Mat>
       pictures;  ///< [C] BGR, without lens distortion; only where asked for, and empty where there are none
+  /// [C] of [M] joints in space; none for a camera without a table of them
+  std::vector<std::vector<JointDetection>> joints;
 };
 
 /// The frames of one sequence in order.
@@ -45,8 +48,10 @@ class Footage {
   virtual ~Footage() = default;
   /// @param capture_or_prepared a capture's folder or capture.yaml, or a prepared folder
   /// @param outline_pixels side of the windows of the outline fields
+  /// @param camera the only one to use, by name; empty: those the capture uses
   /// @throws Error as `find_capture`, `Dataset::open` and `plan_evidence`; Error when the capture has no keypoints
-  static std::unique_ptr<Footage> open(const std::filesystem::path& capture_or_prepared, int outline_pixels);
+  static std::unique_ptr<Footage> open(const std::filesystem::path& capture_or_prepared, int outline_pixels,
+                                       const std::string& camera = "");
 
   virtual const Capture& capture() const = 0;
   virtual const Character& character() const = 0;

@@ -11,27 +11,9 @@
 #include "doppel/track/multiview.h"
 #include "doppel/track/track_config.h"
 #include "doppel/track/track_surface.h"
+#include "doppel/track/tracked_sequence.h"
 
 namespace doppel {
-
-/// A tracked sequence.
-struct TrackedSequence {
-  FootageSequence sequence;
-  std::vector<TrackedFrame> frames;  ///< as they were fitted
-  Motion motion;                     ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
-  double seconds = 0.0;              ///< of fitting, without reading
-  std::optional<TrackedSurface> surface;
-
-  int count(FrameState state) const;
-};
-
-/// How far tracked landmarks are from those of another motion of the same frames.
-struct MotionDifference {
-  double mean_mm = 0.0;       ///< over landmarks and frames
-  double within_150mm = 0.0;  ///< share, relative to the mean of all landmarks
-};
-MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
-                                 const Motion& b, long first_frame, long last_frame);
 
 struct TrackOptions {
   std::filesystem::path out;

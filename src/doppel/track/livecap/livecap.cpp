@@ -164,8 +164,8 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   Terms result;
   const LivecapOptions& o = options_;
   result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
-                                                  per_square_reference_pixel(o.keypoint_weight),
-                                                  kernel(o.keypoint_scale), roles_.detection));
+                                                             per_square_reference_pixel(o.keypoint_weight),
+                                                             kernel(o.keypoint_scale), roles_.detection));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
@@ -193,7 +193,7 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   // The thesis's weight is that of a vertex; the term shares its own among them.
   const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
   return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
-                                          kernel(options_.silhouette_scale));
+                                                     kernel(options_.silhouette_scale));
 }
 
 /// @param expected where the last frames lead, or null

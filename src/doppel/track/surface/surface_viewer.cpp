@@ -105,4 +105,14 @@ SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& wind
   return view;
 }
 
+double SurfaceViewer::overlap(const Eigen::Matrix3Xd& vertices, const cv::Mat& mask) {
+  const torch::NoGradGuard no_grad;
+  torch::Tensor covered =
+      state_->rasterizer.coverage_projected(to_tensor(vertices), projection_tensor({state_->camera}).unsqueeze(0),
+                                            state_->camera.height, state_->camera.width);
+  const cv::Mat drawn(state_->camera.height, state_->camera.width, CV_8UC1, covered.data_ptr());
+  const int both = cv::countNonZero(drawn & (mask > 0)), either = cv::countNonZero(drawn | mask);
+  return either > 0 ? static_cast<double>(both) / either : 0.0;
+}
+
 }  // namespace doppel

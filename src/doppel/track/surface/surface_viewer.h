@@ -31,6 +31,9 @@ class SurfaceViewer {
   /// @param window of the picture; what lies outside of it is neither visible nor on the outline
   /// @param growth of the parts, pixels of the picture
   SurfaceView look(const PosedSurface& surface, const CropBox& window, double growth);
+  /// Intersection over union of what a surface covers with a mask, in the pixels of the picture.
+  /// @param vertices [3,N] world metres @param mask 0 or 255, of the camera's size
+  double overlap(const Eigen::Matrix3Xd& vertices, const cv::Mat& mask);
 
  private:
   struct State;

@@ -1,0 +1,218 @@
+#include "doppel/track/livecap/livecap_capture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/core/process.h"
+#include "doppel/core/progress.h"
+#include "doppel/track/prefetch.h"
+#include "doppel/track/track_sheet.h"
+#include "doppel/track/tracked_sequence.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kFramesAhead = 2;  // the delay that the thesis has (4.7.3)
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// A frame on its way from the reading thread.
+struct ReadFrame {
+  long frame = 0;
+  FootageFrame seen;
+  double seconds = 0.0;
+};
+
+LivecapInput input_of(const FootageFrame& seen) {
+  LivecapInput input{seen.evidence.front(), {}, seen.pictures.front()};
+  if (seen.joints.empty()) return input;
+  for (const JointDetection& joint : seen.joints.front())
+    input.joints.push_back(joint.seen ? std::optional<Eigen::Vector3d>(joint.position) : std::nullopt);
+  return input;
+}
+
+/// Writes the surfaces of consecutive frames, each averaged with its neighbours (4.8).
+class SurfaceFile {
+ public:
+  SurfaceFile(const fs::path& path, int num_vertices, bool filter)
+      : stream_(path, {num_vertices, 3}), filter_(filter) {}
+
+  void add(const Eigen::Matrix3Xd& vertices) {
+    if (held_.cols() > 0) write(vertices);
+    before_ = held_.cols() > 0 ? held_ : vertices;
+    held_ = vertices;
+  }
+  void close() {
+    if (held_.cols() > 0) write(held_);
+    stream_.close();
+  }
+
+ private:
+  void write(const Eigen::Matrix3Xd& after) {
+    const Eigen::Matrix3Xf out =
+        filter_ ? (0.15 * before_ + 0.7 * held_ + 0.15 * after).cast<float>() : held_.cast<float>();
+    stream_.append(out.data());
+  }
+
+  NpyStream stream_;
+  bool filter_;
+  Eigen::Matrix3Xd before_, held_;  ///< the last two; `held_` waits for its successor
+};
+
+/// What is measured on the way.
+struct Figures {
+  double reading = 0.0, pose = 0.0, surface = 0.0;  ///< seconds of each stage, summed
+  double total = 0.0;                               ///< seconds from the first frame to the last
+  std::vector<double> pose_overlap, overlap;        ///< of frames that are trusted and have a mask
+};
+
+class LivecapRun {
+ public:
+  LivecapRun(const Footage& footage, const LivecapCaptureOptions& options, int sequence)
+      : footage_(footage),
+        options_(options),
+        index_(sequence),
+        tracker_(footage.character(), footage.landmarks(),
+                 chosen_dofs(options.config.dofs, footage.character().skeleton, footage.landmarks()),
+                 footage.cameras().front(), options.config.fit),
+        viewer_(footage.character(), footage.cameras().front(), options.config.fit.outline_pixels) {
+    result_.sequence = footage.sequences()[static_cast<std::size_t>(sequence)];
+    if (options.limit_frames > 0)
+      result_.sequence.last_frame =
+          std::min(result_.sequence.last_frame, result_.sequence.first_frame + options.limit_frames - 1);
+  }
+
+  TrackedSequence run(Progress& progress) {
+    const FootageSequence& sequence = result_.sequence;
+    const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
+    TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.config.fit.outline_pixels);
+    std::optional<SurfaceFile> file;
+    if (options_.vertices)
+      file.emplace(options_.out / (sequence.name + "_vertices.npy"), footage_.character().num_vertices(),
+                   options_.config.filter);
+    const auto reader = footage_.read(index_);
+    const auto start = Clock::now();
+    Prefetch<ReadFrame> frames([&, next = sequence.first_frame]() mutable { return read(*reader, next); },
+                               kFramesAhead);
+    while (const std::optional<ReadFrame> read = frames.next()) {
+      if (stop_requested())
+        fail("stopped at frame {} of sequence {}; nothing of it was kept", read->frame, sequence.name);
+      const LivecapFrame found = track(*read);
+      if (file) file->add(found.vertices);
+      if (std::find(shown.begin(), shown.end(), read->frame) != shown.end())
+        sheet.add(read->frame, read->seen, found.pose);
+      progress.advance(1, fmt::format("{} {}", sequence.name, to_string(found.pose.state)));
+    }
+    figures_.total = seconds_since(start);
+    result_.seconds = figures_.pose + figures_.surface;
+    make_motion(result_, tracker_.model().root(), options_.config.smoothing);
+    if (file) file->close();
+    if (!sheet.empty()) cv::imwrite((options_.out / (sequence.name + ".jpg")).string(), sheet.image());
+    return std::move(result_);
+  }
+
+  const Figures& figures() const { return figures_; }
+
+ private:
+  std::optional<ReadFrame> read(FootageReader& reader, long& next) const {
+    if (next > result_.sequence.last_frame) return std::nullopt;
+    const auto start = Clock::now();
+    ReadFrame result;
+    result.frame = next++;
+    result.seen = reader.read(result.frame, true);
+    result.seconds = seconds_since(start);
+    return result;
+  }
+
+  LivecapFrame track(const ReadFrame& read) {
+    const std::vector<long>& cuts = result_.sequence.cuts;
+    if (std::find(cuts.begin(), cuts.end(), read.frame) != cuts.end()) tracker_.cut();
+    LivecapFrame found = tracker_.track(input_of(read.seen));
+    figures_.reading += read.seconds;
+    figures_.pose += found.pose_seconds;
+    figures_.surface += found.surface_seconds;
+    const cv::Mat& mask = read.seen.masks.front();
+    if (found.pose.trusted() && !read.seen.evidence.front().outline.empty()) {
+      const PosedBody body = tracker_.model().pose(found.pose.dofs, false);
+      const PosedSurface posed = pose_surface(tracker_.model(), body, footage_.character().mesh.vertices);
+      figures_.pose_overlap.push_back(viewer_.overlap(posed.vertices, mask));
+      figures_.overlap.push_back(viewer_.overlap(found.vertices, mask));
+    }
+    result_.frames.push_back(found.pose);
+    return found;
+  }
+
+  const Footage& footage_;
+  const LivecapCaptureOptions& options_;
+  int index_;
+  LivecapTracker tracker_;
+  SurfaceViewer viewer_;
+  TrackedSequence result_;
+  Figures figures_;
+};
+
+double mean(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value;
+  return values.empty() ? 0.0 : sum / static_cast<double>(values.size());
+}
+
+ordered_json figures_json(const Figures& figures, std::size_t frames) {
+  const auto count = static_cast<double>(frames);
+  return {{"IoU_pose", mean(figures.pose_overlap)},
+          {"IoU", mean(figures.overlap)},
+          {"frames_per_second", figures.total > 0.0 ? count / figures.total : 0.0},
+          {"milliseconds",
+           {{"read", 1e3 * figures.reading / count},
+            {"pose", 1e3 * figures.pose / count},
+            {"surface", 1e3 * figures.surface / count},
+            {"frame", 1e3 * figures.total / count}}},
+          {"IoU_per_masked_frame", figures.overlap}};
+}
+
+}  // namespace
+
+ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options) {
+  check_out_folder(footage, options.out);
+  if (footage.cameras().size() != 1) {
+    std::string names;
+    for (const Camera& camera : footage.cameras()) names += (names.empty() ? "" : ", ") + camera.name;
+    fail<UsageError>("this method tracks with one camera, and the capture has {}; choose one of {} with --camera",
+                     footage.cameras().size(), names);
+  }
+  fs::create_directories(options.out);
+  const std::vector<int> chosen = chosen_sequences(footage, options.sequences);
+  long total = 0;
+  for (const int s : chosen) {
+    const long frames = footage.sequences()[static_cast<std::size_t>(s)].num_frames();
+    total += options.limit_frames > 0 ? std::min(options.limit_frames, frames) : frames;
+  }
+  Progress progress("track", total);
+  ordered_json report{{"method", "livecap"}, {"sequences", ordered_json::object()}};
+  std::vector<TrackedSequence> tracked;
+  for (const int s : chosen) {
+    LivecapRun run(footage, options, s);
+    tracked.push_back(run.run(progress));
+    write_poses(footage, options.out, tracked.back());
+    ordered_json& entry = report["sequences"][tracked.back().sequence.name] = report_of(footage, tracked.back());
+    entry["livecap"] = figures_json(run.figures(), tracked.back().frames.size());
+  }
+  progress.finish();
+  write_tracked_capture(footage, options.out, tracked);
+  write_atomically(options.out / "track.json", report.dump(1) + "\n");
+  return report;
+}
+
+}  // namespace doppel

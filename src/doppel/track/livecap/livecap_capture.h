@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/track/footage.h"
+#include "doppel/track/livecap/livecap_config.h"
+
+namespace doppel {
+
+struct LivecapCaptureOptions {
+  std::filesystem::path out;
+  LivecapConfig config;
+  std::vector<std::string> sequences;  ///< names; empty: all
+  long limit_frames = 0;               ///< of each sequence; 0: all
+  bool vertices = false;               ///< `<sequence>_vertices.npy`
+  int sheet_frames = 6;                ///< rows of `<sequence>.jpg`; 0: none
+};
+
+/// Tracks sequences that one camera filmed. Pictures are read, decoded and cut out on one thread while another tracks
+/// (4.7.3); no frame is dropped. Writes into `options.out` what `track_capture` writes; `<sequence>_vertices.npy` holds
+/// the surface as it was tracked, filtered over time as the configuration says.
+/// @param footage of one camera
+/// @return what `track.json` holds: as for `track_capture`, and the IoU of the surface and of the pose alone with the
+///   masks, and milliseconds of every stage
+/// @throws UsageError for several cameras or an unknown sequence; Error when no frame of a sequence can be tracked
+nlohmann::ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options);
+
+}  // namespace doppel

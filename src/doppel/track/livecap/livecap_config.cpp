@@ -1,0 +1,71 @@
+#include "doppel/track/livecap/livecap_config.h"
+
+#include "doppel/track/config_terms.h"
+
+namespace doppel {
+namespace {
+
+void read_photometric(const ConfigReader& reader, NonrigidOptions& surface) {
+  surface.photometric_weight = reader.get("weight", surface.photometric_weight, between(0.0, 1e12));
+  surface.colour_threshold = reader.get("threshold", surface.colour_threshold, between(0.0, 2.0));
+  surface.match_exposure = reader.get("match_exposure", surface.match_exposure);
+  if (reader.has("kernels")) surface.blur_kernels = reader.list<int>("kernels");
+  for (const int size : surface.blur_kernels)
+    if (size < 1 || size > 255 || size % 2 == 0)
+      reader.fail_at_key("kernels", "a kernel is {} pixels; it must be odd, 1 to 255", size);
+  if (surface.blur_kernels.empty()) reader.fail_at_key("kernels", "there is no kernel; one step is taken for each");
+}
+
+void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
+  NonrigidOptions& surface = fit.nonrigid;
+  fit.surface = reader.get("enabled", fit.surface);
+  read_photometric(reader.section("photometric"), surface);
+  read_image_term(reader, "silhouette", surface.silhouette_weight, surface.silhouette_scale);
+  const ConfigReader silhouette = reader.section("silhouette");
+  surface.part_mask = silhouette.get("parts", surface.part_mask);
+  surface.part_growth = silhouette.get("growth", surface.part_growth, between(0.0, 1000.0));
+  surface.window_pixels = silhouette.get("pixels", surface.window_pixels, between(16, 4096));
+  read_weight(reader, "smoothness", surface.smoothness_weight);
+  read_weight(reader, "length", surface.length_weight);
+  read_weight(reader, "velocity", surface.velocity_weight);
+  read_weight(reader, "acceleration", surface.acceleration_weight);
+  surface.materials = reader.get("materials", surface.materials);
+  surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
+  surface.warp_displacements = reader.get("warp", surface.warp_displacements);
+  surface.conjugate_gradients = reader.get("conjugate_gradients", surface.conjugate_gradients, between(1, 10000));
+}
+
+}  // namespace
+
+LivecapConfig read_livecap_config(const ConfigDocument& document) {
+  LivecapConfig config;
+  LivecapOptions& fit = config.fit;
+  const ConfigReader root = document.root();
+  read_image_term(root, "keypoints", fit.keypoint_weight, fit.keypoint_scale);
+  fit.faces = root.section("keypoints").get("faces", fit.faces);
+  read_weight(root, "joints", fit.joint_weight);
+  read_image_term(root, "silhouette", fit.silhouette_weight, fit.silhouette_scale);
+  const ConfigReader silhouette = root.section("silhouette");
+  fit.outline_pixels = silhouette.get("pixels", fit.outline_pixels, between(16, 4096));
+  fit.outline_vertices = silhouette.get("vertices", fit.outline_vertices, between(1, 1000000));
+  read_weight(root, "limits", fit.limit_weight);
+  read_weight(root, "temporal", fit.temporal_weight);
+  read_weight(root, "steady", fit.steady_weight);
+  read_weight(root, "prior", fit.prior_weight);
+  read_solver(root.section("solver"), fit.solver);
+  fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
+  const ConfigReader trust = root.section("trust");
+  fit.agreement = trust.get("pixels", fit.agreement, between(1e-3, 1e6));
+  fit.smallest_share = trust.get("share", fit.smallest_share, between(0.0, 1.0));
+  fit.fewest_keypoints = trust.get("keypoints", fit.fewest_keypoints, between(1, 1000000));
+  read_surface(root.section("surface"), fit);
+  config.dofs.dofs = root.list<std::string>("dofs");
+  config.dofs.also = root.list<std::string>("also");
+  config.dofs.hold = root.list<std::string>("hold");
+  config.smoothing = root.get("smoothing", config.smoothing, between(0.0, 1000.0));
+  config.filter = root.get("filter", config.filter);
+  root.finish();
+  return config;
+}
+
+}  // namespace doppel
