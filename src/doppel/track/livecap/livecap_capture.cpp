@@ -49,9 +49,10 @@ class SurfaceFile {
   SurfaceFile(const fs::path& path, int num_vertices, bool filter)
       : stream_(path, {num_vertices, 3}), filter_(filter) {}
 
-  void add(const Eigen::Matrix3Xd& vertices) {
-    if (held_.cols() > 0) write(vertices);
-    before_ = held_.cols() > 0 ? held_ : vertices;
+  /// @param follows whether it was tracked from the frame before
+  void add(const Eigen::Matrix3Xd& vertices, bool follows) {
+    if (held_.cols() > 0) write(follows ? vertices : held_);
+    before_ = held_.cols() > 0 && follows ? held_ : vertices;
     held_ = vertices;
   }
   void close() {
@@ -110,7 +111,7 @@ class LivecapRun {
       if (stop_requested())
         fail("stopped at frame {} of sequence {}; nothing of it was kept", read->frame, sequence.name);
       const LivecapFrame found = track(*read);
-      if (file) file->add(found.vertices);
+      if (file) file->add(found.vertices, found.pose.state == FrameState::tracked);
       if (std::find(shown.begin(), shown.end(), read->frame) != shown.end())
         sheet.add(read->frame, read->seen, found.pose);
       progress.advance(1, fmt::format("{} {}", sequence.name, to_string(found.pose.state)));

@@ -32,6 +32,8 @@ void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
   surface.materials = reader.get("materials", surface.materials);
   surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
   surface.warp_displacements = reader.get("warp", surface.warp_displacements);
+  surface.snap = reader.get("snap", surface.snap);
+  surface.lonely_motion = reader.get("lonely_motion", surface.lonely_motion, between(0.0, 1e6));
   surface.conjugate_gradients = reader.get("conjugate_gradients", surface.conjugate_gradients, between(1, 10000));
 }
 

@@ -12,6 +12,7 @@
 #include "doppel/track/surface/outline_term.h"
 #include "doppel/track/surface/photometric_term.h"
 #include "doppel/track/surface/smoothness_term.h"
+#include "doppel/track/surface/snapping.h"
 #include "doppel/track/surface/surface_problem.h"
 #include "doppel/track/surface/surface_viewer.h"
 #include "doppel/track/surface/target_term.h"
@@ -35,7 +36,8 @@ void check(const NonrigidOptions& o) {
                                                     {"length weight", o.length_weight},
                                                     {"rigidity", o.rigidity},
                                                     {"velocity weight", o.velocity_weight},
-                                                    {"acceleration weight", o.acceleration_weight}};
+                                                    {"acceleration weight", o.acceleration_weight},
+                                                    {"factor of lonely motion", o.lonely_motion}};
   for (const auto& [name, value] : numbers)
     if (!(value >= 0.0) || !std::isfinite(value))
       fail("the {} of the non-rigid stage is {}; it must be 0 or more", name, value);
@@ -102,19 +104,22 @@ struct NonrigidStage::State {
   const Camera& camera;
   NonrigidOptions options;
   MeshTopology topology;
+  std::vector<double> rigidity;                  // [N]
   std::vector<double> edge_weight, rest_length;  // [edges]
   Matrix3Xd colours;                             // [3,N], or none
   SurfaceViewer viewer;
   SurfaceProblem problem;
   std::vector<Matrix3Xd> history;              // up to two surfaces, the last one first
   std::vector<Eigen::Vector3d> displacements;  // [N] of the last frame, in the rest pose
+  std::vector<char> was_outline;               // [N] in the last frame; empty: there was none
 
   State(const Character& character_in, const Camera& camera_in, const NonrigidOptions& options_in)
       : character(character_in),
         camera(camera_in),
         options(options_in),
         topology(character.mesh),
-        edge_weight(edge_weights(topology, rigidity_of(character, options))),
+        rigidity(rigidity_of(character, options)),
+        edge_weight(edge_weights(topology, rigidity)),
         rest_length(rest_lengths(character.mesh, topology.edges())),
         colours(vertex_colours(character.mesh)),
         viewer(character, camera, options.window_pixels),
@@ -142,17 +147,19 @@ struct NonrigidStage::State {
                            per_square_metre(o.acceleration_weight));
   }
 
+  OutlineTerm::Evidence evidence(const FrameEnergy& energy, const PosedSurface& start,
+                                 const OutlineField& outline) const {
+    return {camera, outline, energy.view.parts, viewer.vertex_parts(), start.normals};
+  }
+
   void add_data_terms(FrameEnergy& energy, const PosedSurface& start, const OutlineField& outline,
                       const cv::Mat& picture) {
     const NonrigidOptions& o = options;
     const CropBox& box = outline.box();
     energy.view = viewer.look(start, box, thesis_pixels_to_picture(camera, o.part_growth));
     if (!o.part_mask) energy.view.parts = PartMask();
-    energy.add<OutlineTerm>(
-        o.silhouette_weight,
-        OutlineTerm::Evidence{camera, outline, energy.view.parts, viewer.vertex_parts(), start.normals},
-        energy.view.outline, per_square_reference_pixel(o.silhouette_weight),
-        reference_from_thesis(o.silhouette_scale));
+    energy.add<OutlineTerm>(o.silhouette_weight, evidence(energy, start, outline), energy.view.outline,
+                            per_square_reference_pixel(o.silhouette_weight), reference_from_thesis(o.silhouette_scale));
     if (o.photometric_weight == 0.0 || picture.empty() || colours.cols() == 0) return;
     energy.pyramid = ColourPyramid(picture, {box.u0, box.v0, box.side, box.side}, o.blur_kernels);
     if (energy.pyramid.num_levels() == 0) return;
@@ -181,6 +188,19 @@ struct NonrigidStage::State {
     return result;
   }
 
+  /// What is left between the outlines, and what moves alone.
+  void finish(NonrigidSurface& surface, const FrameEnergy& energy, const PosedSurface& start,
+              const OutlineField& outline) {
+    if (options.snap && options.silhouette_weight > 0.0) {
+      surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
+                                              topology, rigidity, was_outline);
+      was_outline.assign(rigidity.size(), 0);
+      for (const OutlineVertex& vertex : energy.view.outline) was_outline[static_cast<std::size_t>(vertex.vertex)] = 1;
+    }
+    if (options.lonely_motion > 0.0 && !history.empty())
+      clamp_lonely_motion(surface.vertices, history[0], topology, options.lonely_motion);
+  }
+
   void remember(const PosedSurface& posed, const Matrix3Xd& vertices) {
     for (std::size_t i = 0; options.warp_displacements && i < displacements.size(); ++i) {
       const auto column = static_cast<Eigen::Index>(i);
@@ -201,6 +221,7 @@ NonrigidStage& NonrigidStage::operator=(NonrigidStage&&) noexcept = default;
 
 void NonrigidStage::cut() {
   state_->history.clear();
+  state_->was_outline.clear();
   std::fill(state_->displacements.begin(), state_->displacements.end(), Eigen::Vector3d::Zero());
 }
 
@@ -216,6 +237,7 @@ NonrigidSurface NonrigidStage::fit(const PosedSurface& posed, const OutlineField
   state_->add_data_terms(energy, start, outline, picture);
   state_->add_regularisers(energy, posed);
   NonrigidSurface result = state_->minimised(energy, start.vertices);
+  state_->finish(result, energy, start, outline);
   state_->remember(posed, result.vertices);
   return result;
 }

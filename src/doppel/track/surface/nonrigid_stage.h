@@ -4,7 +4,8 @@
 ///
 /// A frame starts from the skinned surface with the last frame's displacements on it, carried along by the pose
 /// (4.6.5). Three Gauss-Newton steps follow, one on each level of the picture's pyramid, each solved by a few
-/// iterations of preconditioned conjugate gradients (4.7.2).
+/// iterations of preconditioned conjugate gradients (4.7.2). What is left between the outlines is closed in one go
+/// (4.6.6).
 
 #include <memory>
 #include <opencv2/core.hpp>
@@ -36,8 +37,10 @@ struct NonrigidOptions {
   double velocity_weight = 0.25;
   double acceleration_weight = 0.1;
   bool warp_displacements = true;  ///< start from the last frame's displacements
-  int conjugate_gradients = 4;     ///< iterations of each step
-  int window_pixels = 256;         ///< side of the window that the surface is drawn in to see outline and visibility
+  bool snap = true;                ///< put outline vertices onto the mask's outline at the end (4.6.6)
+  double lonely_motion = 5.0;   ///< a vertex that moves so many times as far as its neighbours is held back; 0: never
+  int conjugate_gradients = 4;  ///< iterations of each step
+  int window_pixels = 256;      ///< side of the window that the surface is drawn in to see outline and visibility
 };
 
 /// The surface of one frame.
@@ -45,6 +48,7 @@ struct NonrigidSurface {
   Eigen::Matrix3Xd vertices;    ///< [3,N] world metres
   std::vector<TermCost> terms;  ///< at the end, on the finest level
   int outline_vertices = 0;
+  int snapped_vertices = 0;   ///< of these
   int coloured_vertices = 0;  ///< that were compared with the picture on the finest level
 };
 

@@ -1,0 +1,149 @@
+#include "doppel/track/livecap/livecap_capture.h"
+
+#include <ATen/Parallel.h>
+#include <gmock/gmock.h>
+
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "support/message_of.h"
+#include "track/tube_capture.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using support::message_of;
+using ::testing::HasSubstr;
+
+class LivecapCapture : public TrackCapture {
+ protected:
+  LivecapCaptureOptions options(const std::string& out) const {
+    LivecapCaptureOptions options;
+    options.out = root() / out;
+    options.vertices = true;
+    options.config.fit.fewest_keypoints = 6;  // of eight
+    return options;
+  }
+  nlohmann::ordered_json track(const LivecapCaptureOptions& options) const {
+    return track_livecap(*Footage::open(root(), options.config.fit.outline_pixels, "c1"), options);
+  }
+};
+
+TEST_F(LivecapCapture, FindsMotionAndSurfaceWithOneCamera) {
+  const auto report = track(options("tracked"));
+  EXPECT_EQ(report["method"], "livecap");
+  const auto& walk = report["sequences"]["walk"];
+  EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
+  EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
+  EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
+  EXPECT_GT(walk["livecap"]["IoU"].get<double>(), 0.93);
+  EXPECT_EQ(walk["livecap"]["IoU_per_masked_frame"].size(), kFrames - 1u);
+  EXPECT_GT(walk["livecap"]["frames_per_second"].get<double>(), 0.0);
+
+  const Motion motion = read_motion(root() / "tracked/walk.motion", character_.num_dofs());
+  ASSERT_EQ(motion.num_frames(), kFrames);
+  for (int frame = 0; frame < kFrames; ++frame) EXPECT_LT(error(motion, frame), 0.06) << "frame " << frame;
+  EXPECT_TRUE(fs::exists(root() / "tracked/walk.bvh"));
+  EXPECT_TRUE(fs::exists(root() / "tracked/capture.yaml"));
+  const NpyArray vertices = read_npy(root() / "tracked/walk_vertices.npy");
+  EXPECT_EQ(vertices.shape, (std::vector<std::int64_t>{kFrames, character_.num_vertices(), 3}));
+}
+
+TEST_F(LivecapCapture, SameFilesWithAnyNumberOfThreads) {
+  const int before = at::get_num_threads();
+  at::set_num_threads(1);
+  track(options("one"));
+  at::set_num_threads(3);
+  track(options("three"));
+  at::set_num_threads(before);
+  const auto bytes = [&](const std::string& file) {
+    std::ifstream in(root() / file, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_EQ(bytes("one/walk_vertices.npy"), bytes("three/walk_vertices.npy"));
+  EXPECT_EQ(bytes("one/walk.motion"), bytes("three/walk.motion"));
+}
+
+TEST_F(LivecapCapture, FiltersTheVertices) {
+  LivecapCaptureOptions plain = options("plain");
+  plain.config.filter = false;
+  track(plain);
+  track(options("filtered"));
+  const NpyArray raw = read_npy(root() / "plain/walk_vertices.npy");
+  const NpyArray filtered = read_npy(root() / "filtered/walk_vertices.npy");
+  const auto frame = 3u * static_cast<std::size_t>(character_.num_vertices());
+  const auto a = raw.as<float>(), b = filtered.as<float>();
+  for (std::size_t i = 0; i < frame; i += 17) {
+    EXPECT_NEAR(b[frame + i], 0.15f * a[i] + 0.7f * a[frame + i] + 0.15f * a[2 * frame + i], 1e-5f);
+    EXPECT_NEAR(b[i], 0.85f * a[i] + 0.15f * a[frame + i], 1e-5f) << "the first frame has nothing before it";
+  }
+}
+
+TEST_F(LivecapCapture, SaysWhatIsWrong) {
+  EXPECT_THAT(message_of<UsageError>([&] { track_livecap(*Footage::open(root(), 128), options("tracked")); }),
+              HasSubstr("choose one of c0, c1, c2, c3 with --camera"));
+  EXPECT_THAT(message_of<Error>([&] { Footage::open(root(), 128, "c9"); }), HasSubstr("c9"));
+  LivecapCaptureOptions wrong = options("tracked");
+  wrong.sequences = {"run"};
+  EXPECT_THAT(message_of<UsageError>([&] { track(wrong); }), HasSubstr("it has walk"));
+  const auto config_of = [](const std::string& text) {
+    return read_livecap_config(ConfigDocument::parse(text, "livecap.yaml"));
+  };
+  EXPECT_EQ(config_of("surface: {photometric: {weight: 0}}").fit.nonrigid.photometric_weight, 0.0);
+  EXPECT_THAT(message_of<Error>([&] { config_of("surface: {photometric: {kernels: [4]}}"); }), HasSubstr("odd"));
+  EXPECT_THAT(message_of<Error>([&] { config_of("surface: {snapp: true}"); }), HasSubstr("snap"));
+}
+
+TEST(LivecapConfig, TheFileHoldsTheDefaults) {
+  const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs/track/livecap.yaml";
+  const LivecapConfig file = read_livecap_config(ConfigDocument::load(path)), defaults;
+  const auto numbers = [](const LivecapConfig& config) {
+    const LivecapOptions& f = config.fit;
+    const NonrigidOptions& s = f.nonrigid;
+    std::vector<double> all{f.keypoint_weight,
+                            f.keypoint_scale,
+                            f.joint_weight,
+                            f.silhouette_weight,
+                            f.silhouette_scale,
+                            f.temporal_weight,
+                            f.limit_weight,
+                            f.prior_weight,
+                            f.steady_weight,
+                            double(f.faces),
+                            double(f.outline_pixels),
+                            double(f.outline_vertices),
+                            double(f.solver.iterations),
+                            f.solver.initial_damping,
+                            f.solver.smallest_gain,
+                            double(f.start_iterations),
+                            f.agreement,
+                            f.smallest_share,
+                            double(f.fewest_keypoints),
+                            double(f.surface),
+                            s.photometric_weight,
+                            s.colour_threshold,
+                            double(s.match_exposure),
+                            s.silhouette_weight,
+                            s.silhouette_scale,
+                            double(s.part_mask),
+                            s.part_growth,
+                            s.smoothness_weight,
+                            s.length_weight,
+                            double(s.materials),
+                            s.velocity_weight,
+                            s.acceleration_weight,
+                            double(s.warp_displacements),
+                            double(s.snap),
+                            s.lonely_motion,
+                            double(s.conjugate_gradients),
+                            double(s.window_pixels),
+                            config.smoothing,
+                            double(config.filter)};
+    for (const int size : s.blur_kernels) all.push_back(size);
+    return all;
+  };
+  EXPECT_EQ(numbers(file), numbers(defaults));
+}
+
+}  // namespace
+}  // namespace doppel
