@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "doppel/core/error.h"
+#include "doppel/track/agreement.h"
 #include "doppel/track/alignment.h"
 #include "doppel/track/terms/contour_term.h"
 #include "doppel/track/terms/keypoint_term.h"
@@ -76,7 +77,7 @@ MultiviewTracker::MultiviewTracker(const Character& character, const std::vector
       options_(options),
       outlines_(character, cameras_, options.outline_pixels, options.outline_vertices),
       rigidity_(rigidity_of_landmarks(model_)),
-      last_trusted_(character.rest_dofs) {
+      history_(character.rest_dofs) {
   check(options);
   if (cameras_.size() < 2)
     fail<UsageError>(
@@ -96,11 +97,11 @@ void MultiviewTracker::cut() {
 TrackedFrame MultiviewTracker::track(const FrameEvidence& frame) {
   const Points points = triangulate_all(cameras_, frame, model_.num_landmarks());
   Fit best;
-  best.frame.dofs = last_trusted_;
+  best.frame.dofs = history_.last();
   judge(frame, best.frame);
   const bool follows = !history_.empty(), visible = best.frame.keypoints >= options_.fewest_keypoints;
   if (visible && follows) {
-    const std::vector<double> expected = predicted();
+    const std::vector<double> expected = history_.predicted(model_.root());
     best = fit(frame, expected, &expected);
     if (best.frame.trusted()) best.frame.state = FrameState::tracked;
   }
@@ -124,25 +125,7 @@ void MultiviewTracker::remember(const TrackedFrame& found) {
     return;
   }
   segment_begins_ = false;
-  last_trusted_ = found.dofs;
-  if (found.state != FrameState::tracked) history_.clear();
-  history_.push_back(found.dofs);
-  if (history_.size() > 2) history_.erase(history_.begin());
-}
-
-/// The last two poses, continued at the same speed.
-std::vector<double> MultiviewTracker::predicted() const {
-  const std::vector<double>& last = history_.back();
-  if (history_.size() < 2) return last;
-  std::vector<double> next = last;
-  for (std::size_t d = 0; d < next.size(); ++d) next[d] += last[d] - history_.front()[d];
-  if (const auto& root = model_.root()) {
-    const Eigen::Matrix3d before = root->matrix(history_.front()), now = root->matrix(last);
-    for (const int dof : root->root().rotation)
-      next[static_cast<std::size_t>(dof)] = last[static_cast<std::size_t>(dof)];
-    root->set_matrix(next, now * before.transpose() * now);
-  }
-  return next;
+  history_.add(found.dofs, found.state == FrameState::tracked);
 }
 
 /// A pose from triangulated landmarks alone: the root first, then all. Of two starts, the rest pose and the last pose
@@ -155,7 +138,7 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
   const std::vector<double>& rest = model_.character().rest_dofs;
   std::optional<std::vector<double>> best;
   double least = std::numeric_limits<double>::infinity();
-  for (const std::vector<double>* from : {&rest, &last_trusted_}) {
+  for (const std::vector<double>* from : {&rest, &history_.last()}) {
     std::vector<double> dofs = align_root(model_, *from, points, rigidity_).value_or(*from);
     Terms terms;
     terms.push_back(std::make_unique<PointTerm>("points", targets, kPointWeight,
@@ -222,25 +205,10 @@ MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vec
 
 /// How many keypoints agree with the pose.
 void MultiviewTracker::judge(const FrameEvidence& frame, TrackedFrame& found) const {
-  const PosedBody body = model_.pose(found.dofs, false);
-  int agreeing = 0;
-  double sum = 0.0;
-  found.keypoints = 0;
-  for (std::size_t c = 0; c < cameras_.size(); ++c)
-    for (int m = 0; m < model_.num_landmarks(); ++m) {
-      const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(m)];
-      if (!(seen.confidence >= kSeenConfidence)) continue;
-      ++found.keypoints;
-      const auto projected = project_with_slope(cameras_[c], model_.landmark(body, m));
-      if (!projected) continue;
-      const double distance =
-          reference_pixels(cameras_[c]) * (projected->pixel - Eigen::Vector2d(seen.x, seen.y)).norm();
-      if (distance > options_.agreement) continue;
-      ++agreeing;
-      sum += distance;
-    }
-  found.agreeing = found.keypoints > 0 ? static_cast<double>(agreeing) / found.keypoints : 0.0;
-  found.keypoint_error = agreeing > 0 ? sum / agreeing : 0.0;
+  const Agreement agreement = agreement_of(model_, model_.pose(found.dofs, false), cameras_, frame, options_.agreement);
+  found.keypoints = agreement.keypoints;
+  found.agreeing = agreement.share;
+  found.keypoint_error = agreement.error;
 }
 
 /// Whether a landmark lies far from where at least three views place it: a limb is in the wrong place, though most

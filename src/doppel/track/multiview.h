@@ -14,6 +14,7 @@
 #include "doppel/track/evidence.h"
 #include "doppel/track/fit_problem.h"
 #include "doppel/track/outline.h"
+#include "doppel/track/pose_history.h"
 #include "doppel/track/pose_model.h"
 #include "doppel/track/triangulation.h"
 
@@ -83,7 +84,6 @@ class MultiviewTracker {
  private:
   struct Fit;
   using Points = std::vector<std::optional<TriangulatedPoint>>;
-  std::vector<double> predicted() const;
   std::optional<std::vector<double>> start_anew(const Points& points) const;
   Fit fit(const FrameEvidence& frame, std::vector<double> start, const std::vector<double>* expected) const;
   std::vector<std::unique_ptr<PoseTerm>> terms(const FrameEvidence& frame, const std::vector<double>* expected) const;
@@ -95,9 +95,8 @@ class MultiviewTracker {
   std::vector<Camera> cameras_;
   MultiviewOptions options_;
   OutlineFinder outlines_;
-  std::vector<double> rigidity_;              ///< [M]
-  std::vector<std::vector<double>> history_;  ///< up to two poses, oldest first; none after a cut or a loss
-  std::vector<double> last_trusted_;          ///< rest pose at first
+  std::vector<double> rigidity_;  ///< [M]
+  PoseHistory history_;           ///< empty after a cut or a loss; begins with the rest pose
   bool segment_begins_ = true;
 };
 
