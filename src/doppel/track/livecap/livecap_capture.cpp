@@ -62,8 +62,8 @@ class SurfaceFile {
 
  private:
   void write(const Eigen::Matrix3Xd& after) {
-    const Eigen::Matrix3Xf out =
-        filter_ ? (0.15 * before_ + 0.7 * held_ + 0.15 * after).cast<float>() : held_.cast<float>();
+    Eigen::Matrix3Xf out = held_.cast<float>();
+    if (filter_) out = (0.15 * before_ + 0.7 * held_ + 0.15 * after).cast<float>();
     stream_.append(out.data());
   }
 
