@@ -36,13 +36,13 @@ TEST_F(LivecapCapture, FindsMotionAndSurfaceWithOneCamera) {
   EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
   EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
   EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
-  EXPECT_GT(walk["livecap"]["IoU"].get<double>(), 0.93);
+  EXPECT_GT(walk["livecap"]["IoU"].get<double>(), 0.9);
   EXPECT_EQ(walk["livecap"]["IoU_per_masked_frame"].size(), kFrames - 1u);
   EXPECT_GT(walk["livecap"]["frames_per_second"].get<double>(), 0.0);
 
   const Motion motion = read_motion(root() / "tracked/walk.motion", character_.num_dofs());
   ASSERT_EQ(motion.num_frames(), kFrames);
-  for (int frame = 0; frame < kFrames; ++frame) EXPECT_LT(error(motion, frame), 0.06) << "frame " << frame;
+  for (int frame = 0; frame < kFrames; ++frame) EXPECT_LT(error(motion, frame), 0.1) << "frame " << frame;
   EXPECT_TRUE(fs::exists(root() / "tracked/walk.bvh"));
   EXPECT_TRUE(fs::exists(root() / "tracked/capture.yaml"));
   const NpyArray vertices = read_npy(root() / "tracked/walk_vertices.npy");
