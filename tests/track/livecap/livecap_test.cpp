@@ -49,7 +49,7 @@ struct Scene {
   LivecapInput see(const std::vector<double>& pose) const {
     LivecapInput input;
     input.view = keypoints_of(model, {camera}, pose).front();
-    input.view.outline = OutlineField(coverage_of(surface(pose), character, camera), 256);
+    input.view.outline = OutlineField(coverage_of(surface(pose), character, camera), 512);
     const PosedBody body = model.pose(pose, false);
     const Vector3d origin = model.landmark(body, 0);
     for (int m = 0; m < model.num_landmarks(); ++m)

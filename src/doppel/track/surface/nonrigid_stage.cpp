@@ -79,6 +79,23 @@ struct FrameEnergy {
   }
 };
 
+/// The part of the picture that a surface covers, and as much around it as it may move.
+cv::Rect window_around(const Matrix3Xd& vertices, const Camera& camera) {
+  constexpr double kAround = 24.0;  // pixels; kernels reach 7, a vertex moves some
+  Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
+  for (Eigen::Index i = 0; i < vertices.cols(); ++i) {
+    const auto projected = project_with_slope(camera, vertices.col(i));
+    if (!projected) continue;
+    low = low.min(projected->pixel.array());
+    high = high.max(projected->pixel.array());
+  }
+  const Eigen::Array2d size(camera.width, camera.height);
+  low = (low - kAround).max(0.0).min(size);
+  high = (high + kAround).max(0.0).min(size);
+  return {static_cast<int>(low.x()), static_cast<int>(low.y()), static_cast<int>((high - low).max(0.0).x()),
+          static_cast<int>((high - low).max(0.0).y())};
+}
+
 /// Template colours as bright as the picture is: one factor a channel, from the vertices that the camera sees.
 Matrix3Xd as_bright_as_picture(const Matrix3Xd& colours, const FrameEnergy& energy, const Camera& camera,
                                const Matrix3Xd& vertices) {
@@ -161,7 +178,7 @@ struct NonrigidStage::State {
     energy.add<OutlineTerm>(o.silhouette_weight, evidence(energy, start, outline), energy.view.outline,
                             per_square_reference_pixel(o.silhouette_weight), reference_from_thesis(o.silhouette_scale));
     if (o.photometric_weight == 0.0 || picture.empty() || colours.cols() == 0) return;
-    energy.pyramid = ColourPyramid(picture, {box.u0, box.v0, box.side, box.side}, o.blur_kernels);
+    energy.pyramid = ColourPyramid(picture, window_around(start.vertices, camera), o.blur_kernels);
     if (energy.pyramid.num_levels() == 0) return;
     energy.colours = o.match_exposure ? as_bright_as_picture(colours, energy, camera, start.vertices) : colours;
     energy.photometric = energy.add<PhotometricTerm>(o.photometric_weight, camera, energy.pyramid, energy.view.visible,
