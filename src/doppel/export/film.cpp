@@ -4,13 +4,14 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/data/picture_tensor.h"
+#include "doppel/data/video_file.h"
 #include "doppel/render/buffers.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/sh_lighting.h"
+#include "doppel/render/soft_light.h"
 
 namespace doppel {
 namespace {
@@ -19,47 +20,7 @@ using Eigen::Vector3d;
 using torch::Tensor;
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kAmbient = 0.55, kKey = 0.5;    // shares of the light from everywhere and from the key
-const Vector3d kKeyDirection(0.4, -0.8, -0.45);  // in the camera's axes: from above its right shoulder
 constexpr double kGrey = 0.75;
-
-/// Adds `strength` * max(0, n . d) in its first three bands (1/4 + 1/2 c + 5/32 (3 c^2 - 1), c = n . d) to coefficients
-/// in the order of sh_basis.
-void add_lambert(std::array<double, 9>& light, double strength, const Vector3d& d) {
-  const double square = 5.0 / 32.0 * strength;
-  light[0] += strength / 4;
-  light[1] += strength / 2 * d.y();
-  light[2] += strength / 2 * d.z();
-  light[3] += strength / 2 * d.x();
-  light[4] += 6 * square * d.x() * d.y();
-  light[5] += 6 * square * d.y() * d.z();
-  light[6] += square * (d.z() * d.z() - 0.5 * (d.x() * d.x() + d.y() * d.y()));
-  light[7] += 6 * square * d.x() * d.z();
-  light[8] += 1.5 * square * (d.x() * d.x() - d.y() * d.y());
-}
-
-/// A sky that is brighter above, and a key that goes with the camera. @return [1,1,3,9]
-Tensor soft_light(const Camera& camera, double albedo) {
-  std::array<double, 9> light{};
-  light[0] = 0.75 * kAmbient;
-  light[1] = 0.25 * kAmbient;
-  add_lambert(light, kKey, camera.R.transpose() * kKeyDirection.normalized());
-  Tensor coefficients = torch::empty({1, 1, 3, 9});
-  for (int channel = 0; channel < 3; ++channel)
-    for (int j = 0; j < 9; ++j) coefficients[0][0][channel][j] = albedo * light[static_cast<std::size_t>(j)];
-  return coefficients;
-}
-
-/// [H,W,3] RGB 0..1 as 8-bit BGR.
-cv::Mat to_picture(const Tensor& colour) {
-  const Tensor bytes = (colour.clamp(0, 1) * 255 + 0.5).to(torch::kUInt8).flip(-1).contiguous();
-  return cv::Mat(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), CV_8UC3, bytes.data_ptr()).clone();
-}
-
-Tensor from_picture(const cv::Mat& picture) {
-  const cv::Mat whole = picture.isContinuous() ? picture : picture.clone();
-  return torch::from_blob(whole.data, {whole.rows, whole.cols, 3}, torch::kUInt8).to(torch::kFloat32).flip(-1) / 255;
-}
 
 class FilmWriter : public SequenceWriter {
  public:
@@ -69,28 +30,18 @@ class FilmWriter : public SequenceWriter {
         mesh_(character.mesh),
         render_mesh_(character.mesh),
         camera_path_(std::move(path)),
-        options_(options),
-        video_path_(folder / (camera_path_->name() + ".mp4")),
-        temporary_(folder / ("." + camera_path_->name() + ".part.mp4")) {
+        options_(options) {
     const int width = camera_path_->width(), height = camera_path_->height();
     if (!mesh_.texture.empty() && render_mesh_.has_uvs()) texture_ = texture_tensor(mesh_);
     cv::Mat behind(height, width, CV_8UC3,
                    cv::Scalar(options.backdrop.colour[0], options.backdrop.colour[1], options.backdrop.colour[2]));
     if (!options.backdrop.picture.empty())
       behind = fit_backdrop(options.backdrop, width, height, camera_path_->name() == "turntable");
-    behind_ = from_picture(behind);
+    behind_ = tensor_of(behind);
     std::filesystem::create_directories(folder);
-    if (!options.video) return;
-    video_.open(temporary_.string(), cv::VideoWriter::fourcc('m', 'p', '4', 'v'), options.frames_per_second,
-                {width, height});
-    if (!video_.isOpened())
-      fail("opening {} for writing: this OpenCV build has no encoder for MPEG-4 video", video_path_.string());
-  }
-  ~FilmWriter() override {
-    if (!video_.isOpened()) return;
-    video_.release();
-    std::error_code ignored;
-    std::filesystem::remove(temporary_, ignored);
+    if (options.video)
+      video_ = std::make_unique<VideoFile>(folder / (camera_path_->name() + ".mp4"), cv::Size(width, height),
+                                           options.frames_per_second);
   }
 
   void write(const PosedFrame& frame) override {
@@ -102,7 +53,7 @@ class FilmWriter : public SequenceWriter {
           "camera, or check the units of the calibration",
           camera.name, frame_, camera.centre().x(), camera.centre().y(), camera.centre().z());
     const cv::Mat picture = draw(frame, camera);
-    if (options_.video) video_.write(picture);
+    if (video_) video_->write(picture);
     if (options_.pictures) write_picture(picture);
     ++frame_;
   }
@@ -111,9 +62,7 @@ class FilmWriter : public SequenceWriter {
     if (frame_ > 0 && !seen_)
       log::warn("filming {}: the actor is in no frame of it; do motion and camera share one world?",
                 camera_path_->name());
-    if (!options_.video) return;
-    video_.release();
-    std::filesystem::rename(temporary_, video_path_);
+    if (video_) video_->close();
   }
 
  private:
@@ -132,7 +81,7 @@ class FilmWriter : public SequenceWriter {
     const SupersampledImage drawn = render_supersampled(scene, render_mesh_, camera.height, camera.width,
                                                         RenderMode::colour, options_.supersampling, shading);
     seen_ = seen_ || drawn.alpha.gt(0).any().item<bool>();
-    return to_picture(drawn.over(behind_)[0][0]);
+    return picture_of(drawn.over(behind_)[0][0]);
   }
 
   void write_picture(const cv::Mat& picture) const {
@@ -145,9 +94,8 @@ class FilmWriter : public SequenceWriter {
   RenderMesh render_mesh_;
   std::unique_ptr<CameraPath> camera_path_;
   FilmOptions options_;
-  std::filesystem::path video_path_, temporary_;
   Tensor texture_, behind_;
-  cv::VideoWriter video_;
+  std::unique_ptr<VideoFile> video_;
   int frame_ = 0;
   bool seen_ = false;
 };
