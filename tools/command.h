@@ -25,6 +25,7 @@ Command add_character(CLI::App& program);
 Command add_prepare(CLI::App& program);
 Command add_track(CLI::App& program);
 Command add_train(CLI::App& program);
+Command add_adapt(CLI::App& program);
 Command add_evaluate(CLI::App& program);
 Command add_compare(CLI::App& program);
 Command add_animate(CLI::App& program);

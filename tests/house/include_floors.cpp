@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 const std::map<std::string, int> kFloors = {
     {"core", 0}, {"geometry", 1}, {"character", 2}, {"layers", 3}, {"render", 3}, {"data", 4}, {"losses", 4},
-    {"nets", 4}, {"train", 5},    {"track", 5},     {"eval", 5},   {"export", 6}, {"tools", 7}};
+    {"nets", 4}, {"train", 5},    {"eval", 5},      {"track", 6},  {"export", 6}, {"tools", 7}};
 
 struct Include {
   std::string target;  // "doppel/core/error.h", or relative to src/ after resolving

@@ -63,7 +63,7 @@ TEST(Solver, FindsRosenbrocksMinimum) {
   EXPECT_LT(summary.final_cost, 1e-12);
   ASSERT_EQ(summary.terms.size(), 1u);
   EXPECT_EQ(summary.terms[0].cost, summary.final_cost);
-  EXPECT_NE(summary.reason, StopReason::iteration_limit) << to_string(summary.reason);
+  EXPECT_NE(summary.reason, SolverStop::iteration_limit) << to_string(summary.reason);
 }
 
 TEST(Solver, LinearProblemsTakeOneUndampedStep) {
@@ -91,20 +91,20 @@ TEST(Solver, SaysWhyItStopped) {
   Eigen::VectorXd x = Eigen::VectorXd::Constant(1, 2.0);
   SmallProblem right = line(1.0);
   options.iterations = 1;
-  EXPECT_EQ(minimise(right, x, options).reason, StopReason::iteration_limit);
+  EXPECT_EQ(minimise(right, x, options).reason, SolverStop::iteration_limit);
   options.iterations = 500;
-  EXPECT_EQ(minimise(right, x, options).reason, StopReason::small_gain);
+  EXPECT_EQ(minimise(right, x, options).reason, SolverStop::small_gain);
   x[0] = 2.0;
   SmallProblem wrong = line(-1.0);
-  EXPECT_EQ(minimise(wrong, x, options).reason, StopReason::no_descent);
+  EXPECT_EQ(minimise(wrong, x, options).reason, SolverStop::no_descent);
   EXPECT_EQ(x[0], 2.0);
   x[0] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(minimise(right, x, options).reason, StopReason::not_finite);
+  EXPECT_EQ(minimise(right, x, options).reason, SolverStop::not_finite);
   SmallProblem near = line(1.0);
   x[0] = 1e-3;
   options.smallest_gain = 0.0;
   options.smallest_step = 1.0;
-  EXPECT_EQ(minimise(near, x, options).reason, StopReason::small_step);
+  EXPECT_EQ(minimise(near, x, options).reason, SolverStop::small_step);
 }
 
 TEST(Solver, AnUnknownThatNothingDependsOnStays) {

@@ -2,14 +2,13 @@
 #include <gtest/gtest.h>
 
 #include "doppel/core/error.h"
-#include "doppel/data/prepare.h"
-#include "doppel/data/synth/synth.h"
 #include "doppel/train/checkpoint.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/trained_pose.h"
 #include "support/message_of.h"
+#include "support/small_pose_run.h"
 #include "support/temporary_folder.h"
 
 namespace doppel {
@@ -87,43 +86,18 @@ TEST(PoseConfigurations, MistakesAreNamed) {
   EXPECT_THAT(complaint("stage: deepcap\nposenet: {}\negnet: {}\n"), HasSubstr("unknown key"));
 }
 
-constexpr char kChain[] = R"(stage: deepcap
-posenet:
-  data: {batch_size: 4}
-  model: {backbone: resnet18, input_size: 64}
-  phases:
-    - {iterations: 10, learning_rate: 1e-3, limits: 1}
-    - {iterations: 4, learning_rate: 1e-4}
-  train: {log_every: 2, checkpoint_every: 6}
-defnet:
-  data: {batch_size: 2, cameras_per_sample: 2}
-  model: {backbone: resnet18, input_size: 64}
-  train: {iterations: 6, learning_rate: 1e-4, log_every: 2, checkpoint_every: 3}
-)";
-
 /// The synthetic actor in a few frames, and both stages trained on it for a moment.
 class PoseTraining : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TemporaryFolder;
-    synth::SynthOptions actor = synth::SynthOptions::preset("tiny");
-    actor.frames = 8;
-    actor.test_frames = 4;
-    actor.cameras = 3;
-    actor.size = 128;
-    synth::write_synthetic_capture(*folder_ / "capture", actor);
-    PrepareOptions prepare;
-    prepare.out = *folder_ / "prepared";
-    prepare.image_size = 96;
-    prepare.mask_size = 96;
-    prepare_capture(read_capture(*folder_ / "capture"), prepare);
+    support::prepare_small_actor(folder_->path());
     summaries_ = train_stages(chain(), *folder_ / "run", {});
   }
   static void TearDownTestSuite() { delete folder_; }
 
   static StageChain chain(const std::vector<std::string>& overrides = {}) {
-    return StageChain::read(
-        ConfigDocument::parse("capture: " + (*folder_ / "prepared").string() + "\n" + kChain, "chain.yaml", overrides));
+    return support::small_pose_chain(*folder_ / "prepared", overrides);
   }
   static TemporaryFolder* folder_;
   static std::vector<StageSummary> summaries_;

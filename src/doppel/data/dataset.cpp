@@ -136,6 +136,23 @@ std::vector<SampleId> Dataset::samples(Split split, int every) const {
   return result;
 }
 
+void Dataset::hold_out(double share) {
+  std::vector<DatasetSequence> held_out;
+  for (DatasetSequence& sequence : sequences_) {
+    if (sequence.split != Split::train) continue;
+    const long held = std::lround(share * static_cast<double>(sequence.num_frames()));
+    if (held < 1 || held >= sequence.num_frames())
+      fail<UsageError>("{}: of the {} frames of sequence {} a share of {} cannot be held out", folder_.string(),
+                       sequence.num_frames(), sequence.name, share);
+    held_out.push_back(sequence);
+    held_out.back().split = Split::test;
+    held_out.back().first_frame = sequence.last_frame - held + 1;
+    sequence.last_frame -= held;
+  }
+  if (held_out.empty()) fail<UsageError>("{}: there is no sequence to train on", folder_.string());
+  sequences_.insert(sequences_.end(), held_out.begin(), held_out.end());
+}
+
 torch::Tensor Dataset::dof_window(const SampleId& sample, int window) const {
   const DatasetSequence& sequence = sequences_.at(sample.sequence);
   if (!sequence.has_motion())

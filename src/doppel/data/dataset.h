@@ -86,6 +86,10 @@ class Dataset {
   /// All frames of a split, by sequence and frame. @param every take each n-th frame of a sequence
   std::vector<SampleId> samples(Split split, int every = 1) const;
 
+  /// Takes the last `share` of every sequence of the training split into the test split, in this object alone.
+  /// @throws UsageError when that leaves nothing to train on, or nothing to test
+  void hold_out(double share);
+
   /// The landmarks that keypoints were prepared for: [M], none when the capture had no keypoints.
   const std::vector<Marker>& landmarks() const { return landmarks_; }
   /// @throws UsageError that says how to prepare keypoints when there are none

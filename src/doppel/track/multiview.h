@@ -61,7 +61,7 @@ struct TrackedFrame {
   double keypoint_error = 0.0;                      ///< mean distance of those that agree, reference pixels
   int iterations = 0;                               ///< Gauss-Newton steps of all fits of this frame
   std::vector<TermCost> terms;                      ///< at the end
-  StopReason reason = StopReason::iteration_limit;  ///< of the last fit
+  SolverStop reason = SolverStop::iteration_limit;  ///< of the last fit
 
   bool trusted() const { return state != FrameState::lost; }
 };

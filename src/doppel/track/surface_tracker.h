@@ -37,7 +37,7 @@ struct SurfaceFrame {
   double overlap = 0.0;            ///< and of the bent surface
   int iterations = 0;
   std::vector<TermCost> terms;  ///< at the end
-  StopReason reason = StopReason::iteration_limit;
+  SolverStop reason = SolverStop::iteration_limit;
 };
 
 class SurfaceTracker {

@@ -13,7 +13,7 @@ namespace doppel {
 
 class Checkpoint;
 
-/// Options of the optimiser, with the thesis's values as defaults (method-notes 14.1: no decay, no clipping).
+/// Options of the optimiser, with the thesis's values as defaults (no decay, no clipping).
 struct AdamOptions {
   double beta1 = 0.9, beta2 = 0.999;
   double epsilon = 1e-8;

@@ -217,6 +217,15 @@ void CheckpointFolder::remove_leftovers() const {
   }
 }
 
+void CheckpointFolder::keep_only(std::int64_t step) {
+  if (!fs::exists(path(step))) fail("{}: there is no checkpoint of step {}", folder_.string(), step);
+  write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  for (const std::int64_t other : steps()) {
+    std::error_code ignored;
+    if (other != step) fs::remove(path(other), ignored);
+  }
+}
+
 void CheckpointFolder::clear() {
   std::error_code ignored;
   if (!fs::is_directory(folder_)) return;

@@ -64,6 +64,8 @@ class CheckpointFolder {
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
   /// Saves, moves `latest`, removes what need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);
+  /// Removes all but one: the newest from now on. @throws Error when there is none of this step
+  void keep_only(std::int64_t step);
   /// Removes all checkpoints and what an interrupted write left behind.
   void clear();
 

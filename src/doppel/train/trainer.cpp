@@ -56,6 +56,7 @@ TrainSummary Trainer::run() {
   start_ = std::chrono::steady_clock::now();
   resume();
   summary.resumed_at = step_;
+  if (options_.keep_start && saved_step_ < 0) save_checkpoint();
   metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
   tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
   {

@@ -28,6 +28,7 @@ struct TrainerOptions {
   std::int64_t keep_every = 0;
   std::int64_t pictures_every = 0;  ///< 0: at the end only
   double max_minutes = 0.0;         ///< of training over all sessions; 0: no limit
+  bool keep_start = false;  ///< a checkpoint before the first step too; no key, set by whoever starts from weights
 
   /// Reads the section `train`.
   static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);

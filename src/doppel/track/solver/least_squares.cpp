@@ -29,17 +29,17 @@ bool descend(LeastSquaresProblem& problem, Eigen::VectorXd& state, double& cost,
 
 }  // namespace
 
-std::string to_string(StopReason reason) {
+std::string to_string(SolverStop reason) {
   switch (reason) {
-    case StopReason::small_gain:
+    case SolverStop::small_gain:
       return "small gain";
-    case StopReason::small_step:
+    case SolverStop::small_step:
       return "small step";
-    case StopReason::no_descent:
+    case SolverStop::no_descent:
       return "no descent";
-    case StopReason::iteration_limit:
+    case SolverStop::iteration_limit:
       return "iteration limit";
-    case StopReason::not_finite:
+    case SolverStop::not_finite:
       return "not finite";
   }
   return "unknown";
@@ -52,22 +52,22 @@ SolverSummary minimise(LeastSquaresProblem& problem, Eigen::VectorXd& state, con
     double cost = problem.linearise(state);
     if (summary.iterations == 0) summary.initial_cost = cost;
     if (!std::isfinite(cost)) {
-      summary.reason = StopReason::not_finite;
+      summary.reason = SolverStop::not_finite;
       break;
     }
     const double before = cost;
     double length = 0.0;
     if (!descend(problem, state, cost, length, damping, options.largest_damping)) {
-      summary.reason = StopReason::no_descent;
+      summary.reason = SolverStop::no_descent;
       break;
     }
     ++summary.iterations;
     if (length < options.smallest_step) {
-      summary.reason = StopReason::small_step;
+      summary.reason = SolverStop::small_step;
       break;
     }
     if (before - cost <= options.smallest_gain * before) {
-      summary.reason = StopReason::small_gain;
+      summary.reason = SolverStop::small_gain;
       break;
     }
   }

@@ -11,14 +11,14 @@
 namespace doppel {
 
 /// Why a minimisation ended.
-enum class StopReason {
+enum class SolverStop {
   small_gain,       ///< the last step gained next to nothing: converged
   small_step,       ///< the last step was next to nothing: converged
   no_descent,       ///< no damping gave a step that gains: a minimum to working precision, or slopes that are wrong
   iteration_limit,  ///< all allowed steps were taken
   not_finite,       ///< the cost at the start is not a number: nothing was changed
 };
-std::string to_string(StopReason reason);
+std::string to_string(SolverStop reason);
 
 /// What one part of the energy costs.
 struct TermCost {
@@ -53,7 +53,7 @@ struct SolverOptions {
 };
 
 struct SolverSummary {
-  StopReason reason = StopReason::iteration_limit;
+  SolverStop reason = SolverStop::iteration_limit;
   int iterations = 0;  ///< steps taken
   double initial_cost = 0.0, final_cost = 0.0;
   std::vector<TermCost> terms;  ///< at the end

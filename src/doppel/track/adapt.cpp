@@ -1,0 +1,294 @@
+#include "doppel/track/adapt.h"
+
+#include <optional>
+#include <vector>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/eval/silhouette_overlap.h"
+#include "doppel/train/def_net_stage.h"
+#include "doppel/train/pose_net_stage.h"
+#include "doppel/train/stage_chain.h"
+#include "doppel/train/stored_stage.h"
+#include "doppel/train/trained_pose.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+namespace {
+
+constexpr StageKind kStages[] = {StageKind::posenet, StageKind::defnet};
+
+/// How near a captured clip comes to what was seen of it.
+struct ClipScore {
+  SurfaceResult posed, deformed;
+  double posed_error = 0.0, deformed_error = 0.0;  ///< reference pixels
+
+  ordered_json to_json(bool with_defnet) const {
+    const auto method = [](const SurfaceResult& surface, double error) {
+      ordered_json json = surface.to_json();
+      json["keypoint_error_px"] = error;
+      return json;
+    };
+    ordered_json json{{"posenet", method(posed, posed_error)}};
+    if (with_defnet) json["defnet"] = method(deformed, deformed_error);
+    return json;
+  }
+};
+
+class Adaptation {
+ public:
+  explicit Adaptation(const AdaptOptions& options)
+      : options_(options), dataset_(Dataset::open(fs::absolute(options.capture))) {
+    camera_ = options.camera.empty() ? dataset_.cameras().front().name : options.camera;
+    dataset_.camera_index(camera_);
+    dataset_.hold_out(options.config.held_out);
+    has_defnet_ = find_stage(options.run, StageKind::defnet).has_value();
+  }
+
+  ordered_json run() {
+    open_out();
+    const fs::path result = options_.out / "adapt.json";
+    if (fs::exists(result)) {
+      log::info("{} is there already", result.string());
+      return ordered_json::parse(read_file(result));
+    }
+    TrainedPose studio = TrainedPose::load(options_.run, dataset_.folder());
+    ordered_json report = protocol();
+    judge(studio, "before", report);
+    tune_posenet();
+    if (has_defnet_) tune_defnet();
+    TrainedPose adapted = TrainedPose::load(options_.out);
+    report["protocol"]["steps"] = adapted.steps;
+    judge(adapted, "after", report);
+    write_atomically(RunFolder(options_.out).evaluation(), report.dump(2) + "\n");
+    write_run_report(options_.out);
+    write_atomically(result, report.dump(2) + "\n");
+    return report;
+  }
+
+ private:
+  const AdaptStage& wanted(StageKind kind) const {
+    return kind == StageKind::posenet ? options_.config.posenet : options_.config.defnet;
+  }
+  bool tuned(StageKind kind) const {
+    return wanted(kind).iterations > 0 && (kind == StageKind::posenet || has_defnet_);
+  }
+  RunFolder folder(StageKind kind) const { return RunFolder(options_.out / name_of(kind)); }
+
+  /// The studio's configuration of a stage with the clip in the place of its capture.
+  ConfigDocument stage_config(StageKind kind) const {
+    const AdaptStage& stage = wanted(kind);
+    std::vector<std::string> changes{"capture=" + dataset_.folder().string(),
+                                     fmt::format("seed={}", options_.config.seed),
+                                     fmt::format("data.cameras=[\"{}\"]", camera_),
+                                     "data.cameras_per_sample=0",
+                                     fmt::format("data.batch_size={}", stage.batch_size),
+                                     fmt::format("model.freeze_norm={}", stage.freeze_norm),
+                                     "train.max_minutes=0",
+                                     "train.mean_weights=0",
+                                     fmt::format("train.checkpoint_every={}", options_.config.check_every),
+                                     fmt::format("train.keep_every={}", options_.config.check_every)};
+    if (kind == StageKind::posenet) {
+      changes.push_back(
+          fmt::format("phases=[{{iterations: {}, learning_rate: {}}}]", stage.iterations, stage.learning_rate));
+    } else {
+      changes.push_back(fmt::format("train.iterations={}", stage.iterations));
+      changes.push_back(fmt::format("train.learning_rate={}", stage.learning_rate));
+      changes.push_back("train.schedule=constant");
+      changes.push_back("train.warmup=0");
+    }
+    return ConfigDocument::load(RunFolder(stage_folder(options_.run, kind)).config(), changes);
+  }
+
+  /// A chain whose stages are tuned here, or borrowed from the studio.
+  std::string chain_config() const {
+    YAML::Node root;
+    root["stage"] = "deepcap";
+    root["capture"] = dataset_.folder().string();
+    root["seed"] = options_.config.seed;
+    for (const StageKind kind : kStages) {
+      if (kind == StageKind::defnet && !has_defnet_) continue;
+      YAML::Node stage = YAML::Load(stage_config(kind).resolved());
+      if (stage["character"]) root["character"] = stage["character"];
+      for (const char* shared : {"stage", "capture", "seed", "character"}) stage.remove(shared);
+      if (tuned(kind))
+        root[name_of(kind)] = stage;
+      else
+        root[name_of(kind)]["run"] = fs::absolute(options_.run).lexically_normal().string();
+    }
+    return YAML::Dump(root) + "\n";
+  }
+
+  void open_out() const {
+    const fs::path config = RunFolder(options_.out).config();
+    const std::string text = chain_config();
+    if (fs::exists(config) && read_file(config) != text)
+      fail<UsageError>("--out {}: the folder holds another run; choose another one", options_.out.string());
+    if (!fs::exists(config) && fs::exists(options_.out) && !fs::is_empty(options_.out))
+      fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one",
+                       options_.out.string());
+    fs::create_directories(options_.out);
+    write_atomically(config, text);
+  }
+
+  /// Trains a stage from the studio's weights on, and keeps every state that is to be judged, the first included.
+  void train(CaptureStage& stage, StageKind kind, TrainerOptions trainer) {
+    const auto studio = find_stage(options_.run, kind);
+    load_evaluation_weights(stage.model(), studio->checkpoint);
+    for (torch::Tensor& parameter : stage.model().parameters()) parameter.requires_grad_(true);
+    trainer.keep_start = true;
+    folder(kind).open(stage_config(kind).resolved(), RunMode::automatic);
+    if (Trainer(stage, trainer, folder(kind)).run().reason == StopReason::interrupted)
+      fail("stopped while adapting {}; the same command goes on from there", name_of(kind));
+  }
+
+  void tune_posenet() {
+    if (!tuned(StageKind::posenet)) return;
+    const PoseNetRunConfig config = PoseNetRunConfig::read(stage_config(StageKind::posenet));
+    const Character character = load_character(dataset_.character_path(), config.subject.character);
+    PoseNetStage stage(dataset_, character, config);
+    train(stage, StageKind::posenet, config.trainer);
+    keep_best(StageKind::posenet, [](const ClipScore& score) { return -score.posed_error; });
+  }
+
+  void tune_defnet() {
+    if (!tuned(StageKind::defnet)) return;
+    TrainedPose pose = TrainedPose::load(options_.out, std::nullopt, /*with_defnet=*/false);
+    const DefNetRunConfig config = DefNetRunConfig::read(stage_config(StageKind::defnet));
+    DefNetStage stage(dataset_, pose, config);
+    train(stage, StageKind::defnet, config.trainer);
+    keep_best(StageKind::defnet, [](const ClipScore& score) { return score.deformed.AMVIoU; });
+  }
+
+  /// Of all states on disk keeps the one that does best on the held-out frames; of equals the earliest.
+  template <typename Merit>
+  void keep_best(StageKind kind, const Merit& merit) {
+    CheckpointFolder checkpoints(folder(kind).checkpoints());
+    std::optional<double> best;
+    std::int64_t best_step = 0;
+    TrainedPose trained = TrainedPose::load(options_.out, std::nullopt, kind == StageKind::defnet);
+    torch::nn::Module& network = kind == StageKind::defnet ? static_cast<torch::nn::Module&>(*trained.defnet)
+                                                           : static_cast<torch::nn::Module&>(*trained.posenet);
+    for (const std::int64_t step : checkpoints.steps()) {
+      load_evaluation_weights(network, Checkpoint::load(checkpoints.path(step)));
+      const double value = merit(score(trained, Split::test, fmt::format("{} {}", name_of(kind), step)));
+      if (best && !(value > *best)) continue;
+      best = value;
+      best_step = step;
+    }
+    checkpoints.keep_only(best_step);
+    if (best_step == 0)
+      log::warn("{}: none of the states did better on the held-out frames than the studio's, which stays",
+                name_of(kind));
+    else
+      log::info("{}: step {} does best on the held-out frames", name_of(kind), best_step);
+  }
+
+  /// What the networks make of samples, in the order of the methods: skinned and bent surface.
+  torch::Tensor surface(TrainedPose& trained, const Batch& batch, bool deformed) const {
+    const torch::Tensor dofs = trained.dofs(trained.capture(person_view(batch)));
+    if (!deformed) return trained.surface->skinned(dofs);
+    const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+    return trained.surface->deformed(dofs, A, T);
+  }
+
+  Batch seen(const TrainedPose& trained, const std::vector<SampleId>& samples) const {
+    return person_batch(dataset_, samples, {dataset_.camera_index(camera_)}, trained.input_size());
+  }
+
+  ClipScore score(TrainedPose& trained, Split split, const std::string& title) const {
+    const torch::NoGradGuard no_grad;
+    const torch::Tensor faces = face_tensor(trained.character);
+    EvaluationOptions options;
+    options.cameras = {camera_};
+    const auto overlap = [&](bool deformed) {
+      const auto drawn = [&, deformed](const std::vector<SampleId>& samples) {
+        return surface(trained, seen(trained, samples), deformed);
+      };
+      return evaluate_surface(dataset_, split, faces, drawn, options, title);
+    };
+    ClipScore score;
+    score.posed = overlap(false);
+    score.deformed = trained.defnet ? overlap(true) : score.posed;
+    std::tie(score.posed_error, score.deformed_error) = keypoint_errors(trained, split);
+    return score;
+  }
+
+  /// Of the pose's landmarks, and of those that ride on the bent graph.
+  std::pair<double, double> keypoint_errors(TrainedPose& trained, Split split) const {
+    GraphLandmarks graph_landmarks(trained.character, trained.landmarks);
+    double posed = 0.0, deformed = 0.0, frames = 0.0;
+    for (const SampleId& sample : dataset_.samples(split)) {
+      const Batch batch = seen(trained, {sample});
+      const CapturedPose captured = trained.capture(person_view(batch));
+      if (!(captured.valid & batch.person_valid).item<bool>()) continue;
+      const KeypointTarget target = keypoint_target(batch, captured.valid);
+      const auto error = [&](const torch::Tensor& landmarks) {
+        return keypoint_error(landmarks, target, trained.detections.loss).item<double>();
+      };
+      posed += error(captured.landmarks);
+      const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+      deformed += error(graph_landmarks->forward(A, T, trained.surface->node_transforms(trained.dofs(captured))));
+      ++frames;
+    }
+    if (frames == 0.0)
+      fail("{}: the camera {} shows nobody in the frames that judge", dataset_.folder().string(), camera_);
+    return {posed / frames, deformed / frames};
+  }
+
+  void judge(TrainedPose& trained, const std::string& when, ordered_json& report) const {
+    ordered_json& splits = report["splits"];
+    splits["held out, " + when] = score(trained, Split::test, "held out, " + when).to_json(has_defnet_);
+    splits["tuned on, " + when] = score(trained, Split::train, "tuned on, " + when).to_json(has_defnet_);
+  }
+
+  ordered_json protocol() const {
+    ordered_json frames;
+    for (const char* when : {"before", "after"}) {
+      frames[fmt::format("held out, {}", when)] = dataset_.samples(Split::test).size();
+      frames[fmt::format("tuned on, {}", when)] = dataset_.samples(Split::train).size();
+    }
+    return {{"protocol",
+             {{"metric", "IoU of the drawn surface and the clip's masks; keypoints in pixels of a picture 1024 wide"},
+              {"capture", dataset_.capture().name},
+              {"frames", frames},
+              {"cameras", {camera_}},
+              {"run", fs::absolute(options_.run).lexically_normal().string()}}}};
+  }
+
+  AdaptOptions options_;
+  Dataset dataset_;
+  std::string camera_;
+  bool has_defnet_ = false;
+};
+
+}  // namespace
+
+AdaptStage AdaptStage::read(const ConfigReader& reader) {
+  AdaptStage s;
+  s.iterations = reader.get<long>("iterations", s.iterations, at_least(0L));
+  s.learning_rate = reader.get("learning_rate", s.learning_rate, between(0.0, 1.0));
+  s.batch_size = reader.get("batch_size", s.batch_size, at_least(1));
+  s.freeze_norm = reader.get("freeze_norm", s.freeze_norm);
+  return s;
+}
+
+AdaptConfig AdaptConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  AdaptConfig c;
+  c.seed = root.get<long>("seed", c.seed);
+  c.held_out = root.get("held_out", c.held_out, between(0.01, 0.9));
+  c.check_every = root.get<long>("check_every", c.check_every, at_least(1L));
+  c.posenet = AdaptStage::read(root.section("posenet"));
+  c.defnet = AdaptStage::read(root.section("defnet"));
+  root.finish();
+  return c;
+}
+
+ordered_json adapt(const AdaptOptions& options) { return Adaptation(options).run(); }
+
+}  // namespace doppel
