@@ -8,6 +8,7 @@
 #include "command.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/track/deepcap.h"
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 
@@ -22,13 +23,16 @@ constexpr char kExample[] =
     "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
     "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
     "  doppel track recordings/street --method livecap --vertices\n"
-    "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least two\n"
+    "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
+    "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least "
+    "two\n"
     "cameras. Its sequences need no motion: the capture.yaml that is written names the tracked ones.";
 
 struct Arguments {
   std::string capture, method = "multiview", config, camera;
   std::vector<std::string> set;
   TrackOptions options;
+  DeepcapOptions deepcap;  ///< what deepcap alone has; the rest is in `options`
 };
 
 ConfigDocument config_document(const Arguments& arguments) {
@@ -81,6 +85,20 @@ nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
   return track_livecap(*footage, options);
 }
 
+nlohmann::ordered_json track_with_networks(const Arguments& arguments) {
+  const TrackOptions& wanted = arguments.options;
+  DeepcapOptions options = arguments.deepcap;
+  if (options.run.empty())
+    fail<UsageError>("--method deepcap needs --run RUN: what `doppel train` or `doppel adapt` wrote");
+  if (!arguments.config.empty() || !arguments.set.empty())
+    fail<UsageError>("--config and --set belong to the methods that fit; deepcap has the configuration of its run");
+  options.out = wanted.out;
+  options.sequences = wanted.sequences;
+  options.limit_frames = wanted.limit_frames;
+  options.vertices = wanted.vertices;
+  return track_deepcap(*Footage::open(arguments.capture, wanted.config.fit.outline_pixels, arguments.camera), options);
+}
+
 nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
   TrackOptions options = arguments.options;
   options.config = read_track_config(config_document(arguments));
@@ -91,15 +109,18 @@ nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
 int run(Arguments arguments, const CommonOptions& common) {
   TrackOptions& options = arguments.options;
   if (options.out.empty()) options.out = default_out(arguments.capture);
-  const bool one_camera = arguments.method == "livecap";
-  if (one_camera && options.surface)
+  const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
+  if ((livecap || deepcap) && options.surface)
     fail<UsageError>(
         "--surface belongs to --method multiview; livecap tracks the surface always, unless the "
-        "configuration says `surface: {{enabled: false}}`");
-  if (!one_camera && !arguments.camera.empty())
-    fail<UsageError>("--camera belongs to --method livecap; the multi-view fit takes all cameras of the capture");
-  const nlohmann::ordered_json report =
-      one_camera ? track_with_one_camera(arguments) : track_with_all_cameras(arguments);
+        "configuration says `surface: {{enabled: false}}`, and deepcap where DefNet was trained");
+  if (!livecap && !deepcap && !arguments.camera.empty())
+    fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit takes all cameras of the capture");
+  if (!deepcap && !arguments.deepcap.run.empty())
+    fail<UsageError>("--run belongs to --method deepcap; this method needs no networks");
+  const nlohmann::ordered_json report = livecap   ? track_with_one_camera(arguments)
+                                        : deepcap ? track_with_networks(arguments)
+                                                  : track_with_all_cameras(arguments);
   if (common.json)
     fmt::print("{}\n", report.dump(2));
   else
@@ -116,8 +137,9 @@ Command add_track(CLI::App& program) {
   auto arguments = std::make_shared<Arguments>();
   TrackOptions& options = arguments->options;
   app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
-  app->add_option("--method", arguments->method, "multiview: a fit to all cameras; livecap: pose and surface from one")
-      ->check(CLI::IsMember({"multiview", "livecap"}))
+  app->add_option("--method", arguments->method,
+                  "multiview: a fit to all cameras; livecap: a fit to one; deepcap: trained networks that see one")
+      ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
       ->capture_default_str();
   app->add_option("--out", options.out, "Folder to write into (default: CAPTURE/tracked)");
   app->add_option("--sequences", options.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
@@ -125,13 +147,20 @@ Command add_track(CLI::App& program) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
-  app->add_option("--camera", arguments->camera, "The camera to track with (livecap), where the capture has several");
+  app->add_option("--camera", arguments->camera,
+                  "The camera to track with (livecap, deepcap), where the capture has several");
   app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
   app->add_flag("--surface", options.surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
   app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");
   app->add_option("--sheet-frames", options.sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
+  DeepcapOptions& deepcap = arguments->deepcap;
+  app->add_option("--run", deepcap.run, "deepcap: a run of PoseNet, or of PoseNet and DefNet");
+  app->add_option("--smoothing", deepcap.smoothing, "deepcap: sigma over five frames, in frames (0: none)")
+      ->check(CLI::Range(0.0, 10.0))
+      ->capture_default_str();
+  app->add_flag("!--no-film", deepcap.film, "deepcap: without SEQUENCE.mp4, the surface over the pictures");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

@@ -82,7 +82,7 @@ std::vector<int> place_nodes(const TriangleMesh& mesh, const TriangleMesh& coars
   return node_vertex;
 }
 
-/// method-notes 5.5.
+/// How far each node reaches.
 std::vector<double> choose_radii(const EmbeddedGraph& graph, const TemplateDistance& distance,
                                  const GraphOptions& options) {
   const double minimum = options.minimum_radius * distance.unit();
@@ -128,7 +128,7 @@ int nearest_node(const TriangleMesh& mesh, const EmbeddedGraph& graph, int verte
   return nearest;
 }
 
-/// method-notes 5.6 and 5.7.
+/// The nodes of every vertex and their weights; one that no node reaches takes those within twice the radius.
 void weigh_vertices(const TriangleMesh& mesh, const TemplateDistance& distance, EmbeddedGraph& graph) {
   Influences influences(mesh.vertices.size());
   std::vector<bool> wanted(mesh.vertices.size(), true);

@@ -31,7 +31,7 @@ struct EmbeddedGraph {
 };
 
 /// Builds the graph from a coarse mesh of the template (node k = its vertex k, moved to the nearest template vertex not
-/// yet taken; edges = its edges). method-notes 5: w ∝ exp(-1/2 (d/r)^2) for d <= r; a vertex nobody reaches takes nodes
+/// yet taken; edges = its edges). w ∝ exp(-1/2 (d/r)^2) for d <= r; a vertex nobody reaches takes nodes
 /// within 2 r, then the nearest node.
 /// @throws Error when the coarse mesh has more vertices than the template
 EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, const GraphOptions& options = {});

@@ -8,7 +8,7 @@
 
 namespace doppel {
 
-/// Which of the three published tables turns labels into rigidity (method-notes 6.4).
+/// Which of the three published tables turns labels into rigidity.
 enum class RigidityPreset { livecap, graph, laplacian };
 RigidityPreset parse_rigidity_preset(const std::string& word);
 

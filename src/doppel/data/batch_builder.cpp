@@ -10,7 +10,7 @@ namespace doppel {
 
 namespace {
 
-constexpr float kKeypointWidth = 1024.0f;  // of the pictures whose pixels keypoint losses count in (method-notes 11.5)
+constexpr float kKeypointWidth = 1024.0f;  // of the pictures whose pixels keypoint losses count in
 constexpr double kPersonDetail = 1.25;     // of what is kept for networks: a little more than they see
 
 using Crops = std::vector<std::shared_ptr<const SilhouetteCrop>>;  // [B*C]

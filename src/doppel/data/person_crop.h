@@ -21,7 +21,7 @@ struct PersonWindow {
   Camera camera(const Camera& camera, int pixels) const;
 };
 
-/// The box of the keypoints with a fifth of its longer side added on every side, made square (method-notes 11.10).
+/// The box of the keypoints with a fifth of its longer side added on every side, made square.
 /// Points less sure than kSeenConfidence do not count, nor do those outside of the mask's box by more than a tenth of
 /// its longer side; with fewer than four points left the mask's box is taken instead.
 /// @param mask_box in pixels of the picture; empty: no mask
@@ -32,7 +32,7 @@ PersonWindow person_window(const std::vector<Keypoint>& keypoints, const cv::Rec
 struct Photometry {
   double brightness = 1.0, contrast = 1.0, saturation = 1.0, hue = 0.0;
 };
-/// Brightness, contrast and saturation within 20 %, hue within 5 % of the full circle (method-notes 11.8).
+/// Brightness, contrast and saturation within 20 %, hue within 5 % of the full circle.
 Photometry draw_photometry(SplitMix& random);
 /// Moved and resized by up to 5 % of its side.
 PersonWindow draw_window(const PersonWindow& window, SplitMix& random);

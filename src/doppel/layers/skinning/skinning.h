@@ -36,7 +36,7 @@ torch::Tensor skinning_reference(const torch::Tensor& points, const torch::Tenso
                                  SkinningMode mode);
 torch::Tensor skinning_blend_reference(const torch::Tensor& bones, const SparseRows& weights, SkinningMode mode);
 
-/// The weights of the graph nodes: node k takes those of the template vertex it sits on (method-notes 5.12).
+/// The weights of the graph nodes: node k takes those of the template vertex it sits on.
 SkinningWeights node_skinning_weights(const Character& character);
 
 /// Skinning with fixed weights.

@@ -5,7 +5,7 @@
 namespace doppel {
 namespace {
 
-constexpr double kSmallestSquaredNorm = 1e-12;  // of a blended real part: 1e-6 squared (method-notes 5.14)
+constexpr double kSmallestSquaredNorm = 1e-12;  // of a blended real part: 1e-6 squared
 
 /// Unit quaternions (w,x,y,z) of rotation matrices [...,3,3]. Each row of `candidates` is the quaternion times four
 /// times one of its components; the row of the largest component is well conditioned.
