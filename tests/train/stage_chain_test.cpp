@@ -184,7 +184,7 @@ TEST_F(LightingStageRecovers, TheLightOfThePictures) {
 }
 
 TEST_F(LightingStageRecovers, TheLightOfANewCameraFromThoseThatAreHeldTogether) {
-  const std::string two = "data: {batch_size: 4, cameras: ['0', '1']}";
+  const std::string two = "data: {batch_size: 4, cameras: [c0, c1]}";
   const float alone = error(two, 2), together = error(two + ", loss: {deviation: 3000}", 2);
   EXPECT_LT(together, 0.5f * alone);
 }
