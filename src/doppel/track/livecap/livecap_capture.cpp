@@ -1,5 +1,6 @@
 #include "doppel/track/livecap/livecap_capture.h"
 
+#include <ATen/Parallel.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,6 +22,18 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 namespace {
+
+/// Leaves one of the process's threads to whoever reads the pictures: two that share a core wait for each other.
+class OneThreadFewer {
+ public:
+  OneThreadFewer() : before_(at::get_num_threads()) { at::set_num_threads(std::max(1, before_ - 1)); }
+  ~OneThreadFewer() { at::set_num_threads(before_); }
+  OneThreadFewer(const OneThreadFewer&) = delete;
+  OneThreadFewer& operator=(const OneThreadFewer&) = delete;
+
+ private:
+  int before_;
+};
 
 using Clock = std::chrono::steady_clock;
 
@@ -200,6 +213,7 @@ ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& 
     const long frames = footage.sequences()[static_cast<std::size_t>(s)].num_frames();
     total += options.limit_frames > 0 ? std::min(options.limit_frames, frames) : frames;
   }
+  const OneThreadFewer while_reading;
   Progress progress("track", total);
   ordered_json report{{"method", "livecap"}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
