@@ -117,6 +117,24 @@ TEST_F(Deepcap, Rejects) {
   EXPECT_THAT(complaint(wrong), HasSubstr("not a run"));
 }
 
+TEST(TrackFilm, TheSideViewHasAPlainBackground) {
+  const TemporaryFolder folder;
+  Camera camera;
+  camera.width = camera.height = 64;
+  camera.K << 64, 0, 32, 0, 64, 32, 0, 0, 1;
+  TriangleMesh triangle;
+  triangle.vertices = {{0, 0, 2}, {1, 0, 2}, {0, 1, 2}};
+  triangle.faces = {{0, 1, 2}};
+  TrackFilm film(folder / "film.mp4", camera, triangle, 25.0);
+  film.add(cv::Mat(64, 64, CV_8UC3, cv::Scalar::all(255)), torch::Tensor());
+  film.close();
+  cv::Mat frame;
+  ASSERT_TRUE(cv::VideoCapture((folder / "film.mp4").string()).read(frame));
+  ASSERT_EQ(frame.size(), cv::Size(128, 64));
+  EXPECT_GT(cv::mean(frame(cv::Rect(8, 8, 48, 48)))[0], 240.0);
+  EXPECT_LT(cv::mean(frame(cv::Rect(72, 8, 48, 48)))[0], 80.0);
+}
+
 TEST(TrackFilm, TheSideViewStandsAQuarterTurnAway) {
   Camera camera;
   camera.width = camera.height = 100;

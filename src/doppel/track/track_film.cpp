@@ -48,8 +48,11 @@ TrackFilm::TrackFilm(const std::filesystem::path& path, const Camera& camera, co
 void TrackFilm::add(const cv::Mat& picture, const torch::Tensor& vertices) {
   const cv::Size panel(camera_.width, camera_.height);
   const cv::Mat plain(panel, CV_8UC3, kGrey);
-  cv::Mat behind = plain;
-  if (!picture.empty()) cv::resize(picture, behind, panel, 0.0, 0.0, cv::INTER_AREA);
+  cv::Mat behind;
+  if (picture.empty())
+    behind = plain;
+  else
+    cv::resize(picture, behind, panel, 0.0, 0.0, cv::INTER_AREA);
   cv::Mat front = behind, side = plain;
   if (vertices.defined()) {
     cv::addWeighted(draw(vertices, camera_, behind), kSurfaceShare, behind, 1.0 - kSurfaceShare, 0.0, front);
