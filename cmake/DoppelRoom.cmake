@@ -60,6 +60,7 @@ endfunction()
 # ordinary build; scripts/check.sh asks for it. (In rooms with TORCH the torch headers are there already.)
 function(doppel_room_headers name torch)
   file(GLOB_RECURSE headers RELATIVE ${CMAKE_SOURCE_DIR}/src ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
+  list(FILTER headers EXCLUDE REGEX "lanes\\.h$")  # parts of kernel files, which refuse to stand alone
   set(sources)
   foreach(header IN LISTS headers)
     string(MAKE_C_IDENTIFIER ${header} unit)
