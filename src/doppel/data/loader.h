@@ -14,6 +14,7 @@ struct LoaderOptions {
   Split split = Split::train;
   int batch_size = 1;
   std::vector<std::string> cameras;  ///< names to draw from; empty: all
+  std::vector<long> frames;          ///< rows of the sequences' motions to draw from; empty: all of the split
   int cameras_per_sample = 0;        ///< of those, drawn anew for each sample; 0 or more than there are: all
   int window = 2;                    ///< F: earlier frames in the DoF window
   bool images = false;               ///< pictures too
@@ -27,6 +28,10 @@ struct LoaderOptions {
   int cache_mb =
       1024;  ///< memory for distance transforms and pictures kept between epochs; 0: make them anew each time
 };
+
+/// The samples of the options' split that their `frames` leave.
+/// @throws UsageError for a frame that no sequence of the split has; Error when the split has no samples
+std::vector<SampleId> chosen_samples(const Dataset& dataset, const LoaderOptions& options);
 
 /// Endless stream of batches: all samples of a split in a new seeded order each epoch, one epoch running into the next.
 /// What comes depends on the options and the position alone, never on the number of workers, the prefetch depth or

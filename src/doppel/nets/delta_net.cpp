@@ -1,8 +1,6 @@
 #include "doppel/nets/delta_net.h"
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/transform_math.h"
 
 namespace doppel {
 
@@ -14,92 +12,32 @@ constexpr int kOutputs = 3;
 
 const std::vector<std::string> kSpaceWords{"canonical", "global"};
 
-Tensor rest_vertices(const Character& character) {
-  const Tensor rest = torch::empty({character.num_vertices(), 3}, torch::kFloat64);
-  auto row = rest.accessor<double, 2>();
-  for (int i = 0; i < character.num_vertices(); ++i)
-    for (int axis = 0; axis < 3; ++axis) row[i][axis] = character.mesh.vertices[i][axis];
-  return rest;
-}
-
 }  // namespace
 
 DeltaNetConfig DeltaNetConfig::preset(const std::string& name) {
   if (name != "paper") fail<UsageError>("unknown DeltaNet preset '{}'; there is paper", name);
-  DeltaNetConfig config;
-  config.sagcn.norm = SagcnNorm::none;
-  config.sagcn.dense = DenseBlock::broadcast;
-  return config;
+  return {};
 }
 
 DeltaNetConfig DeltaNetConfig::read(const ConfigReader& reader) {
   DeltaNetConfig config = preset(reader.choice("preset", {"paper"}, "paper"));
-  config.sagcn = SagcnConfig::read(reader, config.sagcn);
-  config.window = reader.get("window", config.window, between(0, 100));
+  static_cast<MotionGraphConfig&>(config) = MotionGraphConfig::read(reader, config);
   config.space = reader.choice("space", kSpaceWords, kSpaceWords[static_cast<std::size_t>(config.space)]) == "canonical"
                      ? DisplacementSpace::canonical
                      : DisplacementSpace::global;
-  config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
-  config.network = read_network_kind(reader, config.network);
-  config.ablation = AblationConfig::read(reader, config.ablation);
   return config;
-}
-
-void DeltaNetConfig::check() const {
-  sagcn.check();
-  ablation.check();
-  if (window < 0) fail<UsageError>("the motion window must hold no negative number of past frames, found {}", window);
 }
 
 DeltaNetImpl::DeltaNetImpl(const Character& character, const DeltaNetConfig& config,
                            std::optional<at::Generator> generator)
-    : config_(config), window_(character.skeleton), num_vertices_(character.num_vertices()) {
-  config.check();
-  kinematics_ = Kinematics(character);
-  skinning_ = Skinning(character.skin, SkinningMode::dual_quaternion);
-  const bool flat = config.network == NetworkKind::fully_connected;
-  NetworkPlan plan{config.network, config.sagcn, config.ablation};
-  plan.inputs = (flat ? character.num_dofs() : 3) * (config.window + 1);
-  plan.outputs = kOutputs;
-  network_ = make_network(plan, MeshTopology(character.mesh), std::move(generator));
-  register_module(network_kind_words()[static_cast<std::size_t>(config.network)], network_);
-  const int64_t rows = flat ? 1 : num_vertices_;
-  input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
-  input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));
-  // Constants of the character, not of the model: neither buffers nor in a checkpoint.
-  rest_ = rest_vertices(character);
-  rest_float_ = rest_.to(torch::kFloat32);
-}
-
-void DeltaNetImpl::set_input_statistics(const Tensor& mean, const Tensor& std, double floor) {
-  set_standardisation(input_mean_, input_std_, mean, std, floor, "DeltaNet");
-}
-
-Tensor DeltaNetImpl::network_input(const Tensor& dof_window) {
-  const int64_t frames = config_.window + 1;
-  check_shape("deltanet", "dof_window", dof_window, {-1, frames, window_.num_dofs()}, "[B,F+1,D]");
-  if (config_.network == NetworkKind::fully_connected)
-    return window_.normalise_dofs(dof_window).flatten(1).unsqueeze(1);
-  if (dof_window.size(0) == 0) return dof_window.new_zeros({0, num_vertices_, 3 * frames});
-
-  const Tensor normaliser = window_.normaliser(dof_window.select(1, frames - 1));
-  const Tensor per_pose = normaliser.unsqueeze(1).expand({-1, frames, -1, -1}).flatten(0, 1).unsqueeze(1);
-  const Tensor bones = compose_transforms(per_pose, kinematics_->bones(dof_window.flatten(0, 1)));
-  const Tensor& rest = dof_window.scalar_type() == torch::kFloat32 ? rest_float_ : rest_;
-  const Tensor posed = skinning_->forward(constant_like(rest, dof_window), bones);  // [B(F+1),N,3]
-  return posed.view({-1, frames, num_vertices_, 3}).transpose(1, 2).flatten(2);
-}
-
-Tensor DeltaNetImpl::forward(const Tensor& dof_window) {
-  return network_->forward(standardised(network_input(dof_window), input_mean_, input_std_, config_.input_limit));
-}
+    : MotionGraphNetImpl("DeltaNet", character, config, kOutputs, std::move(generator)), config_(config) {}
 
 Tensor DeltaNetImpl::displaced(CharacterSurface& surface, const Tensor& dof_window, const Tensor& A, const Tensor& T,
                                const Tensor& D) {
   const Tensor dofs = dof_window.select(1, config_.window).contiguous();
   if (config_.space == DisplacementSpace::canonical) return surface->deformed(dofs, A, T, D);
   // Rows times R(-phi) are columns turned by phi: back from the axes of the heading to the world's.
-  return surface->deformed(dofs, A, T) + at::matmul(D, window_.normaliser(dofs).narrow(-1, 0, 3));
+  return surface->deformed(dofs, A, T) + at::matmul(D, motion_window().normaliser(dofs).narrow(-1, 0, 3));
 }
 
 }  // namespace doppel

@@ -119,11 +119,19 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
   const Tensor points = samples.points(origin, direction).reshape({1, R * K, 3});
   const ClosestPoints at = closest->forward(surface.vertices.unsqueeze(0), points);
   const Tensor distance = at.distance.squeeze(0);
-  const Tensor features = closest->interpolate(at, surface.features.unsqueeze(0)).squeeze(0);
-  const FieldValues values = field->forward(features, normalised_distance(distance, config.t_mi, config.t_ma),
-                                            direction.unsqueeze(1).expand({R, K, 3}).reshape({R * K, 3}));
-  const Tensor far_off = (distance > config.t_ma + config.margin) | (distance < -config.t_mi - config.margin);
-  return render_volume(values.density.masked_fill(far_off, 0.0).view({R, K}), values.colour.view({R, K, 3}), samples);
+  // Only what is near the mesh goes through the network: nothing else can be dense.
+  const Tensor rows =
+      ((distance <= config.t_ma + config.margin) & (distance >= -config.t_mi - config.margin)).nonzero().squeeze(1);
+  const Tensor features = closest->interpolate(at, surface.features.unsqueeze(0)).squeeze(0).index_select(0, rows);
+  const Tensor looks = direction.index_select(0, torch::div(rows, K, "floor"));
+  const FieldValues values =
+      field->forward(features, normalised_distance(distance.index_select(0, rows), config.t_mi, config.t_ma), looks);
+  const auto spread = [&](const Tensor& of) {
+    std::vector<int64_t> shape = of.sizes().vec();
+    shape[0] = R * K;
+    return torch::zeros(shape, of.options()).index_copy(0, rows, of);
+  };
+  return render_volume(spread(values.density).view({R, K}), spread(values.colour).view({R, K, 3}), samples);
 }
 
 }  // namespace doppel

@@ -35,6 +35,7 @@ LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int 
   o.split = parse_split(data.choice("split", {"train", "test"}, "train"));
   o.batch_size = data.get("batch_size", batch_size, at_least(1));
   o.cameras = data.list<std::string>("cameras");
+  o.frames = data.list<long>("frames");
   o.cameras_per_sample = data.get("cameras_per_sample", cameras_per_sample, at_least(0));
   o.workers = data.get("workers", o.workers, between(0, 256));
   o.prefetch = data.get("prefetch", o.prefetch, at_least(1));

@@ -5,6 +5,15 @@
 
 namespace doppel {
 
+namespace {
+
+/// Half a cosine from 1 down to `final_ratio`.
+double falling(double final_ratio, double done, double length) {
+  return final_ratio + (1.0 - final_ratio) * 0.5 * (1.0 + std::cos(M_PI * std::min(1.0, done / length)));
+}
+
+}  // namespace
+
 Schedule Schedule::read(const ConfigReader& reader, std::int64_t iterations) {
   Schedule s;
   s.iterations = iterations;
@@ -23,20 +32,23 @@ Schedule Schedule::read(const ConfigReader& reader, std::int64_t iterations) {
 
 double Schedule::rate(std::int64_t step) const {
   if (kind == Kind::pieces) {
-    for (const Piece& piece : pieces)
-      if (step < piece.end) return piece.rate;
-    return pieces.empty() ? 0.0 : pieces.back().rate;
+    std::int64_t begin = 0;
+    for (const Piece& piece : pieces) {
+      if (step < piece.end)
+        return piece.rate *
+               falling(piece.final_ratio, static_cast<double>(step - begin), static_cast<double>(piece.end - begin));
+      begin = piece.end;
+    }
+    return pieces.empty() ? 0.0 : pieces.back().rate * pieces.back().final_ratio;
   }
   if (step < warmup) return learning_rate * static_cast<double>(step + 1) / static_cast<double>(warmup);
   const double done = static_cast<double>(step - warmup);
   switch (kind) {
     case Kind::constant:
       return learning_rate;
-    case Kind::cosine: {
-      const double length = static_cast<double>(std::max<std::int64_t>(1, iterations - warmup));
-      const double falling = 0.5 * (1.0 + std::cos(M_PI * std::min(1.0, done / length)));
-      return learning_rate * (final_ratio + (1.0 - final_ratio) * falling);
-    }
+    case Kind::cosine:
+      return learning_rate *
+             falling(final_ratio, done, static_cast<double>(std::max<std::int64_t>(1, iterations - warmup)));
     case Kind::step:
       return learning_rate * std::pow(factor, std::floor(done / static_cast<double>(interval)));
     case Kind::exponential:

@@ -14,12 +14,13 @@ namespace doppel {
 /// - cosine: half a cosine from the base rate down to `final_ratio` of it at the last step;
 /// - step: times `factor` every `interval` steps;
 /// - exponential: times `factor` per `interval` steps, smoothly;
-/// - pieces: a rate of its own for each piece (no word in a configuration: PosePhases).
+/// - pieces: a rate of its own for each piece (no word in a configuration: PosePhases, HybridPlan).
 struct Schedule {
   enum class Kind { constant, cosine, step, exponential, pieces };
   struct Piece {
     std::int64_t end;  ///< steps done when it is over
     double rate;
+    double final_ratio = 1.0;  ///< half a cosine from the rate down to this part of it
   };
 
   Kind kind = Kind::constant;

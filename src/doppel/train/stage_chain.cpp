@@ -8,6 +8,7 @@
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/egnet_stage.h"
+#include "doppel/train/hybrid_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/report.h"
@@ -20,6 +21,24 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::vector<std::string> kSharedKeys{"capture", "seed", "character"};
+/// A run whose stages a hybrid takes.
+constexpr char kDdc[] = "ddc";
+
+/// The words of `stage:` that stand for several, with their first stage and the one behind their last.
+struct ChainName {
+  const char* word;
+  StageKind first;
+  int end;
+};
+constexpr ChainName kChains[] = {{"ddc", StageKind::egnet, static_cast<int>(StageKind::radiance)},
+                                 {"hybrid", StageKind::egnet, static_cast<int>(StageKind::posenet)},
+                                 {"deepcap", StageKind::posenet, kNumStages}};
+
+const ChainName* find_chain(const std::string& word) {
+  for (const ChainName& chain : kChains)
+    if (word == chain.word) return &chain;
+  return nullptr;
+}
 
 StageKind kind_of(int index) { return static_cast<StageKind>(index); }
 
@@ -37,6 +56,9 @@ void check_stage(const ConfigDocument& document, StageKind stage) {
       break;
     case StageKind::texnet:
       TexNetRunConfig::read(document);
+      break;
+    case StageKind::radiance:
+      HybridRunConfig::read(document);
       break;
     case StageKind::posenet:
       PoseNetRunConfig::read(document);
@@ -85,7 +107,9 @@ TrainSummary train_one(StageKind kind, const ConfigDocument& document, const fs:
     return train_next<LightingStage, LightingRunConfig>(actor, document, resolved, folder, mode);
   if (kind == StageKind::deltanet)
     return train_next<DeltaNetStage, DeltaNetRunConfig>(actor, document, resolved, folder, mode);
-  return train_next<TexNetStage, TexNetRunConfig>(actor, document, resolved, folder, mode);
+  if (kind == StageKind::texnet)
+    return train_next<TexNetStage, TexNetRunConfig>(actor, document, resolved, folder, mode);
+  return train_next<HybridStage, HybridRunConfig>(actor, document, resolved, folder, mode);
 }
 
 /// The folder that holds the stages of a chain: it must be new, empty, or a chain's already.
@@ -104,7 +128,8 @@ void open_chain_folder(const fs::path& out, const std::string& resolved) {
 }  // namespace
 
 const std::vector<std::string>& stage_names() {
-  static const std::vector<std::string> names{"egnet", "lighting", "deltanet", "texnet", "posenet", "defnet"};
+  static const std::vector<std::string> names{"egnet",    "lighting", "deltanet", "texnet",
+                                              "radiance", "posenet",  "defnet"};
   return names;
 }
 
@@ -124,30 +149,34 @@ StageChain StageChain::read(const ConfigDocument& document) {
   StageChain chain;
   chain.document_ = document;
   const ConfigReader root = document.root();
-  chain.name_ = root.choice("stage", {"egnet", "posenet", "ddc", "deepcap"}, "egnet");
-  chain.single_ = chain.name_ == "egnet" || chain.name_ == "posenet";
+  chain.name_ = root.choice("stage", {"egnet", "posenet", "ddc", "hybrid", "deepcap"}, "egnet");
+  const ChainName* several = find_chain(chain.name_);
+  chain.single_ = several == nullptr;
   if (chain.single_) {
     const StageKind stage = stage_from(chain.name_);
     chain.sections_[static_cast<std::size_t>(stage)] = Section::own;
     check_stage(document, stage);
     return chain;
   }
-  if (chain.name_ == "ddc")
-    chain.read_sections(root, StageKind::egnet, StageKind::posenet);
-  else
-    chain.read_sections(root, StageKind::posenet, static_cast<StageKind>(kNumStages));
+  chain.read_sections(root, several->first, several->end);
   return chain;
 }
 
 /// The stages `first` .. `end` - 1 and nothing else may have sections.
-void StageChain::read_sections(const ConfigReader& root, StageKind first, StageKind end) {
+void StageChain::read_sections(const ConfigReader& root, StageKind first, int end) {
   std::vector<std::string> known = kSharedKeys;
   known.push_back("stage");
   for (const std::string& key : kSharedKeys) root.has(key);
-  for (int i = static_cast<int>(first); i < static_cast<int>(end); ++i) {
+  const bool on_ddc = name_ == "hybrid" && root.has(kDdc);
+  if (name_ == "hybrid") known.push_back(kDdc);
+  if (on_ddc) root.path(kDdc);
+  for (int i = static_cast<int>(first); i < end; ++i) {
     const std::string& name = name_of(kind_of(i));
     known.push_back(name);
-    if (!root.has(name)) continue;
+    if (!root.has(name)) {
+      if (on_ddc && kind_of(i) != StageKind::radiance) sections_[i] = Section::borrowed;
+      continue;
+    }
     const ConfigReader section = root.section(name);
     const bool is_borrowed = section.has("run");
     sections_[i] = is_borrowed ? Section::borrowed : Section::own;
@@ -184,7 +213,9 @@ fs::path stage_folder(const fs::path& run, StageKind stage) {
   const ConfigDocument document = ConfigDocument::load(RunFolder(run).config());
   const ConfigReader root = document.root();
   const std::string name = root.get("stage", "egnet");
-  if (name != "ddc" && name != "deepcap") return name == name_of(stage) ? run : run / name_of(stage);
+  if (!find_chain(name)) return name == name_of(stage) ? run : run / name_of(stage);
+  if (!root.has(name_of(stage)) && stage != StageKind::radiance && root.has(kDdc))
+    return stage_folder(root.path(kDdc), stage);
   const ConfigReader section = root.section(name_of(stage));
   return section.has("run") ? stage_folder(section.path("run"), stage) : run / name_of(stage);
 }

@@ -11,19 +11,19 @@
 namespace doppel {
 
 /// Stages in the order they are trained in; each builds on those of its chain before it. The first four are the chain
-/// `ddc` (chapter 6), the others `deepcap` (chapter 5).
-enum class StageKind { egnet, lighting, deltanet, texnet, posenet, defnet };
-inline constexpr int kNumStages = 6;
-/// egnet, lighting, deltanet, texnet, posenet, defnet
+/// `ddc` (chapter 6), with `radiance` they are `hybrid` (6.12), the others `deepcap` (chapter 5).
+enum class StageKind { egnet, lighting, deltanet, texnet, radiance, posenet, defnet };
+inline constexpr int kNumStages = 7;
+/// egnet, lighting, deltanet, texnet, radiance, posenet, defnet
 const std::vector<std::string>& stage_names();
 const std::string& name_of(StageKind stage);
 /// @throws UsageError for another word, with the nearest one
 StageKind stage_from(const std::string& name);
 
-/// A configuration and the stages it describes. `stage: egnet` or `stage: posenet` is one stage alone. `stage: ddc` and
-/// `stage: deepcap` are chains: `capture`, `seed` and `character` on top, and a section per stage, each with what a
-/// file of that stage alone would hold; a stage without a section is left out. A section with the one key `run: FOLDER`
-/// takes a stage that another run has trained.
+/// A configuration and the stages it describes. `stage: egnet` or `stage: posenet` is one stage alone. `stage: ddc`,
+/// `stage: hybrid` and `stage: deepcap` are chains: `capture`, `seed` and `character` on top, and a section per stage,
+/// each with what a file of that stage alone would hold; a stage without a section is left out. A section with the one
+/// key `run: FOLDER` takes a stage that another run has trained; `ddc: FOLDER` on top of a hybrid takes all of a run's.
 class StageChain {
  public:
   /// Reads all sections, so that a mistake in the last one shows before the first is trained.
@@ -44,7 +44,7 @@ class StageChain {
 
  private:
   enum class Section { absent, own, borrowed };
-  void read_sections(const ConfigReader& root, StageKind first, StageKind end);
+  void read_sections(const ConfigReader& root, StageKind first, int end);
 
   ConfigDocument document_;
   std::string name_;

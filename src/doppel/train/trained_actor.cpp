@@ -7,6 +7,7 @@
 #include "doppel/render/projection.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/egnet_config.h"
+#include "doppel/train/hybrid_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/run_folder.h"
 #include "doppel/train/stored_stage.h"
@@ -51,6 +52,14 @@ void load_stage(TrainedActor& actor, StageKind kind, const StoredStage& stage) {
     actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
     load_evaluation_weights(*actor.texnet, stage.checkpoint);
   }
+  if (kind == StageKind::radiance) {
+    const HybridRunConfig config = HybridRunConfig::read(stage.config);
+    actor.hybrid = Hybrid(actor.character, actor.deltanet, config.model);
+    load_evaluation_weights(*actor.hybrid, stage.checkpoint);
+    actor.field_viewer = std::make_shared<FieldViewer>(actor.character);
+    actor.field_image.samples = config.samples;
+    actor.field_stencil = config.stencil;
+  }
 }
 
 /// A texture at another size. @param texture [1,Th,Tw,3] @return [size,size,3]
@@ -88,6 +97,7 @@ int TrainedActor::window() const {
   int longest = egnet->config().window;
   if (deltanet) longest = std::max(longest, deltanet->config().window);
   if (texnet) longest = std::max(longest, texnet->config().window);
+  if (hybrid) longest = std::max(longest, hybrid->config().motion.window);
   return longest;
 }
 
@@ -105,9 +115,27 @@ torch::Tensor TrainedActor::coarse(const torch::Tensor& dof_window) {
 torch::Tensor TrainedActor::fine(const torch::Tensor& dof_window) {
   if (!deltanet) return coarse(dof_window);
   torch::NoGradGuard no_grad;
+  return displaced(deltanet, dof_window);
+}
+
+torch::Tensor TrainedActor::displaced(DeltaNet& network, const torch::Tensor& dof_window) {
   const auto [A, T] = deformation(dof_window);
-  const torch::Tensor window = last_rows(dof_window, deltanet->config().window);
-  return deltanet->displaced(surface, window, A, T, deltanet->forward(window));
+  const torch::Tensor window = last_rows(dof_window, network->config().window);
+  return network->displaced(surface, window, A, T, network->forward(window));
+}
+
+torch::Tensor TrainedActor::refined(const torch::Tensor& dof_window) {
+  if (!hybrid) return fine(dof_window);
+  torch::NoGradGuard no_grad;
+  return displaced(hybrid->refined, dof_window);
+}
+
+FieldPicture TrainedActor::radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height,
+                                    int64_t width) {
+  torch::NoGradGuard no_grad;
+  const torch::Tensor features = hybrid->motion->forward(last_rows(dof_window, hybrid->config().motion.window))[0];
+  const FieldSurface around{displaced(hybrid->around, dof_window)[0], features};
+  return field_viewer->draw(hybrid->field, around, projection, height, width, field_stencil, field_image);
 }
 
 torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection) {

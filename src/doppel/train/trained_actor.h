@@ -14,6 +14,8 @@
 #include "doppel/layers/surface.h"
 #include "doppel/nets/delta_net.h"
 #include "doppel/nets/egnet.h"
+#include "doppel/nets/field_view.h"
+#include "doppel/nets/hybrid.h"
 #include "doppel/nets/tex_net.h"
 #include "doppel/render/render_mesh.h"
 #include "doppel/render/texture_space.h"
@@ -23,9 +25,9 @@
 
 namespace doppel {
 
-/// An actor as a run left it, as far as it has been trained: pose -> EGNet -> DeltaNet -> TexNet (chapter 6). Weights
-/// and statistics are those meant for use: the newest checkpoint, of it the running mean of the weights where the run
-/// kept one, recalibrated batch norm. Networks are in evaluation mode and need no gradient.
+/// An actor as a run left it, as far as it has been trained: pose -> EGNet -> DeltaNet -> TexNet, and the hybrid
+/// (chapter 6). Weights and statistics are those meant for use: the newest checkpoint, of it the running mean of the
+/// weights where the run kept one, recalibrated batch norm. Networks are in evaluation mode and need no gradient.
 struct TrainedActor {
   RunSubject subject;
   Character character;
@@ -35,12 +37,16 @@ struct TrainedActor {
 
   CharacterSurface surface{nullptr};
   EgNet egnet{nullptr};
-  Lighting lighting{nullptr};  ///< null where it was not trained; so are the next two
+  Lighting lighting{nullptr};  ///< null where it was not trained; so are the next three
   DeltaNet deltanet{nullptr};
   TexNet texnet{nullptr};
+  Hybrid hybrid{nullptr};
   std::shared_ptr<RenderMesh> mesh;
   std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size, with TexNet only
-  torch::Tensor static_texture;                 ///< [1,Th,Tw,3] RGB 0..1, undefined without one
+  std::shared_ptr<FieldViewer> field_viewer;    ///< with the hybrid only, and so the next two
+  FieldImageOptions field_image;
+  int field_stencil = 9;
+  torch::Tensor static_texture;  ///< [1,Th,Tw,3] RGB 0..1, undefined without one
 
   /// @param run what `doppel train` wrote: one stage (egnet) or a chain of stages
   /// @param capture a prepared folder to use instead of the one the run was trained on
@@ -63,6 +69,14 @@ struct TrainedActor {
   torch::Tensor coarse(const torch::Tensor& dof_window);
   /// V_fi with DeltaNet's displacements (6.14), or V_co where there is no DeltaNet. @return [B,N,3] world metres
   torch::Tensor fine(const torch::Tensor& dof_window);
+  /// V_fi with the displacements of any DeltaNet of this actor, with gradients to it where they are on. @return [B,N,3]
+  torch::Tensor displaced(DeltaNet& deltanet, const torch::Tensor& dof_window);
+  /// The mesh that the radiance field refined, or `fine` where there is none. @return [B,N,3] world metres
+  torch::Tensor refined(const torch::Tensor& dof_window);
+  /// What a camera sees of the radiance field. @param dof_window [1,F+1,D] @param projection [3,4] of the camera
+  /// @throws Error when the camera stands inside the mesh
+  FieldPicture radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height,
+                        int64_t width);
   /// The dynamic texture for a pose and a view. @return [B,T,T,3] RGB 0..1
   torch::Tensor texture(const torch::Tensor& dof_window, const torch::Tensor& projection);
 

@@ -1,0 +1,48 @@
+#include "doppel/nets/hybrid.h"
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr uint64_t kDefaultSeed = 1;
+constexpr double kFeatureScale = 0.1;
+
+/// Parameters and buffers of one module into another of the same kind.
+void copy_weights(torch::nn::Module& from, torch::nn::Module& to) {
+  const torch::NoGradGuard no_grad;
+  const auto parameters = from.named_parameters();
+  for (auto& item : to.named_parameters()) item.value().copy_(parameters[item.key()]);
+  const auto buffers = from.named_buffers();
+  for (auto& item : to.named_buffers()) item.value().copy_(buffers[item.key()]);
+}
+
+}  // namespace
+
+HybridConfig::HybridConfig() { motion.sagcn.head_scale = kFeatureScale; }
+
+HybridConfig HybridConfig::read(const ConfigReader& reader) {
+  HybridConfig config;
+  config.motion = MotionGraphConfig::read(reader.section("motion"), config.motion);
+  config.field = RadianceFieldConfig::read(reader.section("field"), config.field);
+  return config;
+}
+
+HybridImpl::HybridImpl(const Character& character, DeltaNet& deltanet, const HybridConfig& config,
+                       std::optional<at::Generator> generator)
+    : config_(config) {
+  at::Generator draw = generator ? *generator : at::detail::createCPUGenerator(kDefaultSeed);
+  refined = register_module("refined", DeltaNet(character, deltanet->config(), draw));
+  around = register_module("around", DeltaNet(character, deltanet->config(), draw));
+  motion = register_module("motion",
+                           MotionGraphNet("motion features", character, config.motion, config.field.features, draw));
+  field = register_module("field", RadianceField(config.field, draw));
+  copy_weights(*deltanet, *refined);
+  for (torch::Tensor& parameter : around->parameters()) parameter.requires_grad_(false);
+  follow();
+}
+
+void HybridImpl::follow() { copy_weights(*refined, *around); }
+
+}  // namespace doppel

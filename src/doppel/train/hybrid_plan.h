@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "doppel/core/config.h"
+#include "doppel/train/schedule.h"
+
+namespace doppel {
+
+/// What is trained in a step of the hybrid (6.12.4): the field around a mesh that stays, the mesh to what the field
+/// saw, or both at once.
+enum class HybridPhase { field, refine, joint };
+
+/// One round of the alternation (6.12.4.3).
+struct HybridRound {
+  std::int64_t field = 110000;  ///< steps of the field
+  std::int64_t refine = 400;    ///< steps of DeltaNet
+  double variance = 0.01;       ///< lambda of 6.28 in this round
+};
+
+/// The rounds, and after them steps that train everything end to end.
+class HybridPlan {
+ public:
+  /// The two rounds of A.3.
+  HybridPlan();
+  /// Keys: `rounds` (a list of mappings with the keys of HybridRound), `joint` (steps, by default none), and the
+  /// section `rates`: `field`, `refine`, `joint` at the beginning of such a phase, `final_ratio` at its end.
+  /// @throws FileError at the key
+  static HybridPlan read(const ConfigReader& root);
+
+  std::int64_t iterations() const;
+  Schedule schedule() const;
+
+  struct Place {
+    HybridPhase phase = HybridPhase::field;
+    bool first = false;     ///< no step of this phase is done yet
+    double variance = 0.0;  ///< lambda; in the joint phase that of the last round
+  };
+  /// @param step steps done so far
+  Place at(std::int64_t step) const;
+
+ private:
+  struct Part {
+    HybridPhase phase;
+    std::int64_t steps;
+    double variance;
+  };
+  std::vector<Part> parts() const;
+
+  std::vector<HybridRound> rounds_;
+  std::int64_t joint_ = 0;
+  double field_rate_ = 5e-4, refine_rate_ = 1e-4, joint_rate_ = 1e-4, final_ratio_ = 0.1;
+};
+
+}  // namespace doppel

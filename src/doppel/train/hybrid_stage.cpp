@@ -1,0 +1,243 @@
+#include "doppel/train/hybrid_stage.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/losses/images.h"
+#include "doppel/train/picture_sheet.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr std::size_t kStatisticsFrames = 512;
+constexpr int kPicturesOfSplit = 3;
+
+DeltaNet& deltanet_of(TrainedActor& actor) {
+  if (!actor.deltanet)
+    fail<UsageError>(
+        "radiance: the field lies around DeltaNet's mesh, and the stage `deltanet` has not been trained; train it "
+        "first, or take another run's: --set deltanet.run=RUN");
+  return actor.deltanet;
+}
+
+Tensor rest_positions(const Character& character) {
+  Tensor rest = torch::empty({character.num_vertices(), 3}, torch::kFloat64);
+  for (int i = 0; i < character.num_vertices(); ++i)
+    std::copy_n(character.mesh.vertices[i].data(), 3, rest.data_ptr<double>() + 3 * i);
+  return rest;
+}
+
+/// Values of a picture [H,W,...] at pixels [R,2] (column, row).
+Tensor at_pixels(const Tensor& picture, const Tensor& pixels) {
+  return picture.index({pixels.select(1, 1), pixels.select(1, 0)});
+}
+
+/// Rays of several views with what their pixels show.
+struct PictureRays {
+  std::vector<Tensor> origin, direction, near, far, colour, mask;
+};
+
+}  // namespace
+
+HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  HybridRunConfig c;
+  c.subject = RunSubject::read(document, root, "radiance");
+  const ConfigReader data = root.section("data");
+  c.loader = read_loader_options(data, 1, 1, c.subject.seed);
+  if (c.loader.batch_size != 1)
+    data.fail_at_key("batch_size", "found {}; a step takes the rays of one frame, so only 1 is allowed",
+                     c.loader.batch_size);
+  c.loader.images = true;
+  c.loader.image_size = data.get("image_size", 0, at_least(0));
+  const ConfigReader model = root.section("model");
+  c.model = HybridConfig::read(model);
+  c.standardise = model.get("standardise", c.standardise);
+  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
+  const ConfigReader rays = root.section("rays");
+  c.rays = rays.get("count", c.rays, between(1, 1 << 20));
+  c.samples = rays.get("samples", c.samples, between(1, 4096));
+  c.stencil = rays.get("stencil", c.stencil, between(1, 255));
+  if (c.stencil % 2 == 0) rays.fail_at_key("stencil", "found {}; it must be odd", c.stencil);
+  c.cloud_rays = rays.get("cloud", c.cloud_rays, between(1, 1 << 24));
+  const ConfigReader loss = root.section("loss");
+  c.chamfer_weight = loss.get("chamfer", c.chamfer_weight, at_least(0.0));
+  c.chamfer.threshold = loss.get("chamfer_threshold", c.chamfer.threshold, at_least(0.0));
+  c.least_opacity = loss.get("least_opacity", c.least_opacity, between(0.0, 1.0));
+  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
+  c.silhouette = read_silhouette_options(loss);
+  c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
+  c.isometry_weight = loss.get("isometry", c.isometry_weight, at_least(0.0));
+  c.variance_in_metres = loss.get("variance_in_metres", c.variance_in_metres);
+  c.plan = HybridPlan::read(root);
+  const ConfigReader train = root.section("train");
+  for (const char* key : {"iterations", "learning_rate", "schedule"})
+    if (train.has(key)) train.fail_at_key(key, "the stage radiance takes this from its `rounds` and `rates`");
+  c.trainer = TrainerOptions::read(train, c.subject.seed);
+  c.trainer.iterations = c.plan.iterations();
+  c.trainer.schedule = c.plan.schedule();
+  root.finish();
+  return c;
+}
+
+HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const HybridRunConfig& config)
+    : CaptureStage(dataset, actor.character,
+                   with_window(config.loader, std::max(actor.window(), config.model.motion.window))),
+      actor_(actor),
+      config_(config),
+      model_(actor.character, deltanet_of(actor), config.model,
+             at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
+      viewer_(actor.character),
+      guide_(guide_of(config.model.field, config.stencil)),
+      laplacian_graph_(actor.character),
+      edges_(MeshTopology(actor.character.mesh), rest_positions(actor.character)) {
+  const Tensor windows = training_windows(kStatisticsFrames, config.model.motion.window);
+  // One frame has no deviation: every input would be 0.
+  if (!config.standardise || windows.size(0) < 2) return;
+  const auto [mean, std] =
+      input_statistics(windows, [this](const Tensor& part) { return model_->motion->network_input(part); });
+  model_->motion->set_input_statistics(mean, std, config.feature_floor);
+}
+
+LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
+  const HybridPlan::Place place = config_.plan.at(context.step);
+  if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
+  const Tensor zero = torch::zeros({});
+  Terms terms{{zero, zero, zero, zero}, {zero, zero}, zero, zero, zero};
+  const Tensor views = batch.valid[0].nonzero().squeeze(1);
+  if (views.size(0) > 0 && place.phase == HybridPhase::field)
+    terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs).detach(), context);
+  if (views.size(0) > 0 && place.phase != HybridPhase::field) {
+    const Tensor vertices = actor_.displaced(model_->refined, batch.dofs);
+    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices, context);
+    if (place.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
+      terms.chamfer = cloud_loss(batch, views, vertices, context);
+    compare_surface(batch, vertices, context, terms);
+  }
+  return {{"colour", terms.field.colour, 1.0},
+          {"mask", terms.field.mask, 1.0},
+          {"variance", terms.field.variance, place.variance},
+          {"chamfer", terms.chamfer, config_.chamfer_weight},
+          {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight},
+          {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight},
+          {"laplacian", terms.laplacian, config_.laplacian_weight},
+          {"isometry", terms.isometry, config_.isometry_weight}};
+}
+
+RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices,
+                                     StepContext& context) {
+  const std::int64_t size = batch.image.size(2), V = views.size(0), share = std::max<std::int64_t>(1, config_.rays / V);
+  const Tensor projections = batch.image_projection[0].index_select(0, views);
+  PictureRays rays;
+  {
+    ProfileScope scope(*context.profile, "rays");
+    const GuideImages guide = viewer_.guide(vertices[0], projections, size, size, guide_);
+    for (std::int64_t v = 0; v < V; ++v) {
+      if (!guide.reached[v].any().item<bool>()) continue;
+      const Tensor mask = batch.image_mask[0][views[v].item<std::int64_t>()].to(torch::kFloat32);
+      const Tensor pixels = draw_pixels(guide, v, mask, share, context.generator);
+      const PixelRays drawn = pixel_rays(projections[v], pixels);
+      const RayInterval interval =
+          guided_interval(guide, v, pixels, viewer_.faces(), vertices[0], projections[v], guide_);
+      rays.origin.push_back(drawn.origin.expand({pixels.size(0), 3}));
+      rays.direction.push_back(drawn.direction);
+      rays.near.push_back(interval.near);
+      rays.far.push_back(interval.far);
+      rays.colour.push_back(image_float(at_pixels(batch.image[0][views[v].item<std::int64_t>()], pixels)));
+      rays.mask.push_back(at_pixels(mask, pixels));
+    }
+  }
+  if (rays.origin.empty()) {
+    const Tensor zero = torch::zeros({});
+    return {zero, zero, zero, zero};
+  }
+  Tensor motion;
+  {
+    ProfileScope scope(*context.profile, "features");
+    motion = features(batch.dofs);
+  }
+  ProfileScope scope(*context.profile, "field");
+  const RaySamples samples =
+      sample_cells(torch::cat(rays.near), torch::cat(rays.far), config_.samples, context.generator);
+  const RenderedRays seen = render_field(model_->field, viewer_.closest(), {vertices[0], motion},
+                                         torch::cat(rays.origin), torch::cat(rays.direction), samples);
+  RadianceLossOptions options;
+  options.variance_in_metres = config_.variance_in_metres;
+  return radiance_loss(seen, samples, torch::cat(rays.colour), torch::cat(rays.mask), options);
+}
+
+Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Tensor& vertices, StepContext& context) {
+  const std::int64_t size = batch.image.size(2);
+  const Tensor turn = torch::randint(0, views.size(0), {1}, context.generator, torch::kInt64);
+  const Tensor view = views.index_select(0, turn);
+  const Tensor projection = batch.image_projection[0].index_select(0, view);
+  Tensor cloud, visible;
+  {
+    ProfileScope scope(*context.profile, "cloud");
+    const torch::NoGradGuard no_grad;
+    const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
+    const GuideImages guide = viewer_.guide(around.vertices, projection, size, size, guide_);
+    const Tensor everywhere = guide.pixels(0);
+    const Tensor order = torch::randperm(everywhere.size(0), context.generator, torch::kInt64);
+    const Tensor pixels =
+        everywhere.index_select(0, order.narrow(0, 0, std::min<std::int64_t>(config_.cloud_rays, order.size(0))));
+    const PixelRays rays = pixel_rays(projection[0], pixels);
+    const RayInterval interval =
+        guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection[0], guide_);
+    FieldImageOptions options;
+    options.samples = config_.samples;
+    const FieldImage seen = draw_field(model_->field, viewer_.closest(), around, rays.origin, rays.direction,
+                                       interval.near, interval.far, options);
+    RenderedRays points;
+    points.opacity = seen.opacity;
+    points.depth = seen.depth;
+    cloud = point_cloud(points, rays.origin, rays.direction, config_.least_opacity);
+    visible = seen_vertices(viewer_.guide(vertices[0], projection, size, size, guide_).face_id[0], viewer_.faces(),
+                            vertices.size(1));
+  }
+  ProfileScope scope(*context.profile, "chamfer");
+  return chamfer_loss(vertices[0], cloud, visible, config_.chamfer);
+}
+
+void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, StepContext& context, Terms& terms) {
+  terms.silhouette = batch_silhouette_loss(vertices, actor_.mesh->faces, batch, config_.silhouette, *context.profile);
+  ProfileScope scope(*context.profile, "smoothness");
+  terms.laplacian = laplacian_loss(vertices, actor_.coarse(batch.dofs), laplacian_graph_);
+  terms.isometry = isometry_loss(vertices, edges_);
+}
+
+Tensor HybridStage::features(const Tensor& dof_window) {
+  return model_->motion->forward(last_rows(dof_window, config_.model.motion.window))[0];
+}
+
+std::vector<Picture> HybridStage::pictures() {
+  std::vector<Picture> pictures =
+      outline_pictures(actor_.mesh->faces, "DeltaNet blue, refined red", [this](const SampleId& sample) {
+        const Tensor window = dataset().dof_window(sample, loader_options().window).unsqueeze(0);
+        return std::make_pair(actor_.fine(window)[0], actor_.displaced(model_->refined, window)[0]);
+      });
+  FieldImageOptions options;
+  options.samples = config_.samples;
+  for (Split split : {Split::test, Split::train}) {
+    PictureSheet sheet(dataset(), loader_options().image_size);
+    for (const SampleId& sample : samples_to_show(split, kPicturesOfSplit)) {
+      const Batch batch = sheet.batch(sample, loader_options().window);
+      const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
+      const FieldPicture seen = viewer_.draw(model_->field, around, batch.image_projection[0][0], batch.image.size(2),
+                                             batch.image.size(3), config_.stencil, options);
+      ShadedImage drawing;
+      drawing.colour = seen.colour.unsqueeze(0).unsqueeze(0);
+      drawing.mask = (seen.opacity > 0).unsqueeze(0).unsqueeze(0);
+      sheet.add(batch, {drawing});
+    }
+    if (sheet.empty()) continue;
+    pictures.push_back({"radiance-" + to_string(split),
+                        to_string(split) + " split: photograph, radiance field and its error", sheet.image()});
+  }
+  return pictures;
+}
+
+}  // namespace doppel

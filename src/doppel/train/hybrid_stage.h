@@ -1,0 +1,89 @@
+#pragma once
+
+#include "doppel/losses/chamfer.h"
+#include "doppel/losses/isometry.h"
+#include "doppel/losses/laplacian.h"
+#include "doppel/losses/radiance.h"
+#include "doppel/nets/field_view.h"
+#include "doppel/nets/hybrid.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/hybrid_plan.h"
+#include "doppel/train/run_config.h"
+#include "doppel/train/trained_actor.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `radiance` is made of; `docs/training.md` lists the keys.
+struct HybridRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+
+  HybridConfig model;
+  bool standardise = true;      ///< scale the inputs of the motion network, where there are several frames
+  double feature_floor = 0.05;  ///< smallest standard deviation assumed there, metres
+
+  // Rays.
+  int rays = 1000;        ///< of a step, shared among its cameras (A.3)
+  int samples = 64;       ///< of a ray (A.3)
+  int stencil = 9;        ///< pixels, of er and di in 6.24 (A.3)
+  int cloud_rays = 8000;  ///< of the point cloud that a step of refinement compares with
+
+  // Weights of the refinement (A.3).
+  double chamfer_weight = 5000.0;
+  double silhouette_weight = 50.0;
+  double laplacian_weight = 4000.0;
+  double isometry_weight = 7.5e4;  ///< 0.075 for millimetres
+  bool variance_in_metres = false;
+  double least_opacity = 0.98;  ///< T: rays that saw less give no point
+  ChamferOptions chamfer;
+  SilhouetteOptions silhouette;
+
+  HybridPlan plan;
+  TrainerOptions trainer;
+
+  static HybridRunConfig read(const ConfigDocument& document);
+};
+
+/// Trains the hybrid (6.12): in turns the field around the mesh (6.28), and DeltaNet to the point clouds that the field
+/// gives (6.27). The clouds come from the field around the mesh as it was, so they stand still while the mesh moves.
+class HybridStage : public CaptureStage {
+ public:
+  /// @param dataset, actor must outlive the stage
+  /// @throws UsageError when DeltaNet was not trained; Error when the template is not closed
+  HybridStage(const Dataset& dataset, TrainedActor& actor, const HybridRunConfig& config);
+
+  std::string name() const override { return "radiance"; }
+  torch::nn::Module& model() override { return *model_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::string identity() const override { return CaptureStage::identity() + ", on " + actor_.digest(); }
+  std::vector<Picture> pictures() override;
+
+  Hybrid& hybrid() { return model_; }
+
+ private:
+  /// All terms of a step; those of the phases it does not belong to stay 0.
+  struct Terms {
+    RadianceLoss field;
+    SilhouetteLoss silhouette;
+    torch::Tensor chamfer, laplacian, isometry;
+  };
+
+  RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
+                          StepContext& context);
+  torch::Tensor cloud_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
+                           StepContext& context);
+  void compare_surface(const Batch& batch, const torch::Tensor& vertices, StepContext& context, Terms& terms);
+  torch::Tensor features(const torch::Tensor& dof_window);  ///< [N,H]
+
+  TrainedActor& actor_;
+  HybridRunConfig config_;
+  Hybrid model_{nullptr};
+  FieldViewer viewer_;
+  GuideOptions guide_;
+  LaplacianGraph laplacian_graph_;
+  EdgeLengths edges_;
+};
+
+}  // namespace doppel
