@@ -17,6 +17,7 @@
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
 #include "doppel/geometry/calibration.h"
+#include "doppel/train/trained_actor.h"
 
 namespace doppel::tools {
 namespace {
@@ -24,7 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct AnimateOptions {
-  std::string character, motion, model, out;
+  std::string character, motion, model, run, out;
+  std::string renderer = "mesh";
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
   // Motion of another skeleton.
@@ -184,15 +186,66 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   return film;
 }
 
+/// Who moves: an exported actor, a hybrid from its run, or, with neither, the skinned template.
+struct Performer {
+  Character character;
+  std::optional<ActorFile> file;
+  std::unique_ptr<TrainedActor> trained;
+
+  double frames_per_second() const {
+    return file ? file->description().frames_per_second : trained ? trained->frames_per_second : 25.0;
+  }
+};
+
+Performer make_performer(const AnimateOptions& options) {
+  Performer performer;
+  const bool radiance = options.renderer == "radiance";
+  if (radiance != !options.run.empty())
+    fail<UsageError>(
+        radiance ? "--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it"
+                 : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
+  if (radiance) {
+    if (!options.model.empty()) fail<UsageError>("--model and --run both name an actor; give one of them");
+    performer.trained = std::make_unique<TrainedActor>(TrainedActor::load(options.run));
+    if (!performer.trained->hybrid)
+      fail(
+          "{} has no checkpoint of the stage radiance; train it first: doppel train configs/small/hybrid.yaml --set "
+          "ddc={}",
+          options.run, options.run);
+    performer.character = performer.trained->character;
+    return performer;
+  }
+  if (options.character.empty()) fail<UsageError>("--character is missing: the .character file of the actor");
+  CharacterOptions character_options;
+  character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
+  performer.character = load_character(options.character, character_options);
+  if (!options.model.empty()) performer.file = ActorFile::load(options.model);
+  return performer;
+}
+
+void perform(const Performer& performer, const Motion& motion,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
+  TrainedActor* actor = performer.trained.get();
+  if (!actor) return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers);
+  animate(
+      performer.character, motion, actor->window() + 1,
+      [actor](const torch::Tensor& windows) { return actor->refined(windows); }, writers);
+}
+
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const ActorFile* actor, double fps) {
+                                                          const Performer& performer, double fps) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, fps, studio);
-    film.actor = actor;
+    film.actor = performer.file ? &*performer.file : nullptr;
+    if (performer.trained)
+      film.radiance = [actor = performer.trained.get()](const torch::Tensor& window, const torch::Tensor& projection,
+                                                        std::int64_t height, std::int64_t width) {
+        return actor->radiance(window, projection, height, width);
+      };
     writers.push_back(make_film_writer(options.out, character, camera_path(options, character, fps, studio), film));
   }
   return writers;
@@ -206,18 +259,14 @@ void write_motions(const AnimateOptions& options, const Character& character, co
 }
 
 int run(const AnimateOptions& options, const CommonOptions& common) {
-  CharacterOptions character_options;
-  character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
-  const Character character = load_character(options.character, character_options);
-  std::optional<ActorFile> actor;
-  if (!options.model.empty()) actor = ActorFile::load(options.model);
-  const double fps = options.fps > 0 ? options.fps : actor ? actor->description().frames_per_second : 25.0;
+  const Performer performer = make_performer(options);
+  const Character& character = performer.character;
+  const double fps = options.fps > 0 ? options.fps : performer.frames_per_second();
   nlohmann::json report;
   const Motion motion = driven_motion(options, character, fps, report);
-  const ActorFile* model = actor ? &*actor : nullptr;
-  const auto writers = make_writers(options, character, model, fps);
+  const auto writers = make_writers(options, character, performer, fps);
   write_motions(options, character, motion, fps);
-  animate(character, motion, model, writers);
+  perform(performer, motion, writers);
   report.update({{"frames", motion.num_frames()},
                  {"frames_per_second", fps},
                  {"vertices", character.num_vertices()},
@@ -266,9 +315,13 @@ Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app =
       program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, pictures, video");
-  app->add_option("--character", options->character, "The .character file")->required();
+  app->add_option("--character", options->character, "The .character file (with --run: that of the run)");
   add_motion_options(*app, *options);
   app->add_option("--model", options->model, "An actor file of `doppel export`; without it: pure skinning");
+  app->add_option("--renderer", options->renderer, "What pictures show: the mesh, or the radiance field around it")
+      ->check(CLI::IsMember({"mesh", "radiance"}))
+      ->capture_default_str();
+  app->add_option("--run", options->run, "With --renderer radiance: the run that trained it");
   app->add_option("--format", options->formats, "npy, obj, mp4, png, motion, bvh, or several with commas")
       ->delimiter(',')
       ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh"}))
@@ -283,7 +336,8 @@ Command add_animate(CLI::App& program) {
       "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format npy,mp4 "
       "--out walk\n"
       "  doppel animate --character actor/actor.character --motion dance.bvh --map joints.yaml --model run/actor.pt "
-      "--format mp4 --capture prepared --camera 3 --background capture --out dance");
+      "--format mp4 --capture prepared --camera 3 --background capture --out dance\n"
+      "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }
 

@@ -9,8 +9,10 @@
 #include "command.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/eval/cloud_metrics.h"
 #include "doppel/eval/image_metrics.h"
 #include "doppel/eval/silhouette_overlap.h"
+#include "doppel/losses/chamfer.h"
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/stage_chain.h"
@@ -67,10 +69,47 @@ std::vector<std::string> picture_methods(const TrainedActor& actor) {
   if (actor.static_texture.defined()) methods.push_back("static");
   if (actor.static_texture.defined() && actor.lighting) methods.push_back("lit");
   if (actor.texnet) methods.push_back("texnet");
+  if (actor.hybrid) methods.push_back("radiance");
+  if (actor.nerf) methods.push_back("nerf");
   return methods;
 }
 
+/// What the camera of a request sees of a radiance field in one of its frames.
+FieldPicture field_picture(const Dataset& dataset, TrainedActor& actor, const std::string& method,
+                           const ImageRequest& request, std::size_t b) {
+  const torch::Tensor projection = request.projection[static_cast<std::int64_t>(b)][0];
+  if (method == "nerf") return actor.nerf->draw(projection, request.size, request.size);
+  const torch::Tensor window = windows(dataset, {request.samples[b]}, actor.window());
+  return actor.radiance(window, projection, request.size, request.size);
+}
+
+/// Covered is what is more than half there; its colour is that of the person alone.
+ImageFunction field_function(const Dataset& dataset, TrainedActor& actor, const std::string& method) {
+  return [&dataset, &actor, method](const ImageRequest& request) {
+    std::vector<torch::Tensor> colour, covered;
+    for (std::size_t b = 0; b < request.samples.size(); ++b) {
+      const FieldPicture seen = field_picture(dataset, actor, method, request, b);
+      colour.push_back(seen.colour / seen.opacity.clamp_min(0.5).unsqueeze(2));
+      covered.push_back(seen.opacity > 0.5);
+    }
+    return RenderedImages{torch::stack(colour), torch::stack(covered)};
+  };
+}
+
+CloudFunction cloud_function(const Dataset& dataset, TrainedActor& actor) {
+  return [&dataset, &actor](const ImageRequest& request) {
+    const FieldPicture seen = field_picture(dataset, actor, "radiance", request, 0);
+    const torch::Tensor pixels = (seen.opacity > 0).nonzero().flip({1});
+    const PixelRays rays = pixel_rays(request.projection[0][0], pixels);
+    RenderedRays points;
+    points.opacity = seen.opacity.masked_select(seen.opacity > 0);
+    points.depth = seen.depth.masked_select(seen.opacity > 0);
+    return point_cloud(points, rays.origin, rays.direction);
+  };
+}
+
 ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, const std::string& method) {
+  if (method == "radiance" || method == "nerf") return field_function(dataset, actor, method);
   return [&dataset, &actor, method](const ImageRequest& request) {
     const torch::Tensor window = windows(dataset, request.samples, actor.window());
     ShadingOptions options;
@@ -104,10 +143,19 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
   };
   measure("egnet", &TrainedActor::coarse);
   if (actor.deltanet) measure("deltanet", &TrainedActor::fine);
-  for (const std::string& method : picture_methods(actor))
+  if (actor.hybrid) measure("refined", &TrainedActor::refined);
+  for (const std::string& method : picture_methods(actor)) {
+    // A field without a mesh knows one frame alone.
+    if (method == "nerf" && evaluated_samples(dataset, split, options) != std::vector<SampleId>{*actor.nerf_frame})
+      continue;
     result[method] = evaluate_images(dataset, split, picture_function(dataset, actor, method), options,
                                      method + ", " + to_string(split))
                          .to_json();
+  }
+  if (actor.hybrid)
+    if (const auto clouds = evaluate_clouds(dataset, split, faces, actor.character.num_vertices(),
+                                            cloud_function(dataset, actor), options, "cloud, " + to_string(split)))
+      result["cloud"] = clouds->to_json();
   return result;
 }
 
@@ -182,6 +230,8 @@ Command add_evaluate(CLI::App& program) {
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
   app->add_option("--input-camera", arguments->options.input_camera,
                   "The camera that PoseNet and DefNet see (default: the first of --cameras)");
+  app->add_option("--frames", arguments->options.frames, "Rows of the motions to evaluate (default: as --every says)")
+      ->delimiter(',');
   app->add_option("--every", arguments->options.every, "Each n-th frame")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);

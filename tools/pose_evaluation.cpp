@@ -21,7 +21,7 @@ Batch seen_by(const Dataset& dataset, const TrainedPose& trained, const std::vec
 Tensor true_dofs(const Batch& batch) { return batch.dofs.select(1, -1).contiguous(); }
 
 PoseScores evaluate_poses(const Dataset& dataset, TrainedPose& trained, Split split, const EvaluationOptions& options) {
-  const std::vector<SampleId> samples = dataset.samples(split, options.every);
+  const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   std::vector<std::string> names;
   for (const Marker& landmark : trained.landmarks) names.push_back(landmark.name);
   const Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);

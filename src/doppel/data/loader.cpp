@@ -31,7 +31,7 @@ void check_options(const LoaderOptions& options) {
 }
 
 SamplePlan make_plan(const Dataset& dataset, const LoaderOptions& options) {
-  const std::vector<SampleId> samples = chosen_samples(dataset, options);
+  const std::vector<SampleId> samples = chosen_samples(dataset, options.split, options.frames);
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   const int all = static_cast<int>(cameras.size());
   const int draw = options.cameras_per_sample == 0 ? all : std::min(options.cameras_per_sample, all);
@@ -46,19 +46,18 @@ struct Loaded {
 
 }  // namespace
 
-std::vector<SampleId> chosen_samples(const Dataset& dataset, const LoaderOptions& options) {
-  const std::vector<SampleId> all = dataset.samples(options.split);
+std::vector<SampleId> chosen_samples(const Dataset& dataset, Split split, const std::vector<long>& frames) {
+  const std::vector<SampleId> all = dataset.samples(split);
   if (all.empty())
-    fail("{}: no sequence has `split: {}`, so there is nothing to load", dataset.folder().string(),
-         to_string(options.split));
-  if (options.frames.empty()) return all;
+    fail("{}: no sequence has `split: {}`, so there is nothing to load", dataset.folder().string(), to_string(split));
+  if (frames.empty()) return all;
   const auto is_chosen = [&](const SampleId& sample) {
-    return std::find(options.frames.begin(), options.frames.end(), sample.frame) != options.frames.end();
+    return std::find(frames.begin(), frames.end(), sample.frame) != frames.end();
   };
-  for (long frame : options.frames)
+  for (long frame : frames)
     if (std::none_of(all.begin(), all.end(), [&](const SampleId& sample) { return sample.frame == frame; }))
-      fail<UsageError>("frames: no sequence with `split: {}` has a frame {}; the first has {} to {}",
-                       to_string(options.split), frame, dataset.sequences()[all.front().sequence].first_frame,
+      fail<UsageError>("frames: no sequence with `split: {}` has a frame {}; the first has {} to {}", to_string(split),
+                       frame, dataset.sequences()[all.front().sequence].first_frame,
                        dataset.sequences()[all.front().sequence].last_frame);
   std::vector<SampleId> chosen;
   std::copy_if(all.begin(), all.end(), std::back_inserter(chosen), is_chosen);

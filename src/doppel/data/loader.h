@@ -29,9 +29,9 @@ struct LoaderOptions {
       1024;  ///< memory for distance transforms and pictures kept between epochs; 0: make them anew each time
 };
 
-/// The samples of the options' split that their `frames` leave.
+/// The samples of a split with these frames, all of them without any.
 /// @throws UsageError for a frame that no sequence of the split has; Error when the split has no samples
-std::vector<SampleId> chosen_samples(const Dataset& dataset, const LoaderOptions& options);
+std::vector<SampleId> chosen_samples(const Dataset& dataset, Split split, const std::vector<long>& frames);
 
 /// Endless stream of batches: all samples of a split in a new seeded order each epoch, one epoch running into the next.
 /// What comes depends on the options and the position alone, never on the number of workers, the prefetch depth or

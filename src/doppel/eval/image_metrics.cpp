@@ -3,6 +3,7 @@
 #include <torch/torch.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -115,14 +116,16 @@ cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
 
 /// Scores of B frames in one camera; frames without a person are left out.
 void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, int camera, const cv::Mat& studio,
-                  const ImageFunction& render, std::vector<PhotometricScores>& scores) {
+                  const ImageFunction& render, std::vector<PhotometricScores>& scores, double& seconds) {
   BatchOptions wanted;
   wanted.window = 0;
   wanted.images = true;
   const Batch batch = make_batch(dataset, samples, std::vector<std::vector<int>>(samples.size(), {camera}), wanted);
   const int size = dataset.image_size();
   const ImageRequest request{samples, camera, batch.image_projection, size};
+  const auto start = std::chrono::steady_clock::now();
   const RenderedImages drawn = checked(render(request), request);
+  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
   for (std::size_t b = 0; b < samples.size(); ++b) {
     const auto i = static_cast<std::int64_t>(b);
@@ -148,6 +151,7 @@ nlohmann::ordered_json ImageScores::to_json() const { return {{"MSE", MSE}, {"PS
 
 nlohmann::ordered_json PhotometricResult::to_json() const {
   nlohmann::ordered_json json = scores_json(mean);
+  json["seconds"] = seconds;
   for (const auto& [name, scores] : cameras) json["cameras"][name] = scores_json(scores);
   return json;
 }
@@ -185,7 +189,7 @@ PhotometricResult evaluate_images(const Dataset& dataset, Split split, const Ima
                                   const EvaluationOptions& options, const std::string& title) {
   torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
-  const std::vector<SampleId> samples = dataset.samples(split, options.every);
+  const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   PhotometricResult result;
   std::vector<PhotometricScores> means;
   Progress progress(title, static_cast<std::int64_t>(samples.size() * cameras.size()));
@@ -195,7 +199,7 @@ PhotometricResult evaluate_images(const Dataset& dataset, Split split, const Ima
     for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
       const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(first);
       const auto end = samples.begin() + static_cast<std::ptrdiff_t>(std::min(first + kFramesAtOnce, samples.size()));
-      score_frames(dataset, {begin, end}, camera, studio, render, scores);
+      score_frames(dataset, {begin, end}, camera, studio, render, scores, result.seconds);
       progress.advance(end - begin);
     }
     if (scores.empty()) continue;
@@ -204,6 +208,7 @@ PhotometricResult evaluate_images(const Dataset& dataset, Split split, const Ima
   }
   if (means.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
   result.mean = mean_of(means);
+  result.seconds /= static_cast<double>(samples.size() * cameras.size());
   return result;
 }
 

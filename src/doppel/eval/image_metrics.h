@@ -58,6 +58,7 @@ struct PhotometricScores {
 struct PhotometricResult {
   std::vector<std::pair<std::string, PhotometricScores>> cameras;  ///< mean over the camera's frames
   PhotometricScores mean;                                          ///< over cameras
+  double seconds = 0.0;                                            ///< to draw one picture, mean
 
   nlohmann::ordered_json to_json() const;
 };

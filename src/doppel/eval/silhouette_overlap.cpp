@@ -6,8 +6,9 @@
 #include <map>
 
 #include "doppel/core/error.h"
-#include "doppel/core/npy.h"
 #include "doppel/core/progress.h"
+#include "doppel/data/loader.h"
+#include "doppel/eval/ground_truth.h"
 #include "doppel/eval/surface_metrics.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
@@ -18,41 +19,6 @@ namespace {
 
 /// Frames drawn at once; bounds the memory for coverage images.
 constexpr std::size_t kFramesAtOnce = 8;
-
-/// True vertices of the sequences that have them, read once.
-class GroundTruth {
- public:
-  explicit GroundTruth(const Dataset& dataset) {
-    for (const DatasetSequence& sequence : dataset.sequences()) {
-      const auto path = dataset.capture().resolve("ground_truth/" + sequence.name + "/vertices.npy");
-      paths_.push_back(std::filesystem::exists(path) ? path : std::filesystem::path());
-    }
-    vertices_.resize(paths_.size());
-  }
-
-  /// [N,3], or undefined. @throws Error when the file's shape does not fit
-  torch::Tensor at(const SampleId& sample, std::int64_t num_vertices) {
-    const auto index = static_cast<std::size_t>(sample.sequence);
-    if (paths_[index].empty()) return {};
-    torch::Tensor& all = vertices_[index];
-    if (!all.defined()) all = load(paths_[index], num_vertices);
-    if (sample.frame >= all.size(0))
-      fail("{} holds {} frames; frame {} is missing", paths_[index].string(), all.size(0), sample.frame);
-    return all[sample.frame];
-  }
-
- private:
-  static torch::Tensor load(const std::filesystem::path& path, std::int64_t num_vertices) {
-    const NpyArray array = read_npy(path);
-    if (array.shape.size() != 3 || array.shape[1] != num_vertices || array.shape[2] != 3)
-      fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices,
-           fmt::join(array.shape, ","));
-    const std::vector<float> values = array.as<float>();
-    return torch::tensor(values).view({array.shape[0], num_vertices, 3});
-  }
-  std::vector<std::filesystem::path> paths_;
-  std::vector<torch::Tensor> vertices_;
-};
 
 /// Cameras with images of one size, which are drawn together.
 struct CameraGroup {
@@ -152,6 +118,8 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"missing", "missing", 100, 2, " %"},
                                {"vertex_error_mm", "vertex error", 1, 2, " mm"},
                                {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
+                               {"surface_distance_mm", "off the surface", 1, 2, " mm"},
+                               {"noise_mm", "noise", 1, 2, " mm"},
                                {"3DPCK", "3DPCK", 1, 1, " %"},
                                {"AUC", "AUC", 1, 1, " %"},
                                {"MPJPE_mm", "MPJPE", 1, 1, " mm"},
@@ -160,7 +128,8 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"frames_without_pose", "frames without pose", 1, 0, ""},
                                {"MSE", "MSE", 1, 2, ""},
                                {"PSNR", "PSNR", 1, 2, " dB"},
-                               {"SSIM", "SSIM", 1, 4, ""}};
+                               {"SSIM", "SSIM", 1, 4, ""},
+                               {"seconds", "drawn in", 1, 3, " s"}};
 
 /// SVIoU and RVIoU: the input camera against all others.
 void split_by_input(SurfaceResult& result, const std::string& input_camera) {
@@ -201,6 +170,11 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   return json;
 }
 
+std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, const EvaluationOptions& options) {
+  if (options.frames.empty()) return dataset.samples(split, options.every);
+  return chosen_samples(dataset, split, options.frames);
+}
+
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
                                const std::string& title) {
@@ -212,7 +186,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
       fail<UsageError>("the input camera {} is not among those compared", options.input_camera);
   }
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
-  const std::vector<SampleId> samples = dataset.samples(split, options.every);
+  const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   Rasterizer rasterizer(faces);
   GroundTruth truth(dataset);
   std::map<int, Mean> per_camera;
@@ -258,7 +232,8 @@ nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::ve
       "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
   json["capture"] = dataset.capture().name;
   json["every"] = options.every;
-  for (Split split : splits) json["frames"][to_string(split)] = dataset.samples(split, options.every).size();
+  if (!options.frames.empty()) json["only_frames"] = options.frames;
+  for (Split split : splits) json["frames"][to_string(split)] = evaluated_samples(dataset, split, options).size();
   for (int index : dataset.camera_indices(options.cameras)) {
     const Camera& camera = dataset.camera(index);
     json["cameras"].push_back(camera.name);

@@ -34,8 +34,13 @@ Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count
 struct EvaluationOptions {
   std::vector<std::string> cameras;  ///< names; empty: all of the capture
   int every = 1;                     ///< each n-th frame of a sequence
+  std::vector<long> frames;          ///< rows of the motions; empty: all that `every` leaves
   std::string input_camera;          ///< the one whose pictures the method was given; empty: none
 };
+
+/// The frames of a split that are compared.
+/// @throws UsageError for a frame that no sequence of the split has
+std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, const EvaluationOptions& options);
 
 /// A surface as a function of the frame: vertices [B,N,3] float32, world metres, for B samples.
 using SurfaceFunction = std::function<torch::Tensor(const std::vector<SampleId>&)>;

@@ -13,13 +13,17 @@ namespace {
 
 constexpr int kFramesAtOnce = 16;
 
-void check_belongs_together(const Character& character, const Motion& motion, const ActorFile* actor) {
+void check_belongs_together(const Character& character, const Motion& motion) {
   if (motion.num_frames() == 0) fail("animating {}: the motion holds no frames", character.name);
   const auto dofs = static_cast<int>(motion.frames.front().size());
   if (dofs != character.num_dofs())
     fail("animating {}: its skeleton has {} DoFs, the motion {}", character.name, character.num_dofs(), dofs);
-  if (!actor) return;
-  const ActorDescription& d = actor->description();
+}
+
+void check_belongs_together(const Character& character, const Motion& motion, const ActorFile& actor) {
+  check_belongs_together(character, motion);
+  const int dofs = character.num_dofs();
+  const ActorDescription& d = actor.description();
   if (static_cast<int>(d.dof_names.size()) != dofs || d.num_vertices != character.num_vertices())
     fail("animating {} ({} DoFs, {} vertices): the actor file is of '{}' with {} DoFs and {} vertices", character.name,
          dofs, character.num_vertices(), d.name, d.dof_names.size(), d.num_vertices);
@@ -43,19 +47,27 @@ torch::Tensor motion_window(const Motion& motion, int frame, int window) {
 
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
-  check_belongs_together(character, motion, actor);
-  torch::NoGradGuard no_grad;
+  if (actor) {
+    check_belongs_together(character, motion, *actor);
+    const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
+    return animate(character, motion, actor->description().window, geometry, writers);
+  }
   CharacterSurface surface(character);
-  const int window = actor ? actor->description().window : 1;
+  animate(
+      character, motion, 1, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers);
+}
+
+void animate(const Character& character, const Motion& motion, int window, const ActorFunction& geometry,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
+  check_belongs_together(character, motion);
+  torch::NoGradGuard no_grad;
   Progress progress("animate", motion.num_frames());
   for (int first = 0; first < motion.num_frames(); first += kFramesAtOnce) {
     if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, motion.num_frames());
     const int last = std::min(first + kFramesAtOnce, motion.num_frames());
     std::vector<torch::Tensor> windows;
     for (int f = first; f < last; ++f) windows.push_back(motion_window(motion, f, window));
-    const torch::Tensor dofs = torch::stack(windows);
-    const torch::Tensor vertices =
-        (actor ? actor->forward(dofs) : surface->skinned(dofs.select(1, window - 1))).contiguous();
+    const torch::Tensor vertices = geometry(torch::stack(windows)).contiguous();
     if (!torch::isfinite(vertices).all().item<bool>())
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);

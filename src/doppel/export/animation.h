@@ -36,6 +36,12 @@ std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& fol
 /// @return [F+1, D] float32
 torch::Tensor motion_window(const Motion& motion, int frame, int window);
 
+/// Poses every frame of `motion` by a function of windows of `window` frames and hands it to each of `writers`, then
+/// closes them.
+/// @throws Error when motion and character do not belong together, or a position is not finite
+void animate(const Character& character, const Motion& motion, int window, const ActorFunction& geometry,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers);
+
 /// Poses every frame of `motion` and hands it to each of `writers`, then closes them.
 /// @param actor the trained model, or null for pure (per-vertex dual-quaternion) skinning
 /// @throws Error when the motion, the character and the actor do not belong together

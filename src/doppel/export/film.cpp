@@ -68,6 +68,7 @@ class FilmWriter : public SequenceWriter {
  private:
   cv::Mat draw(const PosedFrame& frame, const Camera& camera) {
     torch::NoGradGuard no_grad;
+    if (options_.radiance) return draw_radiance(frame, camera);
     RenderScene scene;
     scene.vertices = torch::from_blob(const_cast<float*>(frame.vertices), {1, mesh_.num_vertices(), 3});
     scene.projection = projection_tensor({camera}).unsqueeze(0);
@@ -82,6 +83,13 @@ class FilmWriter : public SequenceWriter {
                                                         RenderMode::colour, options_.supersampling, shading);
     seen_ = seen_ || drawn.alpha.gt(0).any().item<bool>();
     return picture_of(drawn.over(behind_)[0][0]);
+  }
+
+  cv::Mat draw_radiance(const PosedFrame& frame, const Camera& camera) {
+    const FieldPicture drawn =
+        options_.radiance(frame.window.unsqueeze(0), projection_tensor({camera})[0], camera.height, camera.width);
+    seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();
+    return picture_of(drawn.colour + (1.0 - drawn.opacity.unsqueeze(2)) * behind_);
   }
 
   void write_picture(const cv::Mat& picture) const {

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 
 #include "doppel/export/animation.h"
 #include "doppel/export/camera_path.h"
+#include "doppel/nets/field_view.h"
 
 namespace doppel {
 
@@ -35,6 +37,9 @@ struct FilmOptions {
   /// Its dynamic texture is shown where it has one, unlit: it carries the light of the capture. May be null; must
   /// outlive the writer.
   const ActorFile* actor = nullptr;
+  /// Its radiance field is shown in place of the mesh where this is there: what a camera (projection [3,4]) sees at the
+  /// end of a window [1,F+1,D], in H x W pixels.
+  std::function<FieldPicture(const torch::Tensor&, const torch::Tensor&, std::int64_t, std::int64_t)> radiance;
 };
 
 /// Films the textured surface from a camera path, over a backdrop. A character without texture is grey.

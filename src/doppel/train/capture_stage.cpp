@@ -45,12 +45,12 @@ std::string CaptureStage::batch_description() const {
 
 std::string CaptureStage::identity() const {
   return fmt::format("character {} {}, capture {} with {} training frames and {} cameras", character_.name,
-                     character_.fingerprint(), dataset_.capture().name, chosen_samples(dataset_, options_).size(),
+                     character_.fingerprint(), dataset_.capture().name, chosen_samples(dataset_, options_.split, options_.frames).size(),
                      dataset_.camera_indices(options_.cameras).size());
 }
 
 torch::Tensor CaptureStage::training_windows(std::size_t limit, int window) const {
-  const std::vector<SampleId> samples = chosen_samples(dataset_, options_);
+  const std::vector<SampleId> samples = chosen_samples(dataset_, options_.split, options_.frames);
   const std::size_t count = std::min(limit, samples.size());
   std::vector<torch::Tensor> windows;
   for (std::size_t i = 0; i < count; ++i)
@@ -60,7 +60,7 @@ torch::Tensor CaptureStage::training_windows(std::size_t limit, int window) cons
 
 std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) const {
   const std::vector<SampleId> samples =
-      split == options_.split ? chosen_samples(dataset_, options_) : dataset_.samples(split);
+      split == options_.split ? chosen_samples(dataset_, options_.split, options_.frames) : dataset_.samples(split);
   std::vector<SampleId> chosen;
   const auto n = static_cast<std::size_t>(count);
   for (std::size_t i = 0; i < n && !samples.empty(); ++i)

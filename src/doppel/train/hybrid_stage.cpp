@@ -14,6 +14,8 @@ namespace {
 
 constexpr std::size_t kStatisticsFrames = 512;
 constexpr int kPicturesOfSplit = 3;
+/// Of at most `cloud_rays` points of 12 bytes each: below 100 MB with the default.
+constexpr std::size_t kMostClouds = 1000;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
   if (!actor.deltanet)
@@ -105,6 +107,7 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
 LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
   const HybridPlan::Place place = config_.plan.at(context.step);
   if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
+  if (place.first) clouds_.clear();
   const Tensor zero = torch::zeros({});
   Terms terms{{zero, zero, zero, zero}, {zero, zero}, zero, zero, zero};
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
@@ -169,37 +172,47 @@ RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, co
   return radiance_loss(seen, samples, torch::cat(rays.colour), torch::cat(rays.mask), options);
 }
 
+const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {
+  const std::array<std::int64_t, 3> key{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>(),
+                                        batch.cameras[0][view].item<std::int64_t>()};
+  const auto found = clouds_.find(key);
+  if (found != clouds_.end()) return found->second;
+  if (clouds_.size() >= kMostClouds) clouds_.clear();
+  const torch::NoGradGuard no_grad;
+  const Tensor projection = batch.image_projection[0][view];
+  const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
+  const GuideImages guide =
+      viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
+  Tensor pixels = guide.pixels(0);
+  // Evenly over the rows of the picture, and the same whenever the cloud is made anew.
+  if (const std::int64_t step = (pixels.size(0) + config_.cloud_rays - 1) / config_.cloud_rays; step > 1)
+    pixels = pixels.slice(0, 0, pixels.size(0), step).contiguous();
+  const PixelRays rays = pixel_rays(projection, pixels);
+  const RayInterval interval = guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection, guide_);
+  FieldImageOptions options;
+  options.samples = config_.samples;
+  const FieldImage seen = draw_field(model_->field, viewer_.closest(), around, rays.origin, rays.direction,
+                                     interval.near, interval.far, options);
+  RenderedRays points;
+  points.opacity = seen.opacity;
+  points.depth = seen.depth;
+  return clouds_[key] = point_cloud(points, rays.origin, rays.direction, config_.least_opacity);
+}
+
 Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Tensor& vertices, StepContext& context) {
-  const std::int64_t size = batch.image.size(2);
-  const Tensor turn = torch::randint(0, views.size(0), {1}, context.generator, torch::kInt64);
-  const Tensor view = views.index_select(0, turn);
-  const Tensor projection = batch.image_projection[0].index_select(0, view);
-  Tensor cloud, visible;
+  const std::int64_t turn =
+      torch::randint(0, views.size(0), {1}, context.generator, torch::kInt64).item<std::int64_t>();
+  const std::int64_t view = views[turn].item<std::int64_t>();
+  Tensor points, visible;
   {
     ProfileScope scope(*context.profile, "cloud");
-    const torch::NoGradGuard no_grad;
-    const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
-    const GuideImages guide = viewer_.guide(around.vertices, projection, size, size, guide_);
-    const Tensor everywhere = guide.pixels(0);
-    const Tensor order = torch::randperm(everywhere.size(0), context.generator, torch::kInt64);
-    const Tensor pixels =
-        everywhere.index_select(0, order.narrow(0, 0, std::min<std::int64_t>(config_.cloud_rays, order.size(0))));
-    const PixelRays rays = pixel_rays(projection[0], pixels);
-    const RayInterval interval =
-        guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection[0], guide_);
-    FieldImageOptions options;
-    options.samples = config_.samples;
-    const FieldImage seen = draw_field(model_->field, viewer_.closest(), around, rays.origin, rays.direction,
-                                       interval.near, interval.far, options);
-    RenderedRays points;
-    points.opacity = seen.opacity;
-    points.depth = seen.depth;
-    cloud = point_cloud(points, rays.origin, rays.direction, config_.least_opacity);
-    visible = seen_vertices(viewer_.guide(vertices[0], projection, size, size, guide_).face_id[0], viewer_.faces(),
-                            vertices.size(1));
+    points = cloud(batch, view);
+    const GuideImages seen = viewer_.guide(vertices[0], batch.image_projection[0][view].unsqueeze(0),
+                                           batch.image.size(2), batch.image.size(3), guide_);
+    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices.size(1));
   }
   ProfileScope scope(*context.profile, "chamfer");
-  return chamfer_loss(vertices[0], cloud, visible, config_.chamfer);
+  return chamfer_loss(vertices[0], points, visible, config_.chamfer);
 }
 
 void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, StepContext& context, Terms& terms) {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <array>
+#include <map>
+
 #include "doppel/losses/chamfer.h"
 #include "doppel/losses/isometry.h"
 #include "doppel/losses/laplacian.h"
@@ -27,7 +30,7 @@ struct HybridRunConfig {
   int rays = 1000;        ///< of a step, shared among its cameras (A.3)
   int samples = 64;       ///< of a ray (A.3)
   int stencil = 9;        ///< pixels, of er and di in 6.24 (A.3)
-  int cloud_rays = 8000;  ///< of the point cloud that a step of refinement compares with
+  int cloud_rays = 8000;  ///< at most, of the point cloud of one frame in one view
 
   // Weights of the refinement (A.3).
   double chamfer_weight = 5000.0;
@@ -72,6 +75,8 @@ class HybridStage : public CaptureStage {
 
   RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                           StepContext& context);
+  /// What the field shows of the batch's frame in one view. @return [P,3], kept until the field is trained again
+  const torch::Tensor& cloud(const Batch& batch, std::int64_t view);
   torch::Tensor cloud_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                            StepContext& context);
   void compare_surface(const Batch& batch, const torch::Tensor& vertices, StepContext& context, Terms& terms);
@@ -84,6 +89,7 @@ class HybridStage : public CaptureStage {
   GuideOptions guide_;
   LaplacianGraph laplacian_graph_;
   EdgeLengths edges_;
+  std::map<std::array<std::int64_t, 3>, torch::Tensor> clouds_;  ///< by sequence, frame and camera
 };
 
 }  // namespace doppel

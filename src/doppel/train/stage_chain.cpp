@@ -10,6 +10,7 @@
 #include "doppel/train/egnet_stage.h"
 #include "doppel/train/hybrid_stage.h"
 #include "doppel/train/lighting_stage.h"
+#include "doppel/train/nerf_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/report.h"
 #include "doppel/train/tex_net_stage.h"
@@ -60,6 +61,9 @@ void check_stage(const ConfigDocument& document, StageKind stage) {
     case StageKind::radiance:
       HybridRunConfig::read(document);
       break;
+    case StageKind::nerf:
+      NerfRunConfig::read(document);
+      break;
     case StageKind::posenet:
       PoseNetRunConfig::read(document);
       break;
@@ -109,6 +113,7 @@ TrainSummary train_one(StageKind kind, const ConfigDocument& document, const fs:
     return train_next<DeltaNetStage, DeltaNetRunConfig>(actor, document, resolved, folder, mode);
   if (kind == StageKind::texnet)
     return train_next<TexNetStage, TexNetRunConfig>(actor, document, resolved, folder, mode);
+  if (kind == StageKind::nerf) return train_next<NerfStage, NerfRunConfig>(actor, document, resolved, folder, mode);
   return train_next<HybridStage, HybridRunConfig>(actor, document, resolved, folder, mode);
 }
 
@@ -129,7 +134,7 @@ void open_chain_folder(const fs::path& out, const std::string& resolved) {
 
 const std::vector<std::string>& stage_names() {
   static const std::vector<std::string> names{"egnet",    "lighting", "deltanet", "texnet",
-                                              "radiance", "posenet",  "defnet"};
+                                              "radiance", "nerf",     "posenet",  "defnet"};
   return names;
 }
 
@@ -174,7 +179,7 @@ void StageChain::read_sections(const ConfigReader& root, StageKind first, int en
     const std::string& name = name_of(kind_of(i));
     known.push_back(name);
     if (!root.has(name)) {
-      if (on_ddc && kind_of(i) != StageKind::radiance) sections_[i] = Section::borrowed;
+      if (on_ddc && kind_of(i) < StageKind::radiance) sections_[i] = Section::borrowed;
       continue;
     }
     const ConfigReader section = root.section(name);
@@ -214,7 +219,7 @@ fs::path stage_folder(const fs::path& run, StageKind stage) {
   const ConfigReader root = document.root();
   const std::string name = root.get("stage", "egnet");
   if (!find_chain(name)) return name == name_of(stage) ? run : run / name_of(stage);
-  if (!root.has(name_of(stage)) && stage != StageKind::radiance && root.has(kDdc))
+  if (!root.has(name_of(stage)) && stage < StageKind::radiance && root.has(kDdc))
     return stage_folder(root.path(kDdc), stage);
   const ConfigReader section = root.section(name_of(stage));
   return section.has("run") ? stage_folder(section.path("run"), stage) : run / name_of(stage);

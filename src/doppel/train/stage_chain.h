@@ -11,10 +11,10 @@
 namespace doppel {
 
 /// Stages in the order they are trained in; each builds on those of its chain before it. The first four are the chain
-/// `ddc` (chapter 6), with `radiance` they are `hybrid` (6.12), the others `deepcap` (chapter 5).
-enum class StageKind { egnet, lighting, deltanet, texnet, radiance, posenet, defnet };
-inline constexpr int kNumStages = 7;
-/// egnet, lighting, deltanet, texnet, radiance, posenet, defnet
+/// `ddc` (chapter 6), with `radiance` and `nerf` they are `hybrid` (6.12), the others `deepcap` (chapter 5).
+enum class StageKind { egnet, lighting, deltanet, texnet, radiance, nerf, posenet, defnet };
+inline constexpr int kNumStages = 8;
+/// egnet, lighting, deltanet, texnet, radiance, nerf, posenet, defnet
 const std::vector<std::string>& stage_names();
 const std::string& name_of(StageKind stage);
 /// @throws UsageError for another word, with the nearest one

@@ -9,6 +9,7 @@
 #include "doppel/train/egnet_config.h"
 #include "doppel/train/hybrid_stage.h"
 #include "doppel/train/lighting_stage.h"
+#include "doppel/train/nerf_stage.h"
 #include "doppel/train/run_folder.h"
 #include "doppel/train/stored_stage.h"
 #include "doppel/train/tex_net_stage.h"
@@ -59,6 +60,12 @@ void load_stage(TrainedActor& actor, StageKind kind, const StoredStage& stage) {
     actor.field_viewer = std::make_shared<FieldViewer>(actor.character);
     actor.field_image.samples = config.samples;
     actor.field_stencil = config.stencil;
+  }
+  if (kind == StageKind::nerf) {
+    const NerfRunConfig config = NerfRunConfig::read(stage.config);
+    actor.nerf = PlainField(torch::zeros({1, 3}), config.model);
+    load_evaluation_weights(*actor.nerf, stage.checkpoint);
+    actor.nerf_frame = nerf_frame(Dataset::open(actor.subject.capture), config);
   }
 }
 

@@ -11,11 +11,13 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/data/dataset.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/delta_net.h"
 #include "doppel/nets/egnet.h"
 #include "doppel/nets/field_view.h"
 #include "doppel/nets/hybrid.h"
+#include "doppel/nets/plain_field.h"
 #include "doppel/nets/tex_net.h"
 #include "doppel/render/render_mesh.h"
 #include "doppel/render/texture_space.h"
@@ -37,10 +39,12 @@ struct TrainedActor {
 
   CharacterSurface surface{nullptr};
   EgNet egnet{nullptr};
-  Lighting lighting{nullptr};  ///< null where it was not trained; so are the next three
+  Lighting lighting{nullptr};  ///< null where it was not trained; so are the next four
   DeltaNet deltanet{nullptr};
   TexNet texnet{nullptr};
   Hybrid hybrid{nullptr};
+  PlainField nerf{nullptr};  ///< of the frame below alone
+  std::optional<SampleId> nerf_frame;
   std::shared_ptr<RenderMesh> mesh;
   std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size, with TexNet only
   std::shared_ptr<FieldViewer> field_viewer;    ///< with the hybrid only, and so the next two

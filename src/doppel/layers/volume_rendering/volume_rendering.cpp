@@ -11,6 +11,7 @@ namespace {
 /// Optical depth of a cell beyond which it is opaque: exp(-60) is nothing beside 1, even in double.
 constexpr double kOpaque = 60.0;
 constexpr double kLargestDensity = 1e12;  // so that its product with a length is finite
+constexpr double kLeastShare = 1e-5;      // of every cell when samples are drawn by weight: none is left out for good
 constexpr double kFaint = 1e-6;           // opacity below which a depth means nothing
 
 struct Absorption {
@@ -33,7 +34,10 @@ Absorption absorb(const Tensor& density, const RaySamples& samples) {
 
 }  // namespace
 
-Tensor RaySamples::step() const { return ((far - near) / static_cast<double>(t.size(1))).clamp_min(0).unsqueeze(1); }
+Tensor RaySamples::step() const {
+  if (lengths.defined()) return lengths;
+  return ((far - near) / static_cast<double>(t.size(1))).clamp_min(0).unsqueeze(1);
+}
 
 Tensor RaySamples::points(const Tensor& origin, const Tensor& direction) const {
   return origin.unsqueeze(-2) + t.unsqueeze(-1) * direction.unsqueeze(-2);
@@ -48,7 +52,31 @@ RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples,
   Tensor place = torch::full({near.size(0), samples}, 0.5, near.options());
   if (generator) place = torch::rand({near.size(0), samples}, *generator, torch::kFloat32).to(near.options());
   const Tensor cell = (torch::arange(samples, near.options()) + place) / static_cast<double>(samples);
-  return {near, far, near.unsqueeze(1) + cell * (far - near).unsqueeze(1)};
+  return {near, far, near.unsqueeze(1) + cell * (far - near).unsqueeze(1), {}};
+}
+
+RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int64_t count,
+                            std::optional<at::Generator> generator) {
+  const torch::NoGradGuard no_grad;
+  const int64_t R = coarse.t.size(0), K = coarse.t.size(1);
+  check_shape("sample_by_weight", "weights", weights, {R, K}, "[R,K]");
+  if (count < 1) fail<UsageError>("sample_by_weight: {} samples a ray; there must be at least 1", count);
+  const Tensor share = weights.to(coarse.t.options()) + kLeastShare;
+  const Tensor sum = (share / share.sum(1, true)).cumsum(1).contiguous();
+  Tensor quantile = torch::full({R, count}, 0.5, coarse.t.options());
+  if (generator) quantile = torch::rand({R, count}, *generator, torch::kFloat32).to(coarse.t.options());
+  quantile = ((torch::arange(count, coarse.t.options()) + quantile) / static_cast<double>(count)).contiguous();
+  const Tensor cell = torch::searchsorted(sum, quantile).clamp_max(K - 1);
+  const Tensor above = sum.gather(1, cell), below = above - (share / share.sum(1, true)).gather(1, cell);
+  const Tensor within = ((quantile - below) / (above - below).clamp_min(1e-12)).clamp(0.0, 1.0);
+  const Tensor length = (coarse.far - coarse.near).clamp_min(0).unsqueeze(1);
+  const Tensor drawn = coarse.near.unsqueeze(1) + (cell + within) * length / static_cast<double>(K);
+  RaySamples fine{coarse.near, coarse.far, std::get<0>(torch::cat({coarse.t, drawn}, 1).sort(1)), {}};
+  const int64_t all = K + count;
+  const Tensor halves = 0.5 * (fine.t.narrow(1, 0, all - 1) + fine.t.narrow(1, 1, all - 1));
+  const Tensor borders = torch::cat({fine.near.unsqueeze(1), halves, torch::max(fine.far, fine.near).unsqueeze(1)}, 1);
+  fine.lengths = (borders.narrow(1, 1, all) - borders.narrow(1, 0, all)).clamp_min(0);
+  return fine;
 }
 
 Tensor volume_weights(const Tensor& density, const RaySamples& samples) { return absorb(density, samples).weights; }

@@ -17,12 +17,13 @@
 
 namespace doppel {
 
-/// One point in each of the K equal cells of [near, far].
+/// One point in each of the K cells of [near, far].
 struct RaySamples {
   torch::Tensor near, far;  ///< [R]; near = far: the ray is empty
   torch::Tensor t;          ///< [R,K], ascending
+  torch::Tensor lengths;    ///< [R,K] of the cells; undefined: all of a ray are equally long
 
-  /// Lengths of the cells [R,1]; 0 where far is not beyond near.
+  /// Lengths of the cells [R,1], or [R,K] where they were given; 0 where far is not beyond near.
   torch::Tensor step() const;
   /// @param origin, direction [R,3] (or [3]), the latter of unit length @return [R,K,3] world
   torch::Tensor points(const torch::Tensor& origin, const torch::Tensor& direction) const;
@@ -34,6 +35,15 @@ struct RaySamples {
 /// @throws UsageError naming the argument, with what was found
 RaySamples sample_cells(const torch::Tensor& near, const torch::Tensor& far, int64_t samples,
                         std::optional<at::Generator> generator = std::nullopt);
+
+/// Samples where earlier ones found something (importance sampling): `count` more on each ray, drawn by the weights of
+/// the cells, and the earlier ones. The cells reach half way to the neighbours.
+/// @param coarse of equal cells @param weights [R,K] of volume_weights, no gradient @param generator draws; without one
+/// the quantiles are evenly spread
+/// @return K + count samples, without gradients
+/// @throws UsageError naming the argument, with what was found
+RaySamples sample_by_weight(const RaySamples& coarse, const torch::Tensor& weights, int64_t count,
+                            std::optional<at::Generator> generator = std::nullopt);
 
 /// What is seen along rays.
 struct RenderedRays {

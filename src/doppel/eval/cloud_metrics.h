@@ -1,0 +1,34 @@
+#pragma once
+
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "doppel/eval/image_metrics.h"
+
+namespace doppel {
+
+/// Points of the surface that one camera saw of one frame, float32 [P,3], world metres.
+using CloudFunction = std::function<torch::Tensor(const ImageRequest&)>;
+
+/// How far point clouds lie off the true surface: their noise (Fig. 6.16).
+struct CloudResult {
+  double surface_distance_mm = 0.0;                     ///< mean distance of a point
+  double noise_mm = 0.0;                                ///< root of the mean squared distance
+  double points = 0.0;                                  ///< of a cloud, mean
+  std::vector<std::pair<std::string, double>> cameras;  ///< mean distance of each, mm
+
+  nlohmann::ordered_json to_json() const;
+};
+
+/// @param faces int32 [F,3] of the true surface @param num_vertices of it
+/// @return nothing when no frame has a truth, or no cloud a point
+/// @throws UsageError for an unknown camera; Error when a truth has another shape
+std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, const torch::Tensor& faces,
+                                           std::int64_t num_vertices, const CloudFunction& cloud,
+                                           const EvaluationOptions& options, const std::string& title);
+
+}  // namespace doppel
