@@ -37,6 +37,38 @@ TEST(SampleCells, MiddlesOfEqualCells) {
   EXPECT_TRUE(is_near(points[0][0], doubles({1, 2.125 * 0.6, 2.125 * 0.8}), 1e-15));
 }
 
+TEST(SampleByWeight, FollowsTheWeightsAndCoversTheRay) {
+  const RaySamples coarse = one_ray(1.0, 5.0, 4);  // cells of 1 m
+  const RaySamples fine = sample_by_weight(coarse, doubles({0.0, 3.0, 0.0, 1.0}).unsqueeze(0), 400);
+  ASSERT_EQ(fine.t.size(1), 404);
+  EXPECT_TRUE((fine.t.narrow(1, 1, 403) >= fine.t.narrow(1, 0, 403)).all().item<bool>());
+  const auto within = [&](double low, double high) { return ((fine.t > low) & (fine.t < high)).sum().item<int64_t>(); };
+  EXPECT_NEAR(within(2.0, 3.0), 301, 2);  // three quarters, and the coarse one
+  EXPECT_NEAR(within(4.0, 5.0), 101, 2);
+  EXPECT_LE(within(1.0, 2.0) + within(3.0, 4.0), 4);
+  EXPECT_NEAR(fine.step().sum().item<double>(), 4.0, 1e-9);
+  EXPECT_GE(fine.step().min().item<double>(), 0.0);
+}
+
+TEST(SampleByWeight, AConstantSlabIsSeenTheSameWithAnyCells) {
+  const RaySamples coarse = one_ray(0.0, 2.0, 8);
+  const RaySamples fine =
+      sample_by_weight(coarse, doubles({0, 0, 1, 5, 1, 0, 0, 0}).unsqueeze(0), 24, at::detail::createCPUGenerator(2));
+  const Tensor density = torch::full({1, 32}, 0.7, torch::kFloat64), colour = torch::ones({1, 32, 1}, torch::kFloat64);
+  EXPECT_NEAR(render_volume(density, colour, fine).opacity.item<double>(), 1.0 - std::exp(-1.4), 1e-12);
+}
+
+TEST(SampleByWeight, RaysWithoutLengthOrWeightAreHarmless) {
+  const RaySamples empty = one_ray(2.0, 2.0, 3);
+  const RaySamples fine = sample_by_weight(empty, torch::zeros({1, 3}, torch::kFloat64), 5);
+  EXPECT_TRUE(is_near(fine.t, torch::full({1, 8}, 2.0, torch::kFloat64), 1e-12));
+  EXPECT_EQ(fine.step().abs().sum().item<double>(), 0.0);
+  EXPECT_THAT(message_of([&] {
+                sample_by_weight(empty, torch::zeros({1, 4}, torch::kFloat64), 5);
+              }),
+              ::testing::HasSubstr("weights"));
+}
+
 TEST(SampleCells, OneInEveryCellBySeed) {
   const Tensor near = torch::full({500}, 1.0), far = torch::full({500}, 2.0);
   const auto draw = [&](uint64_t seed) { return sample_cells(near, far, 8, at::detail::createCPUGenerator(seed)).t; };

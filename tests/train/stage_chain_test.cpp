@@ -77,7 +77,7 @@ using StageChainRejects = Chain;
 
 /// The stages of the chain `ddc`.
 std::vector<std::string> ddc_stages() {
-  return {stage_names().begin(), stage_names().begin() + static_cast<int>(StageKind::posenet)};
+  return {stage_names().begin(), stage_names().begin() + static_cast<int>(StageKind::radiance)};
 }
 
 TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether) {
@@ -271,7 +271,7 @@ TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
     const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "ddc.yaml";
     const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
     EXPECT_EQ(chain.capture(), "/somewhere");
-    for (int i = 0; i < static_cast<int>(StageKind::posenet); ++i)
+    for (int i = 0; i < static_cast<int>(StageKind::radiance); ++i)
       EXPECT_TRUE(chain.has(static_cast<StageKind>(i))) << size << " " << i;
   }
   const StageChain paper = StageChain::read(

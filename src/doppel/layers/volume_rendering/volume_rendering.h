@@ -21,7 +21,7 @@ namespace doppel {
 struct RaySamples {
   torch::Tensor near, far;  ///< [R]; near = far: the ray is empty
   torch::Tensor t;          ///< [R,K], ascending
-  torch::Tensor lengths;    ///< [R,K] of the cells; undefined: all of a ray are equally long
+  torch::Tensor lengths{};  ///< [R,K] of the cells; undefined: all of a ray are equally long
 
   /// Lengths of the cells [R,1], or [R,K] where they were given; 0 where far is not beyond near.
   torch::Tensor step() const;
