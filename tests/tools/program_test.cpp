@@ -227,6 +227,22 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_NE(table.out.find("| run | egnet |"), std::string::npos) << table.out;
   EXPECT_EQ(run("compare " + at("run") + " --split train").code, 2);
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
+
+  // On top of it, a radiance field around the mesh.
+  step("train " DOPPEL_SOURCE "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" + at("chain") +
+       " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));
+  const Outcome one = run("evaluate --run " + at("hybrid") + " --split train --frames 5 --cameras 1 --json");
+  ASSERT_EQ(one.code, 0) << one.err;
+  const nlohmann::json train = nlohmann::json::parse(one.out)["splits"]["train"];
+  EXPECT_TRUE(train["refined"].contains("Hausdorff_mm"));
+  EXPECT_TRUE(train["cloud"].contains("noise_mm") || train["cloud"].is_null());
+  for (const char* method : {"texnet", "radiance", "nerf"}) EXPECT_GT(train[method]["seconds"].get<double>(), 0.0);
+  const std::string drive = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --format png --video-size 48 ";
+  EXPECT_EQ(run(drive + "--renderer radiance --out " + at("none")).code, 2);
+  EXPECT_EQ(run(drive + "--run " + at("hybrid") + " --out " + at("none")).code, 2);
+  EXPECT_EQ(run(drive + "--renderer radiance --run " + at("chain") + " --out " + at("none")).code, 1);
+  step(drive + "--renderer radiance --run " + at("hybrid") + " --out " + at("views"));
+  EXPECT_TRUE(std::filesystem::exists(at("views/turntable_000003.png")));
 }
 
 TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
