@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "character_label.h"
 #include "character_report.h"
 #include "command.h"
 #include "doppel/core/error.h"
@@ -107,18 +108,21 @@ void add_build_options(CLI::App& app, BuildOptions& options) {
 
 Command add_character(CLI::App& program) {
   auto options = std::make_shared<BuildOptions>();
-  CLI::App* app = program.add_subcommand("character", "Build characters");
+  CLI::App* app = program.add_subcommand("character", "Build characters and label their materials");
   app->require_subcommand(1);
   CLI::App* build_app =
       app->add_subcommand("build", "Make a character folder from a mesh, a skeleton and skinning weights");
   build_app->fallthrough();
   add_build_options(*build_app, *options);
-  app->footer("Example: doppel character build --help");
+  const Command label = add_character_label(*app);
+  app->footer("Examples: doppel character build --help; doppel character label --help");
   build_app->footer(
       "Example: doppel character build --mesh actor.obj --skeleton actor.skeleton --skin actor.skin --motion "
       "rest.motion "
       "--nodes 500 --out actor/");
-  return {app, [options](const CommonOptions& common) { return run_build(*options, common); }};
+  return {app, [options, label](const CommonOptions& common) {
+            return label.app->parsed() ? label.run(common) : run_build(*options, common);
+          }};
 }
 
 }  // namespace doppel::tools

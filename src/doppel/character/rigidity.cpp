@@ -1,7 +1,6 @@
 #include "doppel/character/rigidity.h"
 
-#include <array>
-
+#include "doppel/character/labels.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
@@ -10,12 +9,10 @@ namespace doppel {
 
 namespace {
 
-constexpr int kNumLabels = 21;
 using Table = std::array<double, kNumLabels>;
 
-// One value per label of the LIP parser: 0 background, 1 hat, 2 hair, 3 glove, 4 sunglasses, 5 upper clothes, 6 dress,
-// 7 coat, 8 socks, 9 pants, 10 jumpsuit, 11 scarf, 12 skirt, 13 face, 14 15 arms, 16 17 legs, 18 19 shoes, and 20, what
-// lies under a dress: it is given with the third table only and counts as dress in the others.
+// One value per label. What lies under a dress (20) is given with the third table only and counts as dress in the
+// others.
 // clang-format off
 //                             0   1    2    3    4    5   6   7   8   9    10  11  12  13   14   15   16   17   18   19   20
 constexpr Table kLiveCap   = {1,  100, 200, 100, 200, 2,  1,  1,  50, 2.5, 1,  3,  1,  200, 50,  50,  50,  50,  100, 100, 1};
@@ -39,6 +36,14 @@ const Table& table_of(RigidityPreset preset) {
 constexpr double kClothing = 20.0;
 
 }  // namespace
+
+const std::array<std::string, kNumLabels>& label_names() {
+  static const std::array<std::string, kNumLabels> names{
+      "background", "hat",       "hair",     "glove",     "sunglasses", "upper_clothes", "dress",
+      "coat",       "socks",     "pants",    "jumpsuit",  "scarf",      "skirt",         "face",
+      "left_arm",   "right_arm", "left_leg", "right_leg", "left_shoe",  "right_shoe",    "under_dress"};
+  return names;
+}
 
 RigidityPreset parse_rigidity_preset(const std::string& word) {
   if (word == "livecap") return RigidityPreset::livecap;
