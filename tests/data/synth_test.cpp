@@ -14,12 +14,16 @@
 #include <opencv2/videoio.hpp>
 #include <set>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/data/capture.h"
+#include "doppel/data/joint_detections.h"
+#include "doppel/data/keypoint_map.h"
 #include "doppel/data/synth/body_field.h"
+#include "doppel/data/synth/capture_writer.h"
 #include "doppel/data/synth/performance.h"
 #include "doppel/data/synth/studio.h"
 #include "doppel/geometry/calibration.h"
@@ -390,6 +394,31 @@ TEST_F(SynthCapture, IsAnOrdinaryCaptureFolder) {
   }
   EXPECT_GT(report_.skinning_iou, 0.75);
   EXPECT_LT(report_.skinning_iou, 0.985);
+}
+
+TEST_F(SynthCapture, JointsInSpaceAreNearTheLandmarks) {
+  const Character character = load_character(root() / "character/actor.character");
+  const Motion motion = read_motion(root() / "testing/skeletoolToGTPose/poseAngles.motion", character.num_dofs());
+  const Camera camera = read_calibration(root() / "calibration/cameras.calibration")[1];
+  const auto found = read_joint_detections(root() / "testing/joints3d/001.csv", read_keypoint_map("body25").layout);
+  ASSERT_EQ(found.size(), 3u);
+  const std::vector<int> markers = body25_markers(character.skeleton);
+  double sum = 0.0;
+  int count = 0;
+  for (const auto& [frame, joints] : found) {
+    const auto points = landmark_positions(character.skeleton, character.skeleton.markers,
+                                           motion.frames[static_cast<std::size_t>(frame)]);
+    const auto point = [&](std::size_t k) { return points[static_cast<std::size_t>(markers[k])]; };
+    EXPECT_EQ(joints[8].position, Eigen::Vector3d(0, 0, 0)) << "the root";
+    for (std::size_t k = 0; k < markers.size(); ++k) {
+      EXPECT_EQ(joints[k].seen, markers[k] >= 0);
+      if (markers[k] < 0) continue;
+      sum += (joints[k].position - camera.R * (point(k) - point(8))).norm();
+      ++count;
+    }
+  }
+  EXPECT_GT(sum / count, 0.02);
+  EXPECT_LT(sum / count, 0.07);
 }
 
 TEST_F(SynthCapture, MasksShowTheGroundTruth) {

@@ -1,11 +1,11 @@
 #include "doppel/data/synth/capture_writer.h"
 
 #include <array>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "doppel/character/motion.h"
 #include "doppel/core/error.h"
+#include "doppel/data/keypoint_map.h"
 
 namespace doppel::synth {
 
@@ -30,7 +30,7 @@ cv::VideoWriter open_video(const fs::path& path, const std::vector<int>& codecs,
 std::string three_digits(int number) { return fmt::format("{:03}", number); }
 
 SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>& cameras, double fps)
-    : folder_(folder) {
+    : folder_(folder), names_(read_keypoint_map("body25").layout.points) {
   const auto code = cv::VideoWriter::fourcc;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const cv::Size size(cameras[c].width, cameras[c].height);
@@ -40,6 +40,9 @@ SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>
     masks_.push_back(open_video(folder / "foregroundSegmentation" / (stream + ".mkv"), {code('F', 'F', 'V', '1')}, fps,
                                 size, false));
     fs::create_directories(folder / "keypoints" / three_digits(static_cast<int>(c)));
+    fs::create_directories(folder / "joints3d");
+    joints_.emplace_back(folder / "joints3d" / (three_digits(static_cast<int>(c)) + ".csv"), std::ios::binary);
+    joints_.back() << "frame,index,name,x_mm,y_mm,z_mm\n";
   }
 }
 
@@ -60,6 +63,14 @@ void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<do
   if (!stream.flush()) fail("writing {}: the disk may be full", path.string());
 }
 
+void SequenceWriter::write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points) {
+  std::ofstream& table = joints_[static_cast<std::size_t>(camera)];
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (points[i].allFinite())
+      table << fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, names_[i], 1e3 * points[i].x(),
+                           1e3 * points[i].y(), 1e3 * points[i].z());
+}
+
 void SequenceWriter::write_motion_rows(const Motion& motion) {
   const fs::path path = folder_ / "skeletoolToGTPose" / "poseAngles.motion";
   fs::create_directories(path.parent_path());
@@ -69,6 +80,8 @@ void SequenceWriter::write_motion_rows(const Motion& motion) {
 void SequenceWriter::close() {
   for (auto* videos : {&images_, &masks_})
     for (cv::VideoWriter& video : *videos) video.release();
+  for (std::ofstream& table : joints_)
+    if (!table.flush()) fail("writing the tables in {}: the disk may be full", (folder_ / "joints3d").string());
 }
 
 std::vector<int> body25_markers(const Skeleton& skeleton) {
@@ -127,6 +140,7 @@ std::string capture_yaml(const SynthOptions& options, const std::string& name) {
         "    masks: {0}/foregroundSegmentation/stream{{camera:03}}.mkv\n"
         "    mask_threshold: 128\n"
         "    keypoints: {0}/keypoints/{{camera:03}}/stream{{camera:03}}_{{frame:012}}_keypoints.json\n"
+        "    joints3d: {0}/joints3d/{{camera:03}}.csv\n"
         "    motion: {0}/skeletoolToGTPose/poseAngles.motion\n",
         folder, training ? "train" : "test");
     if (training) text += fmt::format("    cuts: [{}]\n", options.frames / 2);
@@ -147,6 +161,7 @@ std::string readme_text(const SynthOptions& options) {
       "  videos/streamNNN.mp4          images of camera NNN, {} x {} pixels\n"
       "  foregroundSegmentation/       masks, 0 or 255, lossless\n"
       "  keypoints/NNN/                landmarks as OpenPose BODY_25 files, noisier where hidden\n"
+      "  joints3d/NNN.csv              the same in space, as a network would place them, seen from camera NNN\n"
       "  skeletoolToGTPose/            the poses\n"
       "ground_truth/<sequence>/        vertices.npy: the true surface, float32 [frames, vertices, 3], world metres\n"
       "capture.yaml                    describes all this to `doppel prepare`\n"

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <fstream>
 #include <opencv2/videoio.hpp>
 #include <string>
 #include <vector>
@@ -19,6 +20,9 @@ class SequenceWriter {
   void write_shot(int camera, const Studio::Shot& shot);
   /// Landmarks as an OpenPose BODY_25 file. @param body25 x, y, confidence of the 25 points
   void write_keypoints(int camera, int frame, const std::vector<double>& body25);
+  /// The same landmarks as a network places them in space: a row each of the camera's table. @param points [25] from
+  /// the root, camera axes, metres; not finite: none
+  void write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points);
   void write_motion_rows(const Motion& motion);
   /// Completes the videos.
   void close();
@@ -26,6 +30,8 @@ class SequenceWriter {
  private:
   std::filesystem::path folder_;
   std::vector<cv::VideoWriter> images_, masks_;
+  std::vector<std::ofstream> joints_;  ///< a table a camera
+  std::vector<std::string> names_;     ///< [25] of the points
 };
 
 /// "007"

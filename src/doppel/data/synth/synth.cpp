@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -116,6 +117,27 @@ std::vector<double> detect(const Studio& studio, int camera_index, const Camera&
   return result;
 }
 
+/// What a network would say of where they are in space: from the root, too near or too far for a while (farther off in
+/// depth), and anew uncertain in every frame.
+Points place(const Camera& camera, const Points& markers, const std::vector<int>& body25, int frame,
+             std::uint64_t key) {
+  constexpr double kNoise = 0.025, kBias = 0.01, kPeriod = 40.0;  // metres, metres, frames
+  constexpr std::size_t kMidHip = 8;
+  Points result(body25.size(), Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  const Vector3d& root = markers[body25[kMidHip]];
+  for (std::size_t k = 0; k < body25.size(); ++k) {
+    if (body25[k] < 0) continue;
+    result[k] = camera.R * (markers[body25[k]] - root);
+    if (k == kMidHip) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double phase = 1.7 * static_cast<double>(3 * k + axis), depth = axis == 2 ? 2.0 : 1.0;
+      result[k][axis] += depth * kBias * std::sin(2.0 * M_PI * frame / kPeriod + phase) +
+                         kNoise * hash_normal(key + 4 * k + static_cast<std::size_t>(axis));
+    }
+  }
+  return result;
+}
+
 Points marker_positions(const Skeleton& skeleton, const std::vector<double>& dofs) {
   const auto world_from_joint = skeleton.pose(dofs);
   Points points;
@@ -154,6 +176,8 @@ void film(const Set& set, const std::string& name, int sequence, const std::vect
         writer.write_keypoints(
             camera, frame,
             detect(set.studio, camera, set.cameras[c], markers, body25, hash_bits(~key ^ set.options.seed)));
+        writer.write_joints(camera, frame,
+                            place(set.cameras[c], markers, body25, frame, hash_bits(key ^ ~set.options.seed) + 1000));
       }
       progress.advance(1, name);
     }
