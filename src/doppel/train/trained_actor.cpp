@@ -20,11 +20,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run,
-                const std::optional<fs::path>& capture_path) {
+void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run, const fs::path& capture_path) {
   const EgNetRunConfig config = EgNetRunConfig::read(stage.config);
   actor.subject = config.subject;
-  if (capture_path) actor.subject.capture = fs::absolute(*capture_path);
+  actor.subject.capture = fs::absolute(capture_path);
   actor.trained_on_cameras = config.loader.cameras;
   const Capture capture = read_capture(actor.subject.capture);
   actor.frames_per_second = capture.fps;
@@ -87,7 +86,9 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
   const auto egnet_stage = find_stage(run, StageKind::egnet);
   if (!egnet_stage) fail("{} has no checkpoint of egnet yet; train it first", run.string());
   TrainedActor actor;
-  load_egnet(actor, *egnet_stage, run, capture);
+  // The run's own, which need not be the one that a borrowed EGNet was trained on.
+  const fs::path own = StageChain::read(ConfigDocument::load(RunFolder(run).config())).capture();
+  load_egnet(actor, *egnet_stage, run, capture.value_or(own));
   actor.steps["egnet"] = egnet_stage->step;
   const int end = static_cast<int>(before.value_or(StageKind::posenet));  // what follows is of another chain
   for (int i = static_cast<int>(StageKind::lighting); i < end; ++i) {
