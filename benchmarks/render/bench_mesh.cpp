@@ -6,8 +6,6 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "doppel/geometry/mesh.h"
-
 namespace doppel::bench {
 namespace {
 
@@ -69,6 +67,16 @@ BenchMesh bench_mesh() {
   return {"ddc.obj", centred(torch::tensor(points, torch::kFloat64).reshape({-1, 3})).to(torch::kFloat32),
           torch::tensor(faces, torch::kInt32).reshape({-1, 3}),
           torch::tensor(uvs, torch::kFloat64).to(torch::kFloat32).reshape({-1, 3, 2})};
+}
+
+TriangleMesh triangle_mesh(const BenchMesh& mesh) {
+  TriangleMesh result;
+  const auto vertices = mesh.vertices.accessor<float, 2>();
+  for (std::int64_t i = 0; i < vertices.size(0); ++i)
+    result.vertices.emplace_back(vertices[i][0], vertices[i][1], vertices[i][2]);
+  const auto faces = mesh.faces.accessor<int, 2>();
+  for (std::int64_t f = 0; f < faces.size(0); ++f) result.faces.push_back({faces[f][0], faces[f][1], faces[f][2]});
+  return result;
 }
 
 Tensor bench_views(const BenchMesh& mesh, int num_views) {

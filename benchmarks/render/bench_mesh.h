@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "doppel/geometry/mesh.h"
+
 /// What every rasterizer of the benchmark draws: the mesh in the axes of one camera.
 namespace doppel::bench {
 
@@ -17,6 +19,9 @@ struct BenchMesh {
 /// The character of the shared capture if the environment variable DOPPEL_SHARED leads to it, else a closed body of
 /// 11,024 faces made here: a capsule with bumps, a human's height and width.
 BenchMesh bench_mesh();
+
+/// The same as a mesh without tensors, without UVs.
+TriangleMesh triangle_mesh(const BenchMesh& mesh);
 
 /// float32 [V,N,3]: the mesh seen by cameras k = 0..V-1 of V, 4 m away, 45 degrees apart, that look at the origin.
 torch::Tensor bench_views(const BenchMesh& mesh, int num_views);
