@@ -37,10 +37,10 @@ Tensor at_pixels(const Tensor& picture, const Tensor& pixels) {
   return picture.index({pixels.select(1, 1), pixels.select(1, 0)});
 }
 
-/// Rays of several views with what their pixels show.
-struct PictureRays {
-  std::vector<Tensor> origin, direction, near, far, colour, mask;
-};
+RadianceLoss no_radiance_loss() {
+  const Tensor zero = torch::zeros({});
+  return {zero, zero, zero, zero};
+}
 
 }  // namespace
 
@@ -109,13 +109,13 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
   if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
   if (place.first) clouds_.clear();
   const Tensor zero = torch::zeros({});
-  Terms terms{{zero, zero, zero, zero}, {zero, zero}, zero, zero, zero};
+  Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero};
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
   if (views.size(0) > 0 && place.phase == HybridPhase::field)
-    terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs).detach(), context);
+    terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0].detach(), context);
   if (views.size(0) > 0 && place.phase != HybridPhase::field) {
     const Tensor vertices = actor_.displaced(model_->refined, batch.dofs);
-    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices, context);
+    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], context);
     if (place.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
       terms.chamfer = cloud_loss(batch, views, vertices, context);
     compare_surface(batch, vertices, context, terms);
@@ -130,46 +130,52 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
           {"isometry", terms.isometry, config_.isometry_weight}};
 }
 
+HybridStage::PictureRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
+                                                StepContext& context) {
+  const std::int64_t size = batch.image.size(2), V = views.size(0);
+  const std::int64_t share = std::max<std::int64_t>(1, config_.rays / V);
+  const Tensor projections = batch.image_projection[0].index_select(0, views);
+  const GuideImages guide = viewer_.guide(vertices, projections, size, size, guide_);
+  std::vector<Tensor> origin, direction, near, far, colour, mask;
+  for (std::int64_t v = 0; v < V; ++v) {
+    if (!guide.reached[v].any().item<bool>()) continue;
+    const Tensor picture = batch.image[0][views[v].item<std::int64_t>()];
+    const Tensor foreground = batch.image_mask[0][views[v].item<std::int64_t>()].to(torch::kFloat32);
+    const Tensor pixels = draw_pixels(guide, v, foreground, share, context.generator);
+    const PixelRays rays = pixel_rays(projections[v], pixels);
+    const RayInterval interval = guided_interval(guide, v, pixels, viewer_.faces(), vertices, projections[v], guide_);
+    origin.push_back(rays.origin.expand({pixels.size(0), 3}));
+    direction.push_back(rays.direction);
+    near.push_back(interval.near);
+    far.push_back(interval.far);
+    colour.push_back(image_float(at_pixels(picture, pixels)));
+    mask.push_back(at_pixels(foreground, pixels));
+  }
+  if (origin.empty()) return {};
+  return {torch::cat(origin), torch::cat(direction), torch::cat(near),
+          torch::cat(far),    torch::cat(colour),    torch::cat(mask)};
+}
+
 RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices,
                                      StepContext& context) {
-  const std::int64_t size = batch.image.size(2), V = views.size(0), share = std::max<std::int64_t>(1, config_.rays / V);
-  const Tensor projections = batch.image_projection[0].index_select(0, views);
   PictureRays rays;
   {
     ProfileScope scope(*context.profile, "rays");
-    const GuideImages guide = viewer_.guide(vertices[0], projections, size, size, guide_);
-    for (std::int64_t v = 0; v < V; ++v) {
-      if (!guide.reached[v].any().item<bool>()) continue;
-      const Tensor mask = batch.image_mask[0][views[v].item<std::int64_t>()].to(torch::kFloat32);
-      const Tensor pixels = draw_pixels(guide, v, mask, share, context.generator);
-      const PixelRays drawn = pixel_rays(projections[v], pixels);
-      const RayInterval interval =
-          guided_interval(guide, v, pixels, viewer_.faces(), vertices[0], projections[v], guide_);
-      rays.origin.push_back(drawn.origin.expand({pixels.size(0), 3}));
-      rays.direction.push_back(drawn.direction);
-      rays.near.push_back(interval.near);
-      rays.far.push_back(interval.far);
-      rays.colour.push_back(image_float(at_pixels(batch.image[0][views[v].item<std::int64_t>()], pixels)));
-      rays.mask.push_back(at_pixels(mask, pixels));
-    }
+    rays = draw_rays(batch, views, vertices, context);
   }
-  if (rays.origin.empty()) {
-    const Tensor zero = torch::zeros({});
-    return {zero, zero, zero, zero};
-  }
+  if (!rays.origin.defined()) return no_radiance_loss();
   Tensor motion;
   {
     ProfileScope scope(*context.profile, "features");
     motion = features(batch.dofs);
   }
   ProfileScope scope(*context.profile, "field");
-  const RaySamples samples =
-      sample_cells(torch::cat(rays.near), torch::cat(rays.far), config_.samples, context.generator);
-  const RenderedRays seen = render_field(model_->field, viewer_.closest(), {vertices[0], motion},
-                                         torch::cat(rays.origin), torch::cat(rays.direction), samples);
+  const RaySamples samples = sample_cells(rays.near, rays.far, config_.samples, context.generator);
+  const RenderedRays seen =
+      render_field(model_->field, viewer_.closest(), {vertices, motion}, rays.origin, rays.direction, samples);
   RadianceLossOptions options;
   options.variance_in_metres = config_.variance_in_metres;
-  return radiance_loss(seen, samples, torch::cat(rays.colour), torch::cat(rays.mask), options);
+  return radiance_loss(seen, samples, rays.colour, rays.mask, options);
 }
 
 const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {

@@ -73,6 +73,14 @@ class HybridStage : public CaptureStage {
     torch::Tensor chamfer, laplacian, isometry;
   };
 
+  /// Rays of several views with what their pixels show; undefined where no view sees the mesh.
+  struct PictureRays {
+    torch::Tensor origin, direction, near, far;  ///< [R,3], [R,3], [R], [R]
+    torch::Tensor colour, mask;                  ///< [R,3], [R]
+  };
+  /// @param views int64 [V] into the batch's cameras @param vertices [N,3]
+  PictureRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
+                        StepContext& context);
   RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                           StepContext& context);
   /// What the field shows of the batch's frame in one view. @return [P,3], kept until the field is trained again

@@ -22,8 +22,10 @@ torch::Tensor LightingImpl::deviation() {
 }
 
 torch::Tensor LightingImpl::forward(const torch::Tensor& cameras) {
-  const torch::Tensor all = torch::where(trained.view({-1, 1, 1}), coefficients, mean());
-  return all.index_select(0, cameras.reshape({-1})).view({cameras.size(0), cameras.size(1), 3, 9});
+  const torch::Tensor middle = mean();
+  const torch::Tensor all = torch::cat({torch::where(trained.view({-1, 1, 1}), coefficients, middle), middle});
+  return all.index_select(0, cameras.reshape({-1}).clamp_max(trained.size(0)))
+      .view({cameras.size(0), cameras.size(1), 3, 9});
 }
 
 }  // namespace doppel

@@ -15,7 +15,8 @@ class LightingImpl : public torch::nn::Module {
   /// @param trained indices of the cameras whose coefficients are learnt
   LightingImpl(std::int64_t num_cameras, const std::vector<int>& trained);
 
-  /// Coefficients of cameras; one that was not learnt has the mean of those that were.
+  /// Coefficients of cameras; one that was not learnt, or that the capture did not have, has the mean of those
+  /// that were.
   /// @param cameras int64 [B,C'] @return [B,C',3,9]
   torch::Tensor forward(const torch::Tensor& cameras);
 

@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# One frame of the synthetic actor: the mesh refined with and without the radiance field's point clouds (Table 6.6), and
+# novel views of the field against a field without a mesh (6.12.5.2).
+#   scripts/refinement.sh [FOLDER]     default: ablations, as scripts/ablations.sh left it; an hour, resumed where it stopped
+set -euo pipefail
+cd "$(dirname "$0")/.."
+folder="${1:-ablations}"
+doppel="${DOPPEL:-build/release/tools/doppel}"
+[ -d "$folder/ours" ] || { echo "$folder holds no run \`ours\`: run scripts/ablations.sh $folder first" >&2; exit 1; }
+
+frame=60
+held_out=7,19
+
+# The same actor and movement as the run `ours` saw, before more cameras.
+[ -f "$folder/ring/capture.yaml" ] || "$doppel" synth --preset small --cameras 24 --out "$folder/ring"
+"$doppel" prepare "$folder/ring" --out "$folder/ring-prepared" >/dev/null
+
+# variant NAME STAGES [key=value ...]
+variant() {
+  local name=$1 stages=$2 sets=() change
+  shift 2
+  for change in "$@"; do sets+=(--set "$change"); done
+  "$doppel" train configs/ablation/hybrid.yaml --set capture="$folder/ring-prepared" --set ddc="$(realpath "$folder")/ours" \
+    "${sets[@]}" --stages "$stages" --out "$folder/$name"
+  "$doppel" evaluate --run "$folder/$name" --split train --frames $frame --cameras $held_out --json >"$folder/$name.json"
+}
+
+# figure FILE METHOD METRIC DIGITS
+figure() { grep -o "\"$2\":{[^{]*" "$folder/$1.json" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
+geometry() { echo "$(figure "$1" "$2" surface_distance_mm 2) | $(figure "$1" "$2" Hausdorff_mm 1) | $(figure "$1" "$2" AMVIoU 4)"; }
+cloud() { echo "$(figure "$1" cloud surface_distance_mm 2) | $(figure "$1" cloud noise_mm 2)"; }
+pictures() { echo "$(figure two "$1" PSNR 2) | $(figure two "$1" SSIM 4) | $(figure two "$1" seconds 2)"; }
+
+variant without radiance 'radiance.rounds=[{field: 0, refine: 500}]' radiance.loss.chamfer=0
+variant one radiance 'radiance.rounds=[{field: 1500, refine: 300, variance: 0.01}]'
+variant two radiance,nerf
+
+{
+  echo "| Table 6.6 | off the true surface, mm | Hausdorff, mm | AMVIoU |"
+  echo "|---|---:|---:|---:|"
+  echo "| DDC | $(geometry two deltanet) |"
+  echo "| refined without the clouds | $(geometry without refined) |"
+  echo "| refined with them, one round | $(geometry one refined) |"
+  echo "| two rounds | $(geometry two refined) |"
+  echo
+  echo "| point clouds (Fig. 6.16) | off the true surface, mm | noise, mm |"
+  echo "|---|---:|---:|"
+  echo "| one round | $(cloud one) |"
+  echo "| two rounds | $(cloud two) |"
+  echo
+  echo "| novel views | PSNR | SSIM | seconds a picture |"
+  echo "|---|---:|---:|---:|"
+  echo "| dynamic texture | $(pictures texnet) |"
+  echo "| field without a mesh | $(pictures nerf) |"
+  echo "| field around the mesh | $(pictures radiance) |"
+} | tee "$folder/refinement.md"
