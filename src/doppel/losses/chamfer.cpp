@@ -43,11 +43,16 @@ Tensor point_cloud(const RenderedRays& rays, const Tensor& origin, const Tensor&
   return (origin + rays.depth.unsqueeze(1) * direction).index_select(0, seen);
 }
 
-Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, int64_t num_vertices) {
+Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, const Tensor& vertices, const Tensor& eye) {
+  const torch::NoGradGuard no_grad;
   const Tensor seen_faces = face_id.masked_select(face_id >= 0).to(torch::kInt64);
-  Tensor seen = torch::zeros({num_vertices}, torch::kBool);
+  Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
   seen.index_fill_(0, faces.index_select(0, seen_faces).flatten(), true);
-  return seen;
+  const auto corner = [&](int k) { return vertices.index_select(0, faces.select(1, k)); };
+  const Tensor normal = torch::cross(corner(1) - corner(0), corner(2) - corner(0), 1);
+  Tensor sum = torch::zeros_like(vertices);
+  for (int k = 0; k < 3; ++k) sum.index_add_(0, faces.select(1, k), normal);
+  return seen & ((sum * (eye - vertices)).sum(1) > 0);
 }
 
 Tensor chamfer_loss(const Tensor& vertices, const Tensor& cloud_in, const Tensor& visible,
@@ -62,14 +67,11 @@ Tensor chamfer_loss(const Tensor& vertices, const Tensor& cloud_in, const Tensor
     if (!points.isfinite().all().item<bool>())
       fail<UsageError>("{}: vertices or cloud have numbers that are not finite; what made them has gone wrong", kName);
   const Tensor cloud = cloud_in.detach();
-  if (vertices.size(0) == 0 || cloud.size(0) == 0) return vertices.sum() * 0.0;
   // The gradient of an embedding adds up rows far faster than that of an index.
-  Tensor loss = robust_mean(torch::embedding(vertices, nearest_rows(cloud, vertices)) - cloud, options.threshold);
-  const Tensor shown = visible.defined() ? visible.nonzero().squeeze(1)
-                                         : torch::arange(vertices.size(0), vertices.options().dtype(torch::kInt64));
-  if (shown.size(0) == 0) return loss;
-  const Tensor from = torch::embedding(vertices, shown);
-  return loss + robust_mean(from - cloud.index_select(0, nearest_rows(from, cloud)), options.threshold);
+  const Tensor shown = visible.defined() ? torch::embedding(vertices, visible.nonzero().squeeze(1)) : vertices;
+  if (shown.size(0) == 0 || cloud.size(0) == 0) return vertices.sum() * 0.0;
+  return robust_mean(torch::embedding(shown, nearest_rows(cloud, shown)) - cloud, options.threshold) +
+         robust_mean(shown - cloud.index_select(0, nearest_rows(shown, cloud)), options.threshold);
 }
 
 }  // namespace doppel

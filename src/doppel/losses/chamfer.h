@@ -3,11 +3,12 @@
 /// Chamfer loss (6.27): the surface goes where the radiance field of one view saw it.
 ///
 ///   L = mean over visible vertices i of eta(min over r of |V_i - p_r|^2)
-///     + mean over points r of eta(min over i of |p_r - V_i|^2)
+///     + mean over points r of eta(min over visible i of |p_r - V_i|^2)
 ///
 /// eta(d^2) is d^2 up to the threshold and 0 beyond, where a point has nothing to do with the surface; such points
-/// still count in the mean. Vertices that the view does not show take no part in the first sum: the cloud lies on their
-/// wrong side, and where a body part is thin no threshold would keep it off. Letters: N vertices, R points. Metres.
+/// still count in the mean. Vertices that the view does not show take no part: the cloud lies on their wrong side, and
+/// where a body part is thin, or a surface goes on inside another, no threshold would keep it off. Letters: N vertices,
+/// R points. Metres.
 
 #include <torch/torch.h>
 
@@ -22,9 +23,12 @@ namespace doppel {
 torch::Tensor point_cloud(const RenderedRays& rays, const torch::Tensor& origin, const torch::Tensor& direction,
                           double least_opacity = 0.98);
 
-/// Vertices of faces that are drawn somewhere. @param face_id int32 [H,W] of a rasterizer, -1 background
-/// @param faces int64 [F,3] @return bool [N]
-torch::Tensor seen_vertices(const torch::Tensor& face_id, const torch::Tensor& faces, int64_t num_vertices);
+/// Vertices that face a camera and have a face that is drawn. At a rim, where a surface turns away, drawn faces have
+/// corners that belong to the other side: a hem's to the inside of the skirt.
+/// @param face_id int32 [H,W] of a rasterizer, -1 background @param faces int64 [F,3] @param vertices [N,3] that were
+/// drawn @param eye [3] the camera's centre @return bool [N]
+torch::Tensor seen_vertices(const torch::Tensor& face_id, const torch::Tensor& faces, const torch::Tensor& vertices,
+                            const torch::Tensor& eye);
 
 struct ChamferOptions {
   double threshold = 0.04;  ///< metres, of eta

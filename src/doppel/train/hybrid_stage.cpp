@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/losses/images.h"
+#include "doppel/render/projection.h"
 #include "doppel/train/picture_sheet.h"
 
 namespace doppel {
@@ -14,8 +15,8 @@ namespace {
 
 constexpr std::size_t kStatisticsFrames = 512;
 constexpr int kPicturesOfSplit = 3;
-/// Of at most `cloud_rays` points of 12 bytes each: below 100 MB with the default.
-constexpr std::size_t kMostClouds = 1000;
+/// Of at most `cloud_rays` points of 12 bytes each: below 300 MB with the default.
+constexpr std::size_t kMostClouds = 500;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
   if (!actor.deltanet)
@@ -190,9 +191,12 @@ const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   const GuideImages guide =
       viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
   Tensor pixels = guide.pixels(0);
-  // Evenly over the rows of the picture, and the same whenever the cloud is made anew.
-  if (const std::int64_t step = (pixels.size(0) + config_.cloud_rays - 1) / config_.cloud_rays; step > 1)
-    pixels = pixels.slice(0, 0, pixels.size(0), step).contiguous();
+  if (pixels.size(0) > config_.cloud_rays) {
+    // The same whenever the cloud is made anew.
+    at::Generator generator = at::detail::createCPUGenerator(static_cast<std::uint64_t>(config_.subject.seed));
+    const Tensor order = torch::randperm(pixels.size(0), generator, torch::kInt64);
+    pixels = pixels.index_select(0, order.narrow(0, 0, config_.cloud_rays));
+  }
   const PixelRays rays = pixel_rays(projection, pixels);
   const RayInterval interval = guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection, guide_);
   FieldImageOptions options;
@@ -215,7 +219,8 @@ Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Te
     points = cloud(batch, view);
     const GuideImages seen = viewer_.guide(vertices[0], batch.image_projection[0][view].unsqueeze(0),
                                            batch.image.size(2), batch.image.size(3), guide_);
-    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices.size(1));
+    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0],
+                            camera_placement(batch.image_projection[0][view]).centre);
   }
   ProfileScope scope(*context.profile, "chamfer");
   return chamfer_loss(vertices[0], points, visible, config_.chamfer);

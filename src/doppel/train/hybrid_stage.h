@@ -30,7 +30,7 @@ struct HybridRunConfig {
   int rays = 1000;        ///< of a step, shared among its cameras (A.3)
   int samples = 64;       ///< of a ray (A.3)
   int stencil = 9;        ///< pixels, of er and di in 6.24 (A.3)
-  int cloud_rays = 8000;  ///< at most, of the point cloud of one frame in one view
+  int cloud_rays = 50000;  ///< at most, of the point cloud of one frame in one view
 
   // Weights of the refinement (A.3).
   double chamfer_weight = 5000.0;
