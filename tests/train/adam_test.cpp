@@ -51,6 +51,30 @@ TEST(AdamAgrees, WithTorchAdam) {
   expect_equal_path(reference, theirs, adam, ours);
 }
 
+TEST(AdamAgrees, WhereGradientsBeginLateAndPause) {
+  Model theirs(1), ours(1);
+  torch::optim::Adam reference(theirs.parameters(), torch::optim::AdamOptions(1e-2).eps(1e-8));
+  Adam adam(ours, {});
+  for (int step = 0; step < 60; ++step) {
+    for (Model* model : {&theirs, &ours}) {
+      set_gradients(*model, 100 + step);
+      if (step > 40 && step % 3 == 0) model->named_parameters()["unused"].mutable_grad() = torch::full({4}, 0.2);
+    }
+    reference.step();
+    adam.step(1e-2, adam.gradient_norm());
+    if (step == 50) {  // across a checkpoint, too
+      Checkpoint checkpoint;
+      adam.save(checkpoint);
+      adam = Adam(ours, {});
+      adam.load(checkpoint);
+    }
+    adam.zero_grad();
+    for (auto& parameter : theirs.parameters()) parameter.mutable_grad().reset();
+  }
+  for (const auto& item : theirs.named_parameters())
+    EXPECT_TRUE(torch::allclose(ours.named_parameters()[item.key()], item.value(), 1e-6, 1e-6)) << item.key();
+}
+
 TEST(AdamAgrees, WithTorchAdamAndL2) {
   Model theirs(2), ours(2);
   torch::optim::Adam reference(theirs.parameters(), torch::optim::AdamOptions(1e-2).weight_decay(0.05));

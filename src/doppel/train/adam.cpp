@@ -92,17 +92,16 @@ std::optional<std::string> Adam::non_finite_gradient() const {
 
 void Adam::step(double learning_rate, double norm) {
   ++steps_;
-  const double t = static_cast<double>(steps_);
   const double scale = options_.clip_norm > 0.0 && norm > options_.clip_norm ? options_.clip_norm / norm : 1.0;
-  // The first steps average plainly, so that the mean never remembers the initial weights for long.
-  const double mean_rate = std::max(1.0 - options_.mean_decay, 1.0 / t);
-
   std::vector<kernels::AdamParams> params(slots_.size());
   std::vector<torch::Tensor> gradients(slots_.size());
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     Slot& slot = slots_[i];
     if (!slot.parameter.grad().defined()) continue;
     gradients[i] = slot.parameter.grad().contiguous();
+    const double t = static_cast<double>(++slot.steps);
+    // The first steps average plainly, so that the mean never remembers the initial weights for long.
+    const double mean_rate = std::max(1.0 - options_.mean_decay, 1.0 / t);
     const double rate = learning_rate * slot.learning_rate_scale;
     const double decay = options_.weight_decay * slot.weight_decay_scale;
     kernels::AdamParams& p = params[i];
@@ -144,6 +143,9 @@ std::vector<std::pair<std::string, torch::Tensor>> Adam::mean_weights() const {
 
 void Adam::save(Checkpoint& checkpoint) const {
   checkpoint.set_text("optimizer.steps", std::to_string(steps_));
+  torch::Tensor steps = torch::empty({static_cast<std::int64_t>(slots_.size())}, torch::kInt64);
+  for (std::size_t i = 0; i < slots_.size(); ++i) steps[static_cast<std::int64_t>(i)] = slots_[i].steps;
+  checkpoint.set_tensor("optimizer.slot_steps", steps);
   for (const Slot& slot : slots_) {
     checkpoint.set_tensor("optimizer.first." + slot.name, slot.first);
     checkpoint.set_tensor("optimizer.second." + slot.name, slot.second);
@@ -152,12 +154,15 @@ void Adam::save(Checkpoint& checkpoint) const {
 }
 
 void Adam::load(const Checkpoint& checkpoint) {
-  for (Slot& slot : slots_) {
+  steps_ = checkpoint.integer("optimizer.steps");
+  const torch::Tensor steps = checkpoint.tensor("optimizer.slot_steps");
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    Slot& slot = slots_[i];
+    slot.steps = steps[static_cast<std::int64_t>(i)].item<std::int64_t>();
     checkpoint.copy_tensor("optimizer.first." + slot.name, slot.first);
     checkpoint.copy_tensor("optimizer.second." + slot.name, slot.second);
     if (slot.mean.defined()) checkpoint.copy_tensor("optimizer.mean." + slot.name, slot.mean);
   }
-  steps_ = checkpoint.integer("optimizer.steps");
 }
 
 }  // namespace doppel

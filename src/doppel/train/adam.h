@@ -67,6 +67,7 @@ class Adam {
     std::string name;
     torch::Tensor parameter, first, second, mean;
     double learning_rate_scale, weight_decay_scale;
+    std::int64_t steps = 0;  ///< in which it had a gradient: its moments know nothing of the others
   };
   /// A piece of one parameter; the unit of parallel work.
   struct Chunk {
