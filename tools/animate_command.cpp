@@ -18,6 +18,7 @@
 #include "doppel/export/film.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/train/trained_actor.h"
+#include "pose_run.h"
 
 namespace doppel::tools {
 namespace {
@@ -186,6 +187,22 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   return film;
 }
 
+/// @throws UsageError for a run that takes pictures, with what to do with it instead
+void refuse_pose_run(const char* option, const std::string& path) {
+  if (captures_poses(path))
+    fail<UsageError>(
+        "{} {}: a run that takes pictures of a person and no motion; `doppel track --method deepcap` captures with it",
+        option, path);
+}
+
+/// An actor file. @throws UsageError for a run
+ActorFile load_model(const std::string& path) {
+  refuse_pose_run("--model", path);
+  if (fs::exists(RunFolder(path).config()))
+    fail<UsageError>("--model {}: a run; `doppel export --run {}` writes the file that is wanted here", path, path);
+  return ActorFile::load(path);
+}
+
 /// Who moves: an exported actor, a hybrid from its run, or, with neither, the skinned template.
 struct Performer {
   Character character;
@@ -206,6 +223,7 @@ Performer make_performer(const AnimateOptions& options) {
                  : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
   if (radiance) {
     if (!options.model.empty()) fail<UsageError>("--model and --run both name an actor; give one of them");
+    refuse_pose_run("--run", options.run);
     performer.trained = std::make_unique<TrainedActor>(TrainedActor::load(options.run));
     if (!performer.trained->hybrid)
       fail(
@@ -219,7 +237,7 @@ Performer make_performer(const AnimateOptions& options) {
   CharacterOptions character_options;
   character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
   performer.character = load_character(options.character, character_options);
-  if (!options.model.empty()) performer.file = ActorFile::load(options.model);
+  if (!options.model.empty()) performer.file = load_model(options.model);
   return performer;
 }
 

@@ -4,15 +4,19 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "doppel/core/error.h"
 #include "doppel/export/actor_file.h"
+#include "doppel/export/pose_file.h"
 #include "doppel/train/trained_actor.h"
+#include "doppel/train/trained_pose.h"
+#include "pose_run.h"
 
 namespace doppel::tools {
 namespace {
 
 struct Arguments {
   std::string run, capture, out;
-  bool geometry_only = false;
+  bool geometry_only = false, pose_only = false;
 };
 
 ActorDescription describe(const TrainedActor& trained) {
@@ -36,12 +40,17 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
   return modules;
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
-  const auto other =
-      arguments.capture.empty() ? std::nullopt : std::make_optional<std::filesystem::path>(arguments.capture);
-  TrainedActor trained = TrainedActor::load(arguments.run, other);
-  const std::filesystem::path out =
-      arguments.out.empty() ? std::filesystem::path(arguments.run) / "actor.pt" : std::filesystem::path(arguments.out);
+/// Where the file goes that was not given a name.
+std::filesystem::path out_path(const Arguments& arguments, const char* name) {
+  return arguments.out.empty() ? std::filesystem::path(arguments.run) / name : std::filesystem::path(arguments.out);
+}
+
+void export_actor(const Arguments& arguments, const std::optional<std::filesystem::path>& capture,
+                  const CommonOptions& common) {
+  if (arguments.pose_only)
+    fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
+  TrainedActor trained = TrainedActor::load(arguments.run, capture);
+  const std::filesystem::path out = out_path(arguments, "actor.pt");
   if (arguments.geometry_only) trained.texnet = nullptr;
   ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }, nullptr};
   if (trained.texnet)
@@ -56,6 +65,35 @@ int run(const Arguments& arguments, const CommonOptions& common) {
     std::cout << "actor " << out.string() << ": " << trained.character.num_vertices() << " vertices from windows of "
               << trained.window() + 1 << " poses, " << bytes / 1000 << " kB, up to "
               << (trained.texnet ? "texnet" : trained.geometry_name()) << "\n";
+}
+
+void export_pose(const Arguments& arguments, const std::optional<std::filesystem::path>& capture,
+                 const CommonOptions& common) {
+  if (arguments.geometry_only)
+    fail<UsageError>(
+        "--geometry-only: {} captures poses and surfaces and has no TexNet to leave out; --pose-only leaves "
+        "DefNet out",
+        arguments.run);
+  TrainedPose trained = TrainedPose::load(arguments.run, capture, /*with_defnet=*/!arguments.pose_only);
+  const std::filesystem::path out = out_path(arguments, "pose.pt");
+  write_pose_file(out, trained);
+  const auto bytes = std::filesystem::file_size(out);
+  if (common.json)
+    std::cout << nlohmann::ordered_json{{"pose", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
+  else
+    std::cout << "pose " << out.string() << ": " << trained.character.num_dofs() << " DoFs, "
+              << trained.landmarks.size() << " landmarks, " << trained.character.num_vertices()
+              << " vertices from pictures of " << trained.input_size() << " x " << trained.input_size() << ", "
+              << bytes / 1000 << " kB, up to " << (trained.defnet ? "defnet" : "posenet") << "\n";
+}
+
+int run(const Arguments& arguments, const CommonOptions& common) {
+  const auto capture =
+      arguments.capture.empty() ? std::nullopt : std::make_optional<std::filesystem::path>(arguments.capture);
+  if (captures_poses(arguments.run))
+    export_pose(arguments, capture, common);
+  else
+    export_actor(arguments, capture, common);
   return 0;
 }
 
@@ -63,12 +101,17 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 
 Command add_export(CLI::App& program) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* app = program.add_subcommand("export", "Write a trained actor as one TorchScript file");
+  CLI::App* app = program.add_subcommand(
+      "export", "Write a trained actor, or what captures a person from pictures, as one TorchScript file");
   app->add_option("--run", arguments->run, "Folder of a run")->required();
   app->add_option("--capture", arguments->capture, "Prepared capture, if it has moved since the training");
-  app->add_option("--out", arguments->out, "The file to write (default: RUN/actor.pt)");
-  app->add_flag("--geometry-only", arguments->geometry_only, "Leave TexNet out: smaller, vertices only");
-  app->footer("Example: doppel export --run runs/anna --out anna.pt");
+  app->add_option("--out", arguments->out, "The file to write (default: RUN/actor.pt, or RUN/pose.pt)");
+  app->add_flag("--geometry-only", arguments->geometry_only, "Of an actor leave TexNet out: smaller, vertices only");
+  app->add_flag("--pose-only", arguments->pose_only, "Of a run of deepcap leave DefNet out: smaller, skinned vertices");
+  app->footer(
+      "Examples:\n"
+      "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
+      "  doppel export --run runs/anna-deepcap --out pose.pt       # picture, keypoints -> pose, landmarks, vertices");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

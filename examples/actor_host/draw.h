@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <vector>
+
+#include "../host_files.h"
 
 namespace draw {
 
@@ -29,22 +29,13 @@ inline torch::Tensor look_at(const torch::Tensor& vertices) {
   return K.view({3, 3}).matmul(torch::cat({R, t.unsqueeze(1)}, 1)).unsqueeze(0);
 }
 
-/// The numbers of a .npy file of 4-byte elements.
-template <typename T>
-std::vector<T> numbers(const std::string& npy) {
-  if (npy.size() < 10) throw std::runtime_error("the actor has no texture coordinates");
-  const size_t header = 10 + (static_cast<unsigned char>(npy[8]) | static_cast<unsigned char>(npy[9]) << 8);
-  std::vector<T> out((npy.size() - header) / sizeof(T));
-  std::memcpy(out.data(), npy.data() + header, out.size() * sizeof(T));
-  return out;
-}
-
 /// @param vertices [N,3] @param texture [T,T,3] RGB 0..1, row 0 at v = 1 @param projection [3,4]
 /// @param extra the actor's faces, uvs and face_uvs
 inline void write_picture(const std::string& path, const torch::Tensor& vertices, const torch::Tensor& texture,
                           const torch::Tensor& projection, torch::jit::ExtraFilesMap& extra) {
-  const auto faces = numbers<int32_t>(extra["faces.npy"]), face_uvs = numbers<int32_t>(extra["face_uvs.npy"]);
-  const auto uvs = numbers<float>(extra["uvs.npy"]);
+  const auto faces = host::numbers<int32_t>(extra["faces.npy"]),
+             face_uvs = host::numbers<int32_t>(extra["face_uvs.npy"]);
+  const auto uvs = host::numbers<float>(extra["uvs.npy"]);
   const torch::Tensor screen =
       (vertices.matmul(projection.slice(1, 0, 3).t()) + projection.select(1, 3)).contiguous();  // u z, v z, z
   const auto p = screen.accessor<float, 2>();
@@ -52,7 +43,7 @@ inline void write_picture(const std::string& path, const torch::Tensor& vertices
   const auto colour = texels.accessor<float, 3>();
   const int side = static_cast<int>(texels.size(0));
   std::vector<float> depth(kSize * kSize, std::numeric_limits<float>::infinity());
-  std::vector<uint8_t> pixels(kSize * kSize * 3, 230);
+  host::Picture picture(kSize, kSize, 230);
   for (size_t f = 0; f + 2 < faces.size(); f += 3) {
     double u[3], v[3], z[3];
     for (int k = 0; k < 3; ++k) {
@@ -84,13 +75,10 @@ inline void write_picture(const std::string& path, const torch::Tensor& vertices
         depth[y * kSize + x] = static_cast<float>(1 / sum);
         const int column = std::clamp(int(s * side), 0, side - 1), row = std::clamp(int((1 - t) * side), 0, side - 1);
         for (int c = 0; c < 3; ++c)
-          pixels[3 * (y * kSize + x) + c] =
-              static_cast<uint8_t>(std::lround(255 * std::clamp(colour[row][column][c], 0.f, 1.f)));
+          picture.at(x, y)[c] = static_cast<uint8_t>(std::lround(255 * std::clamp(colour[row][column][c], 0.f, 1.f)));
       }
   }
-  std::ofstream out(path, std::ios::binary);
-  out << "P6\n" << kSize << " " << kSize << "\n255\n";
-  out.write(reinterpret_cast<const char*>(pixels.data()), static_cast<std::streamsize>(pixels.size()));
+  host::write_ppm(path, picture);
 }
 
 }  // namespace draw

@@ -28,12 +28,6 @@ torch::Tensor read_motion(const char* path) {
   return torch::stack(frames);
 }
 
-/// The number behind a key of metadata.json.
-int64_t number_in(const std::string& json, const std::string& key) {
-  const size_t at = json.find("\"" + key + "\":");
-  return at == std::string::npos ? 0 : std::stol(json.substr(at + key.size() + 3));
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -43,7 +37,7 @@ int main(int argc, char** argv) {
     torch::jit::ExtraFilesMap extra{{"metadata.json", ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
     torch::jit::Module actor = torch::jit::load(argv[1], c10::nullopt, extra);
     const torch::Tensor motion = read_motion(argv[2]);
-    const int64_t window = number_in(extra["metadata.json"], "window");
+    const auto window = static_cast<int64_t>(host::number_in(extra["metadata.json"], "window"));
 
     std::ofstream out(argv[3], std::ios::binary);
     torch::Tensor rows, vertices;

@@ -10,10 +10,9 @@ namespace doppel {
 
 namespace {
 
-constexpr double kMargin = 0.2, kMaskReach = 0.1, kJitter = 0.05, kColourRange = 0.2, kHueRange = 0.05;
+constexpr double kMaskReach = 0.1, kJitter = 0.05, kColourRange = 0.2, kHueRange = 0.05;
 constexpr int kFewestPoints = 4;
 constexpr double kCoarse = 1.5;  ///< source pixels per pixel above which pictures are averaged down first
-constexpr float kMean[3]{0.485f, 0.456f, 0.406f}, kDeviation[3]{0.229f, 0.224f, 0.225f};
 constexpr double kLuma[3]{0.299, 0.587, 0.114};
 
 /// Whether a point tells where the person is.
@@ -88,7 +87,7 @@ PersonWindow person_window(const std::vector<Keypoint>& keypoints, const cv::Rec
   if (found >= kFewestPoints) box = cv::Rect2d(left, top, right - left, bottom - top);
   const double longer = std::max(box.width, box.height);
   if (!(longer > 0.0)) return {};
-  const double side = (1.0 + 2.0 * kMargin) * longer;
+  const double side = (1.0 + 2.0 * kPersonMargin) * longer;
   return {box.x + 0.5 * (box.width - side), box.y + 0.5 * (box.height - side), side};
 }
 
@@ -134,7 +133,7 @@ void write_person(const PersonPicture& picture, const PersonWindow& window, cons
         double value = offset * cover[column] / 255.0;
         for (int c = 0; c < 3; ++c) value += matrix(k, c) * from[column][c];
         const auto colour = static_cast<float>(std::clamp(value / 255.0, 0.0, 1.0));
-        to[k * area + static_cast<std::size_t>(row) * pixels + column] = (colour - kMean[k]) / kDeviation[k];
+        to[k * area + static_cast<std::size_t>(row) * pixels + column] = (colour - kInputMean[k]) / kInputDeviation[k];
       }
   }
 }

@@ -28,6 +28,11 @@ struct PersonWindow {
 /// @return empty when there are neither enough points nor a mask
 PersonWindow person_window(const std::vector<Keypoint>& keypoints, const cv::Rect2d& mask_box);
 
+/// ImageNet's mean and deviation, which a network's input has taken out: (colour - mean) / deviation, colours 0..1.
+inline constexpr float kInputMean[3]{0.485f, 0.456f, 0.406f}, kInputDeviation[3]{0.229f, 0.224f, 0.225f};
+/// What the window has around the keypoints, as a share of their longer side.
+inline constexpr double kPersonMargin = 0.2;
+
 /// A change of colours: brightness, contrast and saturation are factors, hue is an angle about the grey axis, radians.
 struct Photometry {
   double brightness = 1.0, contrast = 1.0, saturation = 1.0, hue = 0.0;

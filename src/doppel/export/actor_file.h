@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/export/script_file.h"
 
 namespace doppel {
 
@@ -51,11 +52,9 @@ struct ActorFunctions {
 ///                    themselves on another, so a size that the trace has baked in is found here
 /// @param modules     what they compute with; their parameters and buffers become the file's, under their names
 /// @throws Error when a traced function differs from the given one by more than 1e-5 m (1e-4 in colours) on input it
-/// has
-///         not seen, or holds an operation that is not aten's
+/// has not seen, or holds an operation that is not aten's
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
-                 const ActorFunctions& functions,
-                 const std::vector<std::pair<std::string, torch::nn::Module*>>& modules);
+                 const ActorFunctions& functions, const ScriptModules& modules);
 
 /// An actor file, read back.
 class ActorFile {
