@@ -16,9 +16,9 @@
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/stage_chain.h"
-#include "doppel/train/stored_stage.h"
 #include "doppel/train/trained_actor.h"
 #include "pose_evaluation.h"
+#include "pose_run.h"
 
 namespace doppel::tools {
 
@@ -129,9 +129,11 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
   const auto skinned = [&](const std::vector<SampleId>& samples) {
     return subject.surface->skinned(windows(dataset, samples, 0).squeeze(1));
   };
-  Json result;
-  result["skinning"] =
-      evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
+  Json result = Json::object();
+  // What captures poses needs none; whatever else stops here where there are none, and says so.
+  if (!subject.pose || poses_are_known(dataset, split))
+    result["skinning"] =
+        evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
   if (subject.pose) result.update(evaluate_pose_run(dataset, *subject.pose, split, options));
   if (!subject.actor) return result;
   TrainedActor& actor = *subject.actor;
@@ -167,7 +169,7 @@ Subject load_subject(const Arguments& arguments, fs::path& capture) {
     subject.untrained = load_character(read_capture(capture).character_path());
   } else {
     const auto other = arguments.capture.empty() ? std::nullopt : std::make_optional<fs::path>(arguments.capture);
-    if (fs::exists(RunFolder(arguments.run).config()) && find_stage(arguments.run, StageKind::posenet))
+    if (captures_poses(arguments.run))
       subject.pose = TrainedPose::load(arguments.run, other);
     else
       subject.actor = TrainedActor::load(arguments.run, other);
@@ -188,11 +190,18 @@ EvaluationOptions with_input_camera(const Subject& subject, const Dataset& datas
 
 /// The conditions that the trained model adds.
 void describe_run(const Subject& subject, const Dataset& dataset, const Arguments& arguments,
-                  const EvaluationOptions& options, Json& protocol) {
+                  const EvaluationOptions& options, const std::vector<Split>& splits, Json& protocol) {
   if (subject.actor && !picture_methods(*subject.actor).empty()) protocol["pictures"] = photometric_protocol(dataset);
   if (subject.pose) {
-    protocol["poses"] = "14 joints against the capture's motion, bones rescaled; surfaces moved to the true place";
     protocol["input_camera"] = options.input_camera;
+    protocol["keypoints"] = "of all cameras compared, in pixels of a picture 1024 wide";
+    for (Split split : splits)
+      if (poses_are_known(dataset, split))
+        protocol["poses"] = "14 joints against the capture's motion, bones rescaled; surfaces moved to the true place";
+      else
+        protocol["left_out"][to_string(split)] =
+            "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stand where the "
+            "keypoints of the input camera put them";
   }
   protocol["run"] = fs::absolute(arguments.run).lexically_normal().string();
   protocol["steps"] = subject.pose ? subject.pose->steps : subject.actor->steps;
@@ -207,7 +216,7 @@ int run(const Arguments& arguments, const CommonOptions& common) {
   const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
   Json evaluation;
   evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
-  if (!subject.untrained) describe_run(subject, dataset, arguments, options, evaluation["protocol"]);
+  if (!subject.untrained) describe_run(subject, dataset, arguments, options, splits, evaluation["protocol"]);
   for (Split split : splits) evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, options);
   if (!subject.untrained) {
     write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <sstream>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
@@ -81,6 +82,14 @@ class ProgramRecovers : public ::testing::Test {
     ASSERT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
   }
   static std::string at(const std::string& name) { return (*folder_ / name).string(); }
+  /// A run of deepcap in "defnet", trained once.
+  static void train_pose_run() {
+    if (std::filesystem::exists(at("defnet"))) return;
+    step("train " DOPPEL_SOURCE "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " +
+         at("posenet"));
+    step("train " DOPPEL_SOURCE "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
+         " --set posenet.run=" + at("posenet") + " --out " + at("defnet"));
+  }
 
   static TemporaryFolder* folder_;
 };
@@ -246,9 +255,7 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
 }
 
 TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
-  step("train " DOPPEL_SOURCE "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " + at("posenet"));
-  step("train " DOPPEL_SOURCE "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
-       " --set posenet.run=" + at("posenet") + " --out " + at("defnet"));
+  train_pose_run();
   const std::string evaluate = "evaluate --run " + at("defnet") + " --split test --every 4 --json";
   const Outcome outcome = run(evaluate);
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -269,6 +276,62 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_EQ(from_two["posenet"]["SVIoU"], from_two["posenet"]["cameras"]["2"]);
   EXPECT_NE(from_two["posenet"]["MPJPE_mm"], test["posenet"]["MPJPE_mm"]);
   EXPECT_EQ(run("evaluate --run " + at("run") + " --input-camera 2").code, 2);
+}
+
+TEST_F(ProgramRecovers, ACaptureWithoutAMotionIsEvaluatedAsFarAsPicturesTell) {
+  train_pose_run();
+  std::string text;
+  std::istringstream lines(read_file(at("capture/capture.yaml")));
+  for (std::string line; std::getline(lines, line);)
+    if (line.find("motion:") == std::string::npos) text += line + "\n";
+  write_atomically(at("capture/still.yaml"), text);
+  step("prepare " + at("capture/still.yaml") + " --out " + at("still"));
+  const std::string evaluate = "evaluate --split test --every 4 --capture " + at("still");
+  const Outcome outcome = run(evaluate + " --json --run " + at("defnet"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json result = nlohmann::json::parse(outcome.out), test = result["splits"]["test"];
+  EXPECT_NE(result["protocol"]["left_out"]["test"].get<std::string>().find("no motion"), std::string::npos);
+  EXPECT_FALSE(test.contains("skinning"));
+  for (const char* method : {"posenet", "defnet"}) {
+    for (const char* figure : {"AMVIoU", "RVIoU", "SVIoU", "keypoint_error_px"})
+      EXPECT_GT(test[method][figure].get<double>(), 0.0) << method << " " << figure;
+    for (const char* figure : {"GLE_mm", "3DPCK", "MPJPE_mm"}) EXPECT_FALSE(test[method].contains(figure)) << figure;
+  }
+  const Outcome table = run(evaluate + " --run " + at("defnet"));
+  EXPECT_NE(table.out.find("left out: skinning"), std::string::npos) << table.out;
+  // An actor is driven by poses, and skinning is one: both say what is missing.
+  for (const std::string& subject : {std::string(), " --run " + at("run")}) {
+    const Outcome refused = run(evaluate + subject);
+    EXPECT_EQ(refused.code, 1) << subject;
+    EXPECT_NE(refused.err.find("without a motion"), std::string::npos) << refused.err;
+  }
+}
+
+TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
+  train_pose_run();
+  step("export --run " + at("defnet"));
+  EXPECT_TRUE(std::filesystem::exists(at("defnet/pose.pt")));
+  const Outcome outcome = run("export --pose-only --json --run " + at("defnet") + " --out " + at("skinned.pt"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const nlohmann::json report = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(report["steps"], nlohmann::json({{"posenet", 200}}));
+  EXPECT_LT(report["bytes"].get<std::size_t>(), std::filesystem::file_size(at("defnet/pose.pt")));
+
+  const Outcome refused = run("export --geometry-only --run " + at("defnet"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("--pose-only"), std::string::npos) << refused.err;
+  EXPECT_EQ(run("export --pose-only --run " + at("run")).code, 2);
+  const std::string animate = "animate --character " + at("capture/character/actor.character") + " --motion " +
+                              at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --out " + at("no") +
+                              " --model ";
+  for (const auto& [model, code] : {std::pair("defnet/pose.pt", 1), std::pair("defnet", 2)}) {
+    const Outcome driven = run(animate + at(model));
+    EXPECT_EQ(driven.code, code) << model;
+    EXPECT_NE(driven.err.find("takes pictures"), std::string::npos) << driven.err;
+  }
+  const Outcome unexported = run(animate + at("run"));
+  EXPECT_EQ(unexported.code, 2);
+  EXPECT_NE(unexported.err.find("doppel export --run"), std::string::npos) << unexported.err;
 }
 
 TEST_F(ProgramRecovers, AMistypedKeyIsNamedWithItsNeighbour) {

@@ -252,6 +252,8 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
   for (const auto& [split, methods] : evaluation.at("splits").items()) {
     out += fmt::format("{} split, {} frames, {} cameras\n", split, protocol.at("frames").at(split).get<long>(),
                        protocol.at("cameras").size());
+    if (const auto left_out = protocol.value("left_out", nlohmann::ordered_json::object()); left_out.contains(split))
+      out += "  left out: " + left_out.at(split).get<std::string>() + "\n";
     for (const auto& [method, result] : methods.items()) {
       out += fmt::format("  {:<10}", method);
       for (const Column& column : kColumns)
