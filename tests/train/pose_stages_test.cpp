@@ -64,6 +64,11 @@ TEST(PoseConfigurations, ThatComeAlongAreReadable) {
     EXPECT_TRUE(both.has(StageKind::defnet));
     EXPECT_FALSE(both.has(StageKind::egnet));
   }
+  const StageChain ablation = StageChain::read(
+      ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/ablation/deepcap.yaml",
+                           {"capture=/somewhere", "posenet.data.frames=[0,4,8]", "defnet.data.cameras=[0,2]"}));
+  EXPECT_EQ(PoseNetRunConfig::read(ablation.stage(StageKind::posenet)).loader.frames, (std::vector<long>{0, 4, 8}));
+  EXPECT_EQ(DefNetRunConfig::read(ablation.stage(StageKind::defnet)).loader.cameras.size(), 2u);
   const PoseNetRunConfig paper = PoseNetRunConfig::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/posenet.yaml", {"capture=/somewhere"}));
   EXPECT_EQ(paper.loader.batch_size, 90);
@@ -99,6 +104,16 @@ class PoseTraining : public ::testing::Test {
   static StageChain chain(const std::vector<std::string>& overrides = {}) {
     return support::small_pose_chain(*folder_ / "prepared", overrides);
   }
+  /// The newest checkpoints of both, to the bit.
+  static void expect_equal_checkpoints(const RunFolder& one, const RunFolder& other) {
+    const auto expected = CheckpointFolder(one.checkpoints()).load_latest(),
+               found = CheckpointFolder(other.checkpoints()).load_latest();
+    ASSERT_TRUE(expected && found);
+    EXPECT_EQ(expected->first, found->first);
+    ASSERT_EQ(expected->second.tensors().size(), found->second.tensors().size());
+    for (const auto& [name, tensor] : expected->second.tensors())
+      EXPECT_TRUE(torch::equal(tensor, found->second.tensor(name))) << name;
+  }
   static TemporaryFolder* folder_;
   static std::vector<StageSummary> summaries_;
 };
@@ -128,10 +143,24 @@ TEST_F(PoseTraining, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
     options.iterations = stop;
     Trainer(stage, options, run).run();
   }
-  const auto expected = CheckpointFolder(RunFolder(*folder_ / "run/posenet").checkpoints()).load_latest()->second;
-  const auto found = CheckpointFolder(run.checkpoints()).load_latest()->second;
-  ASSERT_EQ(expected.tensors().size(), found.tensors().size());
-  for (const auto& [name, tensor] : expected.tensors()) EXPECT_TRUE(torch::equal(tensor, found.tensor(name))) << name;
+  expect_equal_checkpoints(RunFolder(*folder_ / "run/posenet"), run);
+}
+
+TEST_F(PoseTraining, DefNetStoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
+  const RunFolder run(*folder_ / "broken-defnet");
+  for (const std::int64_t stop : {2, 5, 6}) {
+    TrainedPose pose = TrainedPose::load(*folder_ / "run", std::nullopt, false);
+    const Dataset dataset = Dataset::open(pose.subject.capture);
+    const DefNetRunConfig config = DefNetRunConfig::read(chain().stage(StageKind::defnet));
+    run.open("stage: defnet\n", RunMode::automatic);
+    DefNetStage stage(dataset, pose, config);
+    TrainerOptions options = config.trainer;
+    options.iterations = stop;
+    Trainer(stage, options, run).run();
+    // Killed before it could write what it had done since step 3.
+    if (stop == 5) fs::remove(CheckpointFolder(run.checkpoints()).path(5));
+  }
+  expect_equal_checkpoints(RunFolder(*folder_ / "run/defnet"), run);
 }
 
 TEST_F(PoseTraining, WhatWasTrainedCapturesAFrame) {
