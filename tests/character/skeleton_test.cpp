@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "doppel/character/dof_names.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
@@ -88,6 +89,22 @@ TEST_F(SkeletonReads, DofsKeepWeightsLimitsAndMayDriveNothing) {
   EXPECT_TRUE(s.dofs[3].joints.empty());
   EXPECT_EQ(s.find_dof("turn"), 1);
   EXPECT_EQ(s.find_dof("tur"), std::nullopt);
+}
+
+TEST_F(SkeletonReads, DofsAreFoundByPatterns) {
+  Skeleton s = read(kArm);
+  for (const char* name : {"lean_1", "lean_12", "*", ""}) {
+    s.dofs.emplace_back();
+    s.dofs.back().name = name;
+  }
+  using Found = std::vector<int>;
+  EXPECT_EQ(find_dofs(s, "turn"), Found{1});
+  EXPECT_EQ(find_dofs(s, "lean_*"), (Found{4, 5}));
+  EXPECT_EQ(find_dofs(s, "*n*_1"), Found{4});
+  EXPECT_EQ(find_dofs(s, "*1*2"), Found{5});
+  EXPECT_EQ(find_dofs(s, "lean_?"), Found{}) << "only * stands for something else";
+  EXPECT_EQ(find_dofs(s, ""), Found{7});
+  EXPECT_EQ(find_dofs(s, "**").size(), 8u);
 }
 
 TEST_F(SkeletonReads, WindowsLineEndsChangeNothing) {

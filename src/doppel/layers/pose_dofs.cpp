@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/character/dof_names.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/rotation_math.h"
@@ -16,12 +17,6 @@ using torch::Tensor;
 namespace {
 
 constexpr std::array<int, 3> kCameraAxes{1, 0, 2};
-
-/// Whether `name` fits a pattern in which `*` stands for any characters.
-bool fits(const char* pattern, const char* name) {
-  if (*pattern == '*') return fits(pattern + 1, name) || (*name != '\0' && fits(pattern, name + 1));
-  return *pattern == *name && (*name == '\0' || fits(pattern + 1, name + 1));
-}
 
 /// How far the joint that a DoF moves most goes per unit of the DoF: radians or metres; 0 when it moves none.
 double reach(const Skeleton& skeleton, const Dof& dof) {
@@ -95,13 +90,9 @@ void PoseDofs::choose(const Skeleton& skeleton, const std::vector<std::string>& 
   std::vector<bool> chosen(skeleton.dofs.size(), patterns.empty() || patterns.front().rfind('!', 0) == 0);
   for (const std::string& pattern : patterns) {
     const bool takes_out = pattern.rfind('!', 0) == 0;
-    bool found = false;
-    for (int d = 0; d < skeleton.num_dofs(); ++d) {
-      if (!fits(pattern.c_str() + (takes_out ? 1 : 0), skeleton.dofs[d].name.c_str())) continue;
-      chosen[d] = !takes_out;
-      found = true;
-    }
-    if (!found)
+    const std::vector<int> found = find_dofs(skeleton, pattern.substr(takes_out ? 1 : 0));
+    for (const int dof : found) chosen[dof] = !takes_out;
+    if (found.empty())
       fail<UsageError>("pose: no DoF of the skeleton is called '{}' (`*` stands for any characters)", pattern);
   }
   for (int dof : root_.translation) chosen[dof] = false;

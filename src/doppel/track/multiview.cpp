@@ -31,37 +31,14 @@ double cost_of(const std::vector<TermCost>& terms, const std::string& name) {
   return 0.0;
 }
 
-void check(const MultiviewOptions& o) {
-  const std::pair<const char*, double> numbers[] = {
-      {"keypoint weight", o.keypoint_weight}, {"silhouette weight", o.silhouette_weight},
-      {"limit weight", o.limit_weight},       {"temporal weight", o.temporal_weight},
-      {"steady weight", o.steady_weight},     {"prior weight", o.prior_weight},
-      {"smallest share", o.smallest_share},   {"farthest landmark", o.farthest_landmark}};
-  for (const auto& [name, value] : numbers)
-    if (!(value >= 0.0) || !std::isfinite(value)) fail("the {} of the fit is {}; it must be 0 or more", name, value);
-  if (!(o.keypoint_weight > 0.0)) fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
-  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.agreement > 0.0))
-    fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
-         o.agreement);
-  if (o.outline_pixels < 16 || o.outline_vertices < 1 || o.outline_rounds < 0)
-    fail("the outlines of the fit need windows of at least 16 pixels, and 1 vertex or more");
+void check(const MultiviewOptions& options) {
+  check_fit(options);
+  check_not_negative("farthest landmark", options.farthest_landmark);
+  if (options.outline_rounds < 0)
+    fail("the outlines of the fit are to be found {} times; it must be 0 or more", options.outline_rounds);
 }
 
 }  // namespace
-
-std::string to_string(FrameState state) {
-  switch (state) {
-    case FrameState::tracked:
-      return "tracked";
-    case FrameState::initialised:
-      return "initialised";
-    case FrameState::recovered:
-      return "recovered";
-    case FrameState::lost:
-      return "lost";
-  }
-  return "unknown";
-}
 
 /// A fit from one start.
 struct MultiviewTracker::Fit {

@@ -8,62 +8,27 @@
 
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "doppel/track/evidence.h"
 #include "doppel/track/fit_problem.h"
 #include "doppel/track/outline.h"
+#include "doppel/track/pose_fit_options.h"
 #include "doppel/track/pose_history.h"
 #include "doppel/track/pose_model.h"
+#include "doppel/track/tracked_frame.h"
 #include "doppel/track/triangulation.h"
 
 namespace doppel {
 
-struct MultiviewOptions {
-  /// A term of weight 0 is switched off. Weights are per squared reference pixel, metre or radian.
-  double keypoint_weight = 1.0;
-  double keypoint_scale = 20.0;    ///< of the Geman-McClure kernel, reference pixels
-  double silhouette_weight = 5.0;  ///< of each camera
-  double silhouette_inside = 1.0;  ///< share of it that an outline within the mask counts
-  double silhouette_scale = 20.0;  ///< of the Geman-McClure kernel, reference pixels
-  double contour_weight = 0.0;     ///< of each camera: the mask's outline to the surface's, kernel as above
-  double contour_reach = 60.0;     ///< reference pixels: farther apart they do not belong together
-  double limit_weight = 2000.0;
-  double temporal_weight = 5000.0;  ///< landmarks to where the last frames lead
-  double steady_weight = 100.0;     ///< DoFs to where the last frames lead
-  double prior_weight = 3.0;        ///< DoFs to the rest pose
-
-  int outline_pixels = 256;    ///< side of the windows that outlines are looked for in
-  int outline_vertices = 200;  ///< of a camera, at most
-  int outline_rounds = 2;      ///< how often the outline of the model is found anew in a frame
-  SolverOptions solver;        ///< of each fit
-
-  double agreement = 40.0;          ///< a keypoint agrees within so many reference pixels
-  double smallest_share = 0.5;      ///< of keypoints that agree: below, the fit is lost
-  int fewest_keypoints = 8;         ///< confident ones in a frame: below, there is nothing to fit
+/// Weights are per squared reference pixel, metre or radian. The silhouette's weight is that of each camera; landmarks
+/// are drawn to where the last frames lead.
+struct MultiviewOptions : PoseFitOptions {
+  double silhouette_inside = 1.0;   ///< share of the silhouette's weight that an outline within the mask counts
+  double contour_weight = 0.0;      ///< of each camera: the mask's outline to the surface's, kernel as the silhouette's
+  double contour_reach = 60.0;      ///< reference pixels: farther apart they do not belong together
+  int outline_rounds = 2;           ///< how often the outline of the model is found anew in a frame
   double farthest_landmark = 0.15;  ///< metres from its triangulated point: beyond, a new start is tried as well
-};
-
-enum class FrameState {
-  tracked,      ///< followed from the frame before
-  initialised,  ///< the first of a segment
-  recovered,    ///< started anew, and found
-  lost,         ///< not to be trusted: the pose is only a guess
-};
-std::string to_string(FrameState state);
-
-struct TrackedFrame {
-  std::vector<double> dofs;  ///< [D]
-  FrameState state = FrameState::lost;
-  int keypoints = 0;                                ///< that the detectors were confident of
-  double agreeing = 0.0;                            ///< share of them that agree with the pose
-  double keypoint_error = 0.0;                      ///< mean distance of those that agree, reference pixels
-  int iterations = 0;                               ///< Gauss-Newton steps of all fits of this frame
-  std::vector<TermCost> terms;                      ///< at the end
-  SolverStop reason = SolverStop::iteration_limit;  ///< of the last fit
-
-  bool trusted() const { return state != FrameState::lost; }
 };
 
 class MultiviewTracker {

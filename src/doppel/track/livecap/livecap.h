@@ -13,35 +13,22 @@
 
 #include "doppel/track/livecap/bone_lengths.h"
 #include "doppel/track/livecap/landmark_roles.h"
-#include "doppel/track/multiview.h"
+#include "doppel/track/pose_fit_options.h"
 #include "doppel/track/pose_history.h"
 #include "doppel/track/surface/nonrigid_stage.h"
 #include "doppel/track/surface/surface_viewer.h"
+#include "doppel/track/tracked_frame.h"
 
 namespace doppel {
 
 /// Weights are those of the thesis (4.8), in its units: millimetres, pixels of a picture 540 wide, radians. A term of
-/// weight 0 is switched off.
-struct LivecapOptions {
-  double keypoint_weight = 460.0;  ///< lambda_2D
-  double keypoint_scale = 20.0;    ///< pixels, of the Geman-McClure kernel
-  double joint_weight = 28.0;      ///< lambda_3D
-  double silhouette_weight = 200.0;
-  double silhouette_scale = 20.0;  ///< pixels, of the Geman-McClure kernel
-  double temporal_weight = 1.5;
-  double limit_weight = 1e6;
-  double prior_weight = 500.0;    ///< DoFs to the rest pose: for those that nothing else determines
-  double steady_weight = 3000.0;  ///< DoFs to where the last frames lead
-  bool faces = true;              ///< points of the face count 0.326; false: not at all
+/// weight 0 is switched off. Landmarks are held where they were in the last frame, and outlines weigh by the vertex.
+struct LivecapOptions : PoseFitOptions {
+  LivecapOptions();
 
-  int outline_pixels = 256;                        ///< side of the windows that outlines are looked for in
-  int outline_vertices = 300;                      ///< at most
-  SolverOptions solver{6, 1e-6, 1e6, 1e-4, 1e-7};  ///< of each frame
-  int start_iterations = 60;                       ///< of a frame that starts from nothing
-
-  double agreement = 21.0;      ///< pixels within which a keypoint agrees
-  double smallest_share = 0.5;  ///< of keypoints that agree: below, the fit is lost
-  int fewest_keypoints = 8;     ///< confident ones in a frame: below, there is nothing to fit
+  double joint_weight = 28.0;  ///< lambda_3D
+  bool faces = true;           ///< points of the face count 0.326; false: not at all
+  int start_iterations = 60;   ///< of a frame that starts from nothing
 
   bool surface = true;  ///< the second stage; false: the skinned template
   NonrigidOptions nonrigid;

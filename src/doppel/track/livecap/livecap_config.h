@@ -1,18 +1,15 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "doppel/core/config.h"
+#include "doppel/track/dof_choice.h"
 #include "doppel/track/livecap/livecap.h"
-#include "doppel/track/track_config.h"
 
 namespace doppel {
 
 /// How a person is tracked with one camera: what `configs/track/livecap.yaml` holds.
 struct LivecapConfig {
   LivecapOptions fit;
-  TrackConfig dofs;        ///< its lists of DoFs
+  DofChoice dofs;
   double smoothing = 0.0;  ///< sigma of the Gaussian over the poses, frames; 0: none
   bool filter = true;      ///< averages the vertices with those of the frames before and after, 0.15 0.7 0.15 (4.8)
 };
