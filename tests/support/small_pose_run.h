@@ -1,12 +1,16 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "doppel/data/prepare.h"
 #include "doppel/data/synth/synth.h"
 #include "doppel/train/stage_chain.h"
+#include "support/temporary_folder.h"
 
 namespace doppel::support {
 
@@ -45,5 +49,22 @@ defnet:
   return StageChain::read(
       ConfigDocument::parse("capture: " + prepared.string() + "\n" + stages, "chain.yaml", overrides));
 }
+
+/// Tests on these networks: they are trained once for a suite, into `run` beside `capture` and `prepared`.
+class SmallPoseRun : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = std::make_unique<TemporaryFolder>();
+    prepare_small_actor(folder_->path());
+    summaries_ = train_stages(chain(), *folder_ / "run", {});
+  }
+  static void TearDownTestSuite() { folder_.reset(); }
+
+  static StageChain chain(const std::vector<std::string>& overrides = {}) {
+    return small_pose_chain(*folder_ / "prepared", overrides);
+  }
+  inline static std::unique_ptr<TemporaryFolder> folder_;
+  inline static std::vector<StageSummary> summaries_;
+};
 
 }  // namespace doppel::support

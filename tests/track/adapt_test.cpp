@@ -11,13 +11,12 @@
 #include "doppel/train/trained_pose.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
-#include "support/temporary_folder.h"
 
 namespace doppel {
 namespace {
 
 using support::message_of;
-using support::TemporaryFolder;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -29,18 +28,11 @@ std::map<std::string, std::string> contents(const fs::path& folder) {
 }
 
 /// A studio run that was trained for a moment; one of its own cameras stands for the clip.
-class Adapt : public ::testing::Test {
+class Adapt : public support::SmallPoseRun {
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new TemporaryFolder;
-    support::prepare_small_actor(folder_->path());
-    train_stages(support::small_pose_chain(*folder_ / "prepared"), *folder_ / "studio", {});
-  }
-  static void TearDownTestSuite() { delete folder_; }
-
   static AdaptOptions options(const std::string& out, const std::string& config) {
     AdaptOptions options;
-    options.run = *folder_ / "studio";
+    options.run = *folder_ / "run";
     options.capture = *folder_ / "prepared";
     options.out = *folder_ / out;
     options.camera = "1";
@@ -50,18 +42,16 @@ class Adapt : public ::testing::Test {
   static double keypoint_error(const nlohmann::ordered_json& report, const std::string& when) {
     return report.at("splits").at("tuned on, " + when).at("posenet").at("keypoint_error_px").get<double>();
   }
-  static TemporaryFolder* folder_;
 };
-TemporaryFolder* Adapt::folder_ = nullptr;
 
 constexpr char kQuick[] =
     "{held_out: 0.25, check_every: 10, posenet: {iterations: 20, learning_rate: 1e-3, batch_size: 3}, "
     "defnet: {iterations: 10, learning_rate: 1e-4, batch_size: 2}}";
 
 TEST_F(Adapt, BringsTheNetworksNearerToTheClipAndLeavesTheStudioAlone) {
-  const auto before = contents(*folder_ / "studio");
+  const auto before = contents(*folder_ / "run");
   const nlohmann::ordered_json report = adapt(options("clip", kQuick));
-  EXPECT_EQ(contents(*folder_ / "studio"), before);
+  EXPECT_EQ(contents(*folder_ / "run"), before);
   EXPECT_LT(keypoint_error(report, "after"), keypoint_error(report, "before"));
   const auto held_out = [&](const std::string& when) {
     return report.at("splits").at("held out, " + when).at("posenet").at("keypoint_error_px").get<double>();
@@ -77,13 +67,27 @@ TEST_F(Adapt, BringsTheNetworksNearerToTheClipAndLeavesTheStudioAlone) {
   const auto done = contents(*folder_ / "clip");
   EXPECT_EQ(adapt(options("clip", kQuick)), report);
   EXPECT_EQ(contents(*folder_ / "clip"), done);
+  // And refuses to take it for what would come of other settings.
+  const auto complaint = [](const AdaptOptions& other) { return message_of<UsageError>([&] { adapt(other); }); };
+  AdaptOptions other = options("clip", kQuick);
+  other.config.held_out = 0.5;
+  EXPECT_THAT(complaint(other), HasSubstr("held_out: 0.25 -> 0.5"));
+  other = options("clip", kQuick);
+  other.camera = "2";
+  other.config.defnet.iterations = 0;
+  EXPECT_THAT(complaint(other), AllOf(HasSubstr("camera: 1 -> 2"), HasSubstr("defnet.iterations: 10 -> 0")));
+  fs::copy(*folder_ / "run", *folder_ / "same", fs::copy_options::recursive);
+  other = options("clip", kQuick);
+  other.run = *folder_ / "same";
+  EXPECT_THAT(complaint(other), HasSubstr("run: "));
+  EXPECT_EQ(contents(*folder_ / "clip"), done);
 }
 
 TEST_F(Adapt, RefusesToDrift) {
   const nlohmann::ordered_json report = adapt(
       options("drifted", "{check_every: 2, posenet: {iterations: 4, learning_rate: 1}, defnet: {iterations: 0}}"));
   EXPECT_EQ(keypoint_error(report, "after"), keypoint_error(report, "before"));
-  const TrainedPose studio = TrainedPose::load(*folder_ / "studio"), kept = TrainedPose::load(*folder_ / "drifted");
+  const TrainedPose studio = TrainedPose::load(*folder_ / "run"), kept = TrainedPose::load(*folder_ / "drifted");
   EXPECT_EQ(kept.steps.at("posenet"), 0);
   EXPECT_EQ(kept.digest(), studio.digest());
   // DefNet was not to be tuned: it is the studio's.
@@ -93,7 +97,7 @@ TEST_F(Adapt, RefusesToDrift) {
 TEST_F(Adapt, Rejects) {
   const auto complaint = [](const AdaptOptions& wrong) { return message_of<UsageError>([&] { adapt(wrong); }); };
   AdaptOptions wrong = options("other", kQuick);
-  wrong.out = *folder_ / "studio";
+  wrong.out = *folder_ / "run";
   EXPECT_THAT(complaint(wrong), HasSubstr("another run"));
   wrong.out = *folder_ / "prepared";
   EXPECT_THAT(complaint(wrong), HasSubstr("not a run"));

@@ -9,13 +9,11 @@
 #include "doppel/train/trained_pose.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
-#include "support/temporary_folder.h"
 
 namespace doppel {
 namespace {
 
 using support::message_of;
-using support::TemporaryFolder;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -91,19 +89,8 @@ TEST(PoseConfigurations, MistakesAreNamed) {
   EXPECT_THAT(complaint("stage: deepcap\nposenet: {}\negnet: {}\n"), HasSubstr("unknown key"));
 }
 
-/// The synthetic actor in a few frames, and both stages trained on it for a moment.
-class PoseTraining : public ::testing::Test {
+class PoseTraining : public support::SmallPoseRun {
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new TemporaryFolder;
-    support::prepare_small_actor(folder_->path());
-    summaries_ = train_stages(chain(), *folder_ / "run", {});
-  }
-  static void TearDownTestSuite() { delete folder_; }
-
-  static StageChain chain(const std::vector<std::string>& overrides = {}) {
-    return support::small_pose_chain(*folder_ / "prepared", overrides);
-  }
   /// The newest checkpoints of both, to the bit.
   static void expect_equal_checkpoints(const RunFolder& one, const RunFolder& other) {
     const auto expected = CheckpointFolder(one.checkpoints()).load_latest(),
@@ -114,11 +101,7 @@ class PoseTraining : public ::testing::Test {
     for (const auto& [name, tensor] : expected->second.tensors())
       EXPECT_TRUE(torch::equal(tensor, found->second.tensor(name))) << name;
   }
-  static TemporaryFolder* folder_;
-  static std::vector<StageSummary> summaries_;
 };
-TemporaryFolder* PoseTraining::folder_ = nullptr;
-std::vector<StageSummary> PoseTraining::summaries_;
 
 TEST_F(PoseTraining, RunsBothStagesAndTheirLossesFall) {
   ASSERT_EQ(summaries_.size(), 2u);

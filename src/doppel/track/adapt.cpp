@@ -1,5 +1,8 @@
 #include "doppel/track/adapt.h"
 
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
 #include <optional>
 #include <vector>
 
@@ -9,6 +12,7 @@
 #include "doppel/eval/silhouette_overlap.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
+#include "doppel/train/run_folder.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stored_stage.h"
 #include "doppel/train/trained_pose.h"
@@ -22,22 +26,26 @@ namespace {
 
 constexpr StageKind kStages[] = {StageKind::posenet, StageKind::defnet};
 
-/// How near a captured clip comes to what was seen of it.
-struct ClipScore {
-  SurfaceResult posed, deformed;
-  double posed_error = 0.0, deformed_error = 0.0;  ///< reference pixels
-
-  ordered_json to_json(bool with_defnet) const {
-    const auto method = [](const SurfaceResult& surface, double error) {
-      ordered_json json = surface.to_json();
-      json["keypoint_error_px"] = error;
-      return json;
-    };
-    ordered_json json{{"posenet", method(posed, posed_error)}};
-    if (with_defnet) json["defnet"] = method(deformed, deformed_error);
-    return json;
+/// What a repeated call must agree in: all that the result follows from.
+std::string settings_of(const AdaptOptions& options, const Dataset& dataset, const std::string& camera) {
+  const AdaptConfig& config = options.config;
+  YAML::Node settings;
+  settings["run"] = fs::weakly_canonical(options.run).string();
+  settings["clip"] = fs::weakly_canonical(dataset.folder()).string();
+  settings["camera"] = camera;
+  settings["seed"] = config.seed;
+  settings["held_out"] = config.held_out;
+  settings["check_every"] = config.check_every;
+  for (const StageKind kind : kStages) {
+    const AdaptStage& stage = kind == StageKind::posenet ? config.posenet : config.defnet;
+    YAML::Node keys = settings[name_of(kind)];
+    keys["iterations"] = stage.iterations;
+    keys["learning_rate"] = stage.learning_rate;
+    keys["batch_size"] = stage.batch_size;
+    keys["freeze_norm"] = stage.freeze_norm;
   }
-};
+  return YAML::Dump(settings) + "\n";
+}
 
 class Adaptation {
  public:
@@ -124,15 +132,18 @@ class Adaptation {
   }
 
   void open_out() const {
-    const fs::path config = RunFolder(options_.out).config();
-    const std::string text = chain_config();
-    if (fs::exists(config) && read_file(config) != text)
+    const fs::path file = options_.out / "adapt.yaml";
+    const std::string settings = settings_of(options_, dataset_, camera_);
+    if (fs::exists(file)) {
+      const std::vector<std::string> differences = config_differences(read_file(file), settings);
+      if (!differences.empty())
+        fail<UsageError>("--out {}: the folder holds an adaptation with other settings: {}; choose another one",
+                         options_.out.string(), fmt::join(differences, ", "));
+    } else if (fs::exists(RunFolder(options_.out).config())) {
       fail<UsageError>("--out {}: the folder holds another run; choose another one", options_.out.string());
-    if (!fs::exists(config) && fs::exists(options_.out) && !fs::is_empty(options_.out))
-      fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one",
-                       options_.out.string());
-    fs::create_directories(options_.out);
-    write_atomically(config, text);
+    }
+    open_chain_folder(options_.out, chain_config());
+    write_atomically(file, settings);
   }
 
   /// Trains a stage from the studio's weights on, and keeps every state that is to be judged, the first included.
@@ -152,7 +163,9 @@ class Adaptation {
     const Character character = load_character(dataset_.character_path(), config.subject.character);
     PoseNetStage stage(dataset_, character, config);
     train(stage, StageKind::posenet, config.trainer);
-    keep_best(StageKind::posenet, [](const ClipScore& score) { return -score.posed_error; });
+    keep_best(StageKind::posenet, [&](TrainedPose& trained, const std::string&) {
+      return -keypoint_error(trained, Split::test, /*deformed=*/false);
+    });
   }
 
   void tune_defnet() {
@@ -161,10 +174,13 @@ class Adaptation {
     const DefNetRunConfig config = DefNetRunConfig::read(stage_config(StageKind::defnet));
     DefNetStage stage(dataset_, pose, config);
     train(stage, StageKind::defnet, config.trainer);
-    keep_best(StageKind::defnet, [](const ClipScore& score) { return score.deformed.AMVIoU; });
+    keep_best(StageKind::defnet, [&](TrainedPose& trained, const std::string& title) {
+      return overlap(trained, Split::test, /*deformed=*/true, title).AMVIoU;
+    });
   }
 
-  /// Of all states on disk keeps the one that does best on the held-out frames; of equals the earliest.
+  /// Of all states on disk keeps the one that does best; of equals the earliest.
+  /// @param merit of the networks on the held-out frames: more is better
   template <typename Merit>
   void keep_best(StageKind kind, const Merit& merit) {
     CheckpointFolder checkpoints(folder(kind).checkpoints());
@@ -175,7 +191,7 @@ class Adaptation {
                                                            : static_cast<torch::nn::Module&>(*trained.posenet);
     for (const std::int64_t step : checkpoints.steps()) {
       load_evaluation_weights(network, Checkpoint::load(checkpoints.path(step)));
-      const double value = merit(score(trained, Split::test, fmt::format("{} {}", name_of(kind), step)));
+      const double value = merit(trained, fmt::format("{} {}", name_of(kind), step));
       if (best && !(value > *best)) continue;
       best = value;
       best_step = step;
@@ -200,50 +216,56 @@ class Adaptation {
     return person_batch(dataset_, samples, {dataset_.camera_index(camera_)}, trained.input_size());
   }
 
-  ClipScore score(TrainedPose& trained, Split split, const std::string& title) const {
+  /// IoU of the drawn surface with the masks.
+  SurfaceResult overlap(TrainedPose& trained, Split split, bool deformed, const std::string& title) const {
     const torch::NoGradGuard no_grad;
-    const torch::Tensor faces = face_tensor(trained.character);
     EvaluationOptions options;
     options.cameras = {camera_};
-    const auto overlap = [&](bool deformed) {
-      const auto drawn = [&, deformed](const std::vector<SampleId>& samples) {
-        return surface(trained, seen(trained, samples), deformed);
-      };
-      return evaluate_surface(dataset_, split, faces, drawn, options, title);
+    const auto drawn = [&](const std::vector<SampleId>& samples) {
+      return surface(trained, seen(trained, samples), deformed);
     };
-    ClipScore score;
-    score.posed = overlap(false);
-    score.deformed = trained.defnet ? overlap(true) : score.posed;
-    std::tie(score.posed_error, score.deformed_error) = keypoint_errors(trained, split);
-    return score;
+    return evaluate_surface(dataset_, split, face_tensor(trained.character), drawn, options, title);
   }
 
-  /// Of the pose's landmarks, and of those that ride on the bent graph.
-  std::pair<double, double> keypoint_errors(TrainedPose& trained, Split split) const {
+  /// Of the pose's landmarks, or of those that ride on the bent graph; mean over frames, reference pixels.
+  double keypoint_error(TrainedPose& trained, Split split, bool deformed) const {
+    const torch::NoGradGuard no_grad;
     GraphLandmarks graph_landmarks(trained.character, trained.landmarks);
-    double posed = 0.0, deformed = 0.0, frames = 0.0;
+    double sum = 0.0, frames = 0.0;
     for (const SampleId& sample : dataset_.samples(split)) {
       const Batch batch = seen(trained, {sample});
       const CapturedPose captured = trained.capture(person_view(batch));
       if (!(captured.valid & batch.person_valid).item<bool>()) continue;
+      torch::Tensor landmarks = captured.landmarks;
+      if (deformed) {
+        const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+        landmarks = graph_landmarks->forward(A, T, trained.surface->node_transforms(trained.dofs(captured)));
+      }
       const KeypointTarget target = keypoint_target(batch, captured.valid);
-      const auto error = [&](const torch::Tensor& landmarks) {
-        return keypoint_error(landmarks, target, trained.detections.loss).item<double>();
-      };
-      posed += error(captured.landmarks);
-      const auto [A, T] = trained.deformation(batch.person.select(1, 0));
-      deformed += error(graph_landmarks->forward(A, T, trained.surface->node_transforms(trained.dofs(captured))));
+      sum += doppel::keypoint_error(landmarks, target, trained.detections.loss).item<double>();
       ++frames;
     }
     if (frames == 0.0)
       fail("{}: the camera {} shows nobody in the frames that judge", dataset_.folder().string(), camera_);
-    return {posed / frames, deformed / frames};
+    return sum / frames;
+  }
+
+  /// How near the surfaces of both methods come to what was seen of the clip.
+  ordered_json score(TrainedPose& trained, Split split, const std::string& title) const {
+    const auto method = [&](bool deformed) {
+      ordered_json json = overlap(trained, split, deformed, title).to_json();
+      json["keypoint_error_px"] = keypoint_error(trained, split, deformed);
+      return json;
+    };
+    ordered_json json{{"posenet", method(false)}};
+    if (has_defnet_) json["defnet"] = method(true);
+    return json;
   }
 
   void judge(TrainedPose& trained, const std::string& when, ordered_json& report) const {
     ordered_json& splits = report["splits"];
-    splits["held out, " + when] = score(trained, Split::test, "held out, " + when).to_json(has_defnet_);
-    splits["tuned on, " + when] = score(trained, Split::train, "tuned on, " + when).to_json(has_defnet_);
+    splits["held out, " + when] = score(trained, Split::test, "held out, " + when);
+    splits["tuned on, " + when] = score(trained, Split::train, "tuned on, " + when);
   }
 
   ordered_json protocol() const {

@@ -43,11 +43,13 @@ struct AdaptOptions {
 /// Trains PoseNet and then DefNet on all but the held-out frames with the losses of a single view, and of each network
 /// keeps the state that does best on the held-out ones: PoseNet by the distance of keypoints, DefNet by IoU. Where no
 /// state beats the studio's, that one stays. `out` becomes a run like any other, with `adapt.json` and
-/// `evaluation.json`: what is returned. A call that was stopped goes on when it is repeated.
+/// `evaluation.json`: what is returned, and `adapt.yaml`: what was asked for. A call that was stopped goes on when it
+/// is repeated.
 /// @return {"protocol": ..., "splits": {"held out, before", "held out, after", "clip, before", "clip, after"}}, each
 /// with the methods posenet and defnet: `AMVIoU` and `keypoint_error_px` (mean distance of landmarks from confident
 /// keypoints, pixels of a picture 1024 wide)
-/// @throws UsageError when `out` holds another run, or the clip has too few frames
+/// @throws UsageError when `out` holds another run or was asked for other settings, which it names; when the clip has
+/// too few frames
 nlohmann::ordered_json adapt(const AdaptOptions& options);
 
 }  // namespace doppel

@@ -117,19 +117,6 @@ TrainSummary train_one(StageKind kind, const ConfigDocument& document, const fs:
   return train_next<HybridStage, HybridRunConfig>(actor, document, resolved, folder, mode);
 }
 
-/// The folder that holds the stages of a chain: it must be new, empty, or a chain's already.
-void open_chain_folder(const fs::path& out, const std::string& resolved) {
-  const fs::path config = RunFolder(out).config();
-  if (fs::exists(out) && !fs::is_directory(out))
-    fail<UsageError>("--out {}: this is a file; a run needs a folder", out.string());
-  if (!fs::exists(config) && fs::exists(out) && !fs::is_empty(out))
-    fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", out.string());
-  if (fs::exists(config) && StageChain::read(ConfigDocument::load(config)).single())
-    fail<UsageError>("--out {}: the folder holds a run of one stage; choose another one", out.string());
-  fs::create_directories(out);
-  write_atomically(config, resolved);
-}
-
 }  // namespace
 
 const std::vector<std::string>& stage_names() {
@@ -223,6 +210,18 @@ fs::path stage_folder(const fs::path& run, StageKind stage) {
     return stage_folder(root.path(kDdc), stage);
   const ConfigReader section = root.section(name_of(stage));
   return section.has("run") ? stage_folder(section.path("run"), stage) : run / name_of(stage);
+}
+
+void open_chain_folder(const fs::path& out, const std::string& text) {
+  const fs::path config = RunFolder(out).config();
+  if (fs::exists(out) && !fs::is_directory(out))
+    fail<UsageError>("--out {}: this is a file; a run needs a folder", out.string());
+  if (!fs::exists(config) && fs::exists(out) && !fs::is_empty(out))
+    fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", out.string());
+  if (fs::exists(config) && StageChain::read(ConfigDocument::load(config)).single())
+    fail<UsageError>("--out {}: the folder holds a run of one stage; choose another one", out.string());
+  fs::create_directories(out);
+  write_atomically(config, text);
 }
 
 std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& out, const ChainOptions& options) {

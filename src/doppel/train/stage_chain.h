@@ -57,6 +57,10 @@ class StageChain {
 /// @throws Error when `run` holds no config.yaml
 std::filesystem::path stage_folder(const std::filesystem::path& run, StageKind stage);
 
+/// Makes the folder that holds the stages of a chain: it must be new, empty, or a chain's already.
+/// @param config its configuration, written as `config.yaml` @throws UsageError for a folder that holds something else
+void open_chain_folder(const std::filesystem::path& out, const std::string& config);
+
 struct StageSummary {
   StageKind stage;
   TrainSummary summary;
