@@ -8,15 +8,9 @@
 namespace doppel {
 namespace {
 
-class ContourTermTest : public ::testing::Test {
+class ContourTermTest : public OutlineTest {
  protected:
-  ContourTermTest()
-      : character_(make_test_character(4, 12, 20)),
-        model_(character_, tube_landmarks(4), all_dofs(character_)),
-        cameras_(ring_of_cameras(2, 256, middle_of(character_))),
-        frame_(cameras_.size()) {
-    for (std::size_t c = 0; c < cameras_.size(); ++c)
-      frame_[c].outline = OutlineField(mask_of(model_, cameras_[c], character_.rest_dofs), 200);
+  ContourTermTest() {
     for (int camera = 0; camera < 2; ++camera)
       for (int v = 0; v < character_.num_vertices(); ++v) vertices_.push_back({camera, v});
   }
@@ -24,10 +18,6 @@ class ContourTermTest : public ::testing::Test {
     return {cameras_, frame_, vertices_, 30, farthest, weight, {RobustKernel::Kind::geman_mcclure, 30.0}};
   }
 
-  Character character_;
-  PoseModel model_;
-  std::vector<Camera> cameras_;
-  FrameEvidence frame_;
   std::vector<OutlineVertex> vertices_;
 };
 

@@ -8,22 +8,12 @@
 namespace doppel {
 namespace {
 
-class SilhouetteTermTest : public ::testing::Test {
+class SilhouetteTermTest : public OutlineTest {
  protected:
-  SilhouetteTermTest()
-      : character_(make_test_character(4, 12, 20)),
-        model_(character_, tube_landmarks(4), all_dofs(character_)),
-        cameras_(ring_of_cameras(2, 256, middle_of(character_))),
-        frame_(cameras_.size()) {
-    for (std::size_t c = 0; c < cameras_.size(); ++c)
-      frame_[c].outline = OutlineField(mask_of(model_, cameras_[c], character_.rest_dofs), 200);
+  SilhouetteTermTest() {
     for (int v = 0; v < character_.num_vertices(); v += 5) vertices_.push_back({v % 2, v});
   }
 
-  Character character_;
-  PoseModel model_;
-  std::vector<Camera> cameras_;
-  FrameEvidence frame_;
   std::vector<OutlineVertex> vertices_;
   RobustKernel kernel_{RobustKernel::Kind::geman_mcclure, 30.0};
 };

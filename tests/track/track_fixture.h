@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
@@ -70,5 +72,19 @@ inline std::vector<int> all_dofs(const Character& character) {
   std::iota(dofs.begin(), dofs.end(), 0);
   return dofs;
 }
+
+/// Two cameras that see the outline of the rest pose.
+class OutlineTest : public ::testing::Test {
+ protected:
+  OutlineTest() {
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      frame_[c].outline = OutlineField(mask_of(model_, cameras_[c], character_.rest_dofs), 200);
+  }
+
+  Character character_ = make_test_character(4, 12, 20);
+  PoseModel model_{character_, tube_landmarks(4), all_dofs(character_)};
+  std::vector<Camera> cameras_ = ring_of_cameras(2, 256, middle_of(character_));
+  FrameEvidence frame_ = FrameEvidence(cameras_.size());
+};
 
 }  // namespace doppel
