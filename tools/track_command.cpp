@@ -31,8 +31,10 @@ constexpr char kExample[] =
 struct Arguments {
   std::string capture, method = "multiview", config, camera;
   std::vector<std::string> set;
-  TrackOptions options;
-  DeepcapOptions deepcap;  ///< what deepcap alone has; the rest is in `options`
+  TrackTask task;
+  bool surface = false;
+  int sheet_frames = TrackOptions().sheet_frames;
+  DeepcapOptions deepcap;  ///< what deepcap alone has
 };
 
 ConfigDocument config_document(const Arguments& arguments) {
@@ -73,44 +75,32 @@ fs::path default_out(const fs::path& capture) {
 }
 
 nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
-  const TrackOptions& wanted = arguments.options;
-  LivecapCaptureOptions options;
-  options.out = wanted.out;
-  options.config = read_livecap_config(config_document(arguments));
-  options.sequences = wanted.sequences;
-  options.limit_frames = wanted.limit_frames;
-  options.vertices = wanted.vertices;
-  options.sheet_frames = wanted.sheet_frames;
-  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
-  return track_livecap(*footage, options);
+  const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
+                                      arguments.sheet_frames};
+  return track_livecap(*Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera), options);
 }
 
 nlohmann::ordered_json track_with_networks(const Arguments& arguments) {
-  const TrackOptions& wanted = arguments.options;
   DeepcapOptions options = arguments.deepcap;
   if (options.run.empty())
     fail<UsageError>("--method deepcap needs --run RUN: what `doppel train` or `doppel adapt` wrote");
   if (!arguments.config.empty() || !arguments.set.empty())
     fail<UsageError>("--config and --set belong to the methods that fit; deepcap has the configuration of its run");
-  options.out = wanted.out;
-  options.sequences = wanted.sequences;
-  options.limit_frames = wanted.limit_frames;
-  options.vertices = wanted.vertices;
-  return track_deepcap(*Footage::open(arguments.capture, wanted.config.fit.outline_pixels, arguments.camera), options);
+  static_cast<TrackTask&>(options) = arguments.task;
+  return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
 }
 
 nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
-  TrackOptions options = arguments.options;
-  options.config = read_track_config(config_document(arguments));
-  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels);
-  return track_capture(*footage, options);
+  const TrackOptions options{arguments.task, read_track_config(config_document(arguments)), arguments.surface,
+                             arguments.sheet_frames};
+  return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
 }
 
 int run(Arguments arguments, const CommonOptions& common) {
-  TrackOptions& options = arguments.options;
-  if (options.out.empty()) options.out = default_out(arguments.capture);
+  TrackTask& task = arguments.task;
+  if (task.out.empty()) task.out = default_out(arguments.capture);
   const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
-  if ((livecap || deepcap) && options.surface)
+  if ((livecap || deepcap) && arguments.surface)
     fail<UsageError>(
         "--surface belongs to --method multiview; livecap tracks the surface always, unless the "
         "configuration says `surface: {{enabled: false}}`, and deepcap where DefNet was trained");
@@ -125,7 +115,7 @@ int run(Arguments arguments, const CommonOptions& common) {
     fmt::print("{}\n", report.dump(2));
   else
     print_table(report);
-  log::info("motions in {}; next: doppel prepare {}", options.out.string(), options.out.string());
+  log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
   return 0;
 }
 
@@ -135,24 +125,24 @@ Command add_track(CLI::App& program) {
   CLI::App* app = program.add_subcommand("track", "Find the person's pose in every frame from keypoints and masks");
   app->footer(kExample);
   auto arguments = std::make_shared<Arguments>();
-  TrackOptions& options = arguments->options;
+  TrackTask& task = arguments->task;
   app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
   app->add_option("--method", arguments->method,
                   "multiview: a fit to all cameras; livecap: a fit to one; deepcap: trained networks that see one")
       ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
       ->capture_default_str();
-  app->add_option("--out", options.out, "Folder to write into (default: CAPTURE/tracked)");
-  app->add_option("--sequences", options.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
-  app->add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
+  app->add_option("--out", task.out, "Folder to write into (default: CAPTURE/tracked)");
+  app->add_option("--sequences", task.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
+  app->add_option("--limit-frames", task.limit_frames, "Only so many frames of each sequence (0: all)")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
   app->add_option("--camera", arguments->camera,
                   "The camera to track with (livecap, deepcap), where the capture has several");
   app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
-  app->add_flag("--surface", options.surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
-  app->add_flag("--vertices", options.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");
-  app->add_option("--sheet-frames", options.sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
+  app->add_flag("--surface", arguments->surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
+  app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");
+  app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   DeepcapOptions& deepcap = arguments->deepcap;

@@ -23,16 +23,13 @@ using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 /// The synthetic actor as it was filmed, and networks trained on it for a moment. In one frame nobody was detected.
-class Deepcap : public ::testing::Test {
+class Deepcap : public support::SmallPoseRun {
  protected:
   static void SetUpTestSuite() {
-    folder_ = new TemporaryFolder;
-    support::prepare_small_actor(folder_->path());
-    train_stages(support::small_pose_chain(*folder_ / "prepared"), *folder_ / "run", {});
+    SmallPoseRun::SetUpTestSuite();
     write_atomically(*folder_ / "capture/testing/keypoints/001/stream001_000000000002_keypoints.json",
                      R"({"version": 1.3, "people": []})");
   }
-  static void TearDownTestSuite() { delete folder_; }
 
   static DeepcapOptions options(const std::string& out) {
     DeepcapOptions options;
@@ -42,9 +39,7 @@ class Deepcap : public ::testing::Test {
     return options;
   }
   static std::unique_ptr<Footage> footage() { return Footage::open(*folder_ / "capture", 128, "1"); }
-  static TemporaryFolder* folder_;
 };
-TemporaryFolder* Deepcap::folder_ = nullptr;
 
 TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   DeepcapOptions wanted = options("tracked");

@@ -83,15 +83,13 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
   EXPECT_EQ(config_of("silhouette: {weight: 0}").fit.silhouette_weight, 0.0);
   EXPECT_THAT(message_of<Error>([&] { config_of("silhouete: {weight: 0}"); }), HasSubstr("silhouette"));
   EXPECT_THAT(message_of<Error>([&] { config_of("trust: {share: 2}"); }), HasSubstr("trust.share"));
-  TrackConfig config;
-  config.dofs = {"lean_9"};
-  EXPECT_THAT(message_of<UsageError>([&] { chosen_dofs(config, character_.skeleton, landmarks_); }),
+  EXPECT_THAT(message_of<UsageError>([&] {
+                chosen_dofs({{"lean_9"}, {}, {}}, character_.skeleton, landmarks_);
+              }),
               HasSubstr("the nearest is 'lean_"));
-  config.dofs = {"lean_1", "flex_*"};
-  config.also = {"lean_2"};
-  config.hold = {"flex_2"};
+  const DofChoice choice{{"lean_1", "flex_*"}, {"lean_2"}, {"flex_2"}};
   std::vector<std::string> names;
-  for (const int dof : chosen_dofs(config, character_.skeleton, landmarks_))
+  for (const int dof : chosen_dofs(choice, character_.skeleton, landmarks_))
     names.push_back(character_.skeleton.dofs[static_cast<std::size_t>(dof)].name);
   EXPECT_EQ(names, (std::vector<std::string>{"lean_1", "flex_1", "lean_2", "flex_3"}));
 }

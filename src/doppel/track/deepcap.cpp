@@ -1,16 +1,15 @@
 #include "doppel/track/deepcap.h"
 
 #include <algorithm>
-#include <chrono>
-#include <memory>
+#include <optional>
 
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/core/npy.h"
-#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/render/projection.h"
 #include "doppel/track/agreement.h"
+#include "doppel/track/clock.h"
+#include "doppel/track/frame_file.h"
+#include "doppel/track/pose_fit_options.h"
 #include "doppel/track/pose_sequence.h"
 #include "doppel/track/root_rotation.h"
 #include "doppel/track/track_film.h"
@@ -40,12 +39,10 @@ std::vector<double> values_of(const Tensor& tensor) {
 /// A sequence from its pictures to its files.
 class DeepcapRun {
  public:
-  DeepcapRun(const Footage& footage, DeepcapTracker& tracker, const DeepcapOptions& options, int sequence)
-      : footage_(footage), tracker_(tracker), options_(options), index_(sequence) {
-    result_.sequence = footage.sequences()[static_cast<std::size_t>(sequence)];
-    if (options.limit_frames > 0)
-      result_.sequence.last_frame =
-          std::min(result_.sequence.last_frame, result_.sequence.first_frame + options.limit_frames - 1);
+  DeepcapRun(const Footage& footage, DeepcapTracker& tracker, const DeepcapOptions& options,
+             const FootageSequence& sequence)
+      : footage_(footage), tracker_(tracker), options_(options) {
+    result_.sequence = sequence;
   }
 
   /// Both passes: networks, then, on what was smoothed, surfaces and film.
@@ -59,21 +56,21 @@ class DeepcapRun {
     if (has_graph()) write_graphs(stem.string() + "_graph.npy");
     if (options_.film || options_.vertices) write_surfaces(stem, progress);
   }
-  const TrackedSequence& result() const { return result_; }
+  TrackedSequence take_result() { return std::move(result_); }
 
  private:
   void capture(Progress& progress) {
     const FootageSequence& sequence = result_.sequence;
-    const auto reader = footage_.read(index_);
+    const auto reader = footage_.read(sequence.index);
     for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
-      if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was kept", frame, sequence.name);
+      check_not_stopped(sequence, frame);
       const FootageFrame seen = reader->read(frame, true);
       if (seen.pictures.front().empty())
         fail("sequence {}: the camera {} has no pictures, which PoseNet looks at", sequence.name,
              footage_.cameras().front().name);
-      const auto start = std::chrono::steady_clock::now();
+      const auto start = Clock::now();
       DeepcapFrame found = tracker_.capture(seen.pictures.front(), seen.masks.front(), seen.evidence.front().keypoints);
-      result_.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      result_.seconds += seconds_since(start);
       progress.advance(1, fmt::format("{} {}", sequence.name, to_string(found.pose.state)));
       result_.frames.push_back(std::move(found.pose));
       graphs_.push_back(std::move(found.graph));
@@ -83,8 +80,7 @@ class DeepcapRun {
   void smooth_graphs() {
     std::vector<bool> trusted;
     for (const TrackedFrame& frame : result_.frames) trusted.push_back(frame.trusted());
-    std::vector<long> cuts;
-    for (const long cut : result_.sequence.cuts) cuts.push_back(cut - result_.sequence.first_frame);
+    const std::vector<long> cuts = result_.sequence.cuts_from_first();
     bridge_poses(graphs_, trusted, cuts, std::nullopt);
     smooth_poses(graphs_, cuts, std::nullopt, options_.smoothing);
   }
@@ -94,31 +90,26 @@ class DeepcapRun {
   }
 
   void write_graphs(const fs::path& path) const {
-    NpyStream stream(path, {static_cast<std::int64_t>(graphs_.front().size() / 6), 6});
-    for (const std::vector<double>& graph : graphs_) {
-      const std::vector<float> values(graph.begin(), graph.end());
-      stream.append(values.data());
-    }
-    stream.close();
+    FrameFile file(path, footage_.character().num_nodes(), 6);
+    for (const std::vector<double>& graph : graphs_) file.append(graph);
+    file.close();
   }
 
   void write_surfaces(const fs::path& stem, Progress& progress) const {
+    const FootageSequence& sequence = result_.sequence;
     const TriangleMesh& mesh = footage_.character().mesh;
-    std::unique_ptr<NpyStream> vertices;
-    std::unique_ptr<TrackFilm> film;
-    if (options_.vertices)
-      vertices = std::make_unique<NpyStream>(stem.string() + "_vertices.npy",
-                                             std::vector<std::int64_t>{mesh.num_vertices(), 3});
-    if (options_.film)
-      film =
-          std::make_unique<TrackFilm>(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps);
-    const auto reader = footage_.read(index_);
-    for (long frame = result_.sequence.first_frame; frame <= result_.sequence.last_frame; ++frame) {
+    std::optional<FrameFile> vertices;
+    std::optional<TrackFilm> film;
+    if (options_.vertices) vertices.emplace(stem.string() + "_vertices.npy", mesh.num_vertices(), 3);
+    if (options_.film) film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps);
+    const auto reader = options_.film ? footage_.read(sequence.index) : nullptr;
+    for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
+      check_not_stopped(sequence, frame);
       const Tensor surface = tracker_.surface(result_.motion.frames[static_cast<std::size_t>(frame)],
-                                              graphs_[static_cast<std::size_t>(frame - result_.sequence.first_frame)]);
+                                              graphs_[static_cast<std::size_t>(frame - sequence.first_frame)]);
       if (vertices) vertices->append(surface.data_ptr<float>());
-      if (film) film->add(reader->read(frame, true).pictures.front(), surface);
-      progress.advance(1, result_.sequence.name);
+      if (film) film->add(reader->picture(frame, 0), surface);
+      progress.advance(1, sequence.name);
     }
     if (vertices) vertices->close();
     if (film) film->close();
@@ -127,7 +118,6 @@ class DeepcapRun {
   const Footage& footage_;
   DeepcapTracker& tracker_;
   const DeepcapOptions& options_;
-  int index_;
   TrackedSequence result_;
   std::vector<std::vector<double>> graphs_;  ///< [frames][K*6]
 };
@@ -174,7 +164,7 @@ DeepcapFrame DeepcapTracker::capture(const cv::Mat& picture, const cv::Mat& mask
   if (!(input.valid && captured.valid.item<bool>() && dofs.isfinite().all().item<bool>())) return frame;
   frame.pose.state = FrameState::tracked;
   const Agreement agreement = agreement_of(model_, model_.pose(frame.pose.dofs, false), {camera_},
-                                           {{keypoints, OutlineField()}}, MultiviewOptions().agreement);
+                                           {{keypoints, OutlineField()}}, PoseFitOptions().agreement);
   frame.pose.keypoints = agreement.keypoints;
   frame.pose.agreeing = agreement.share;
   frame.pose.keypoint_error = agreement.error;
@@ -192,32 +182,24 @@ Tensor DeepcapTracker::surface(const std::vector<double>& dofs, const std::vecto
 }
 
 ordered_json track_deepcap(const Footage& footage, const DeepcapOptions& options) {
-  check_out_folder(footage, options.out);
-  if (footage.cameras().size() != 1)
-    fail<UsageError>("deepcap looks through one camera, and the capture has {}; choose one with --camera",
-                     footage.cameras().size());
+  check_one_camera(footage);
   TrainedPose trained = TrainedPose::load(options.run);
   if (trained.character.fingerprint() != footage.character().fingerprint())
     fail("{} was trained for another character than the capture's", options.run.string());
-  fs::create_directories(options.out);
+  open_out_folder(footage, options.out);
   DeepcapTracker tracker(trained, footage.cameras().front(), footage.landmarks());
-  std::vector<DeepcapRun> runs;
-  long total = 0;
-  for (const int s : chosen_sequences(footage, options.sequences)) {
-    runs.emplace_back(footage, tracker, options, s);
-    total += runs.back().result().sequence.num_frames() * (options.film || options.vertices ? 2 : 1);
-  }
-  Progress progress("track", total);
+  const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
+  Progress progress("track", count_frames(chosen) * (options.film || options.vertices ? 2 : 1));
   ordered_json report{{"method", "deepcap"}, {"steps", trained.steps}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
-  for (DeepcapRun& run : runs) {
+  for (const FootageSequence& sequence : chosen) {
+    DeepcapRun run(footage, tracker, options, sequence);
     run.run(progress);
-    tracked.push_back(run.result());
-    report["sequences"][tracked.back().sequence.name] = report_of(footage, tracked.back());
+    tracked.push_back(run.take_result());
+    report["sequences"][sequence.name] = report_of(footage, tracked.back());
   }
   progress.finish();
-  write_tracked_capture(footage, options.out, tracked);
-  write_atomically(options.out / "track.json", report.dump(1) + "\n");
+  write_results(footage, options.out, tracked, report);
   return report;
 }
 

@@ -4,12 +4,13 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <string>
 #include <vector>
 
 #include "doppel/data/person_crop.h"
 #include "doppel/track/footage.h"
-#include "doppel/track/multiview.h"
+#include "doppel/track/pose_model.h"
+#include "doppel/track/track_task.h"
+#include "doppel/track/tracked_frame.h"
 #include "doppel/train/trained_pose.h"
 
 namespace doppel {
@@ -42,14 +43,10 @@ class DeepcapTracker {
   std::vector<int> source_;  ///< [M of the run] index into the footage's landmarks
 };
 
-struct DeepcapOptions {
+struct DeepcapOptions : TrackTask {
   std::filesystem::path run;  ///< of posenet, or of the chain deepcap
-  std::filesystem::path out;
-  std::vector<std::string> sequences;  ///< names; empty: all
-  long limit_frames = 0;               ///< of each sequence; 0: all
-  double smoothing = 1.0;              ///< sigma of the Gaussian over five frames; 0: none (5.8)
-  bool vertices = false;               ///< `<sequence>_vertices.npy`
-  bool film = true;                    ///< `<sequence>.mp4`
+  double smoothing = 1.0;     ///< sigma of the Gaussian over five frames; 0: none (5.8)
+  bool film = true;           ///< `<sequence>.mp4`
 };
 
 /// Captures sequences from one camera and writes into `options.out`:

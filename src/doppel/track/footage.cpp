@@ -33,14 +33,14 @@ class PreparedReader : public FootageReader {
     for (int c = 0; c < static_cast<int>(dataset_.cameras().size()); ++c) {
       result.masks.push_back(dataset_.mask(sample, c));
       result.evidence.push_back({dataset_.keypoints(sample, c), OutlineField(result.masks.back(), outline_pixels_)});
-      if (pictures) result.pictures.push_back(picture(sample, c));
+      if (pictures) result.pictures.push_back(picture(frame, c));
     }
     return result;
   }
 
- private:
   /// The stored window in its place; the rest of the picture is not stored.
-  cv::Mat picture(const SampleId& sample, int camera) const {
+  cv::Mat picture(long frame, int camera) override {
+    const SampleId sample{sequence_, frame};
     const CropBox box = dataset_.crop_box(sample, camera);
     const Camera& seen = dataset_.camera(camera);
     cv::Mat whole(seen.height, seen.width, CV_8UC3, cv::Scalar::all(0));
@@ -53,6 +53,7 @@ class PreparedReader : public FootageReader {
     return whole;
   }
 
+ private:
   const Dataset& dataset_;
   int sequence_, outline_pixels_;
 };
@@ -67,8 +68,8 @@ class PreparedFootage : public Footage {
     for (std::size_t i = 0; i < dataset_.sequences().size(); ++i) {
       const DatasetSequence& sequence = dataset_.sequences()[i];
       const std::string& motion = dataset_.capture().sequences[i].motion;
-      sequences_.push_back({sequence.name, sequence.first_frame, sequence.last_frame, sequence.cuts,
-                            motion.empty() ? "" : dataset_.capture().resolve(motion).string()});
+      sequences_.push_back({static_cast<int>(i), sequence.name, sequence.first_frame, sequence.last_frame,
+                            sequence.cuts, motion.empty() ? "" : dataset_.capture().resolve(motion).string()});
     }
   }
 
@@ -120,18 +121,21 @@ class ViewReader {
   }
 
   void read(long frame, bool pictures, int outline_pixels, FootageFrame& result) {
-    const bool needed = pictures || masks_.needs_picture();
-    const cv::Mat picture = needed && videos_ ? videos_->read(frame + offset_) : cv::Mat();
-    const cv::Mat mask = masks_.read(frame + offset_, picture);
+    const cv::Mat filmed = pictures || masks_.needs_picture() ? filmed_picture(frame) : cv::Mat();
+    const cv::Mat mask = masks_.read(frame + offset_, filmed);
     const auto row = static_cast<std::size_t>(frame - first_frame_);
     result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
     result.masks.push_back(mask);
-    if (pictures) result.pictures.push_back(picture.empty() ? picture : undistort_.apply(picture));
+    if (pictures) result.pictures.push_back(undistorted(filmed));
     const auto joints = joints_.find(frame + offset_);
     result.joints.push_back(joints == joints_.end() ? std::vector<JointDetection>{} : picker_.pick(joints->second));
   }
+  cv::Mat picture(long frame) { return undistorted(filmed_picture(frame)); }
 
  private:
+  cv::Mat filmed_picture(long frame) { return videos_ ? videos_->read(frame + offset_) : cv::Mat(); }
+  cv::Mat undistorted(const cv::Mat& filmed) { return filmed.empty() ? filmed : undistort_.apply(filmed); }
+
   /// Of several people in a picture the mask says which one is followed; those masks are read on a way of their own.
   void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
     const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
@@ -172,6 +176,7 @@ class CaptureReader : public FootageReader {
     for (const auto& view : views_) view->read(frame, pictures, outline_pixels_, result);
     return result;
   }
+  cv::Mat picture(long frame, int camera) override { return views_[static_cast<std::size_t>(camera)]->picture(frame); }
 
  private:
   std::vector<std::unique_ptr<ViewReader>> views_;
@@ -251,7 +256,8 @@ class CaptureFootage : public Footage {
       frames = std::min(frames, found - entry.offset(seen.camera.name));
       if (!entry.last_frame) expected = found;
     }
-    FootageSequence sequence{entry.name, entry.first_frame, entry.last_frame.value_or(frames - 1), {}, {}};
+    FootageSequence sequence{static_cast<int>(sequences_.size()),   entry.name, entry.first_frame,
+                             entry.last_frame.value_or(frames - 1), {},         {}};
     if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
       fail("sequence {}: frames {} to {} are asked for, but all cameras together have frames 0 to {}", entry.name,
            sequence.first_frame, sequence.last_frame, frames - 1);
@@ -271,6 +277,16 @@ class CaptureFootage : public Footage {
 };
 
 }  // namespace
+
+bool FootageSequence::begins_segment(long frame) const {
+  return std::find(cuts.begin(), cuts.end(), frame) != cuts.end();
+}
+
+std::vector<long> FootageSequence::cuts_from_first() const {
+  std::vector<long> counted;
+  for (const long cut : cuts) counted.push_back(cut - first_frame);
+  return counted;
+}
 
 std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels, const std::string& camera) {
   if (!fs::is_directory(path / "store")) return std::make_unique<CaptureFootage>(path, outline_pixels, camera);

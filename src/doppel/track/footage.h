@@ -15,12 +15,16 @@ namespace doppel {
 
 /// A sequence as it is tracked: frames `first_frame`..`last_frame` of it, counted as rows of the motion to be.
 struct FootageSequence {
+  int index = 0;  ///< its place among those of the footage
   std::string name;
   long first_frame = 0, last_frame = 0;
   std::vector<long> cuts;  ///< frames that begin a new segment
   std::string motion;      ///< the motion that the capture names already, resolved; empty: none
 
   long num_frames() const { return last_frame - first_frame + 1; }
+  bool begins_segment(long frame) const;
+  /// The cuts, counted from the first frame.
+  std::vector<long> cuts_from_first() const;
 };
 
 /// What was seen of one instant, and what it was seen in.
@@ -39,6 +43,9 @@ class FootageReader {
   virtual ~FootageReader() = default;
   /// @param frame larger than any asked for before @param pictures whether they are wanted too
   virtual FootageFrame read(long frame, bool pictures) = 0;
+  /// A picture alone, without finding its mask. @param frame as above @param camera place of it
+  /// @return as in `FootageFrame::pictures`
+  virtual cv::Mat picture(long frame, int camera) = 0;
 };
 
 /// Keypoints and masks of a capture, either read from its own files or from what `doppel prepare` made of them. Motion
@@ -58,6 +65,7 @@ class Footage {
   virtual const std::vector<Camera>& cameras() const = 0;    ///< [C] without distortion
   virtual const std::vector<Marker>& landmarks() const = 0;  ///< [M]
   virtual const std::vector<FootageSequence>& sequences() const = 0;
+  /// @param sequence place of it
   virtual std::unique_ptr<FootageReader> read(int sequence) const = 0;
 };
 

@@ -3,20 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
-#include "doppel/character/bvh.h"
-#include "doppel/character/landmarks.h"
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
-#include "doppel/core/log.h"
-#include "doppel/core/npy.h"
-#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/track/clock.h"
+#include "doppel/track/frame_file.h"
 #include "doppel/track/outline.h"
-#include "doppel/track/pose_sequence.h"
 #include "doppel/track/track_sheet.h"
+#include "doppel/track/track_surface.h"
+#include "doppel/track/tracked_sequence.h"
 
 namespace doppel {
 
@@ -29,26 +25,23 @@ namespace {
 class SequenceRun {
  public:
   /// @param character with the template to fit
-  SequenceRun(const Footage& footage, const Character& character, const TrackOptions& options, int sequence)
+  SequenceRun(const Footage& footage, const Character& character, const TrackOptions& options,
+              const FootageSequence& sequence)
       : footage_(footage),
         options_(options),
-        index_(sequence),
         tracker_(character, footage.landmarks(),
-                 chosen_dofs(options.config, footage.character().skeleton, footage.landmarks()), footage.cameras(),
+                 chosen_dofs(options.config.dofs, footage.character().skeleton, footage.landmarks()), footage.cameras(),
                  options.config.fit) {
-    result_.sequence = footage.sequences()[static_cast<std::size_t>(sequence)];
-    if (options.limit_frames > 0)
-      result_.sequence.last_frame =
-          std::min(result_.sequence.last_frame, result_.sequence.first_frame + options.limit_frames - 1);
+    result_.sequence = sequence;
   }
 
   TrackedSequence run(Progress& progress) {
     const FootageSequence& sequence = result_.sequence;
-    const auto reader = footage_.read(index_);
+    const auto reader = footage_.read(sequence.index);
     const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
     TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.config.fit.outline_pixels);
     for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
-      if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was kept", frame, sequence.name);
+      check_not_stopped(sequence, frame);
       const bool show = std::find(shown.begin(), shown.end(), frame) != shown.end();
       const FootageFrame seen = reader->read(frame, show);
       track(frame, seen.evidence);
@@ -62,46 +55,37 @@ class SequenceRun {
 
  private:
   void track(long frame, const FrameEvidence& evidence) {
-    const std::vector<long>& cuts = result_.sequence.cuts;
-    if (std::find(cuts.begin(), cuts.end(), frame) != cuts.end()) tracker_.cut();
-    const auto start = std::chrono::steady_clock::now();
+    if (result_.sequence.begins_segment(frame)) tracker_.cut();
+    const auto start = Clock::now();
     result_.frames.push_back(tracker_.track(evidence));
-    result_.seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    result_.seconds += seconds_since(start);
   }
 
   const Footage& footage_;
   const TrackOptions& options_;
-  int index_;
   MultiviewTracker tracker_;
   TrackedSequence result_;
 };
 
 /// Tracks all once with the template as it is, and finds how it is worn.
-Character worn_character(const Footage& footage, const TrackOptions& options, const std::vector<int>& chosen,
-                         Progress& progress) {
+Character worn_character(const Footage& footage, const TrackOptions& options,
+                         const std::vector<FootageSequence>& chosen, Progress& progress) {
   TrackOptions quiet = options;
   quiet.sheet_frames = 0;
   WornTemplate worn(footage, options.config.surface);
-  for (const int s : chosen) {
-    const TrackedSequence first = SequenceRun(footage, footage.character(), quiet, s).run(progress);
-    worn.add(s, spread_frames(first.sequence, options.config.worn_frames), first.motion, progress);
+  for (const FootageSequence& sequence : chosen) {
+    const TrackedSequence first = SequenceRun(footage, footage.character(), quiet, sequence).run(progress);
+    worn.add(sequence, spread_frames(first.sequence, options.config.worn_frames), first.motion, progress);
   }
   return worn.character();
 }
 
 void write_vertices(const fs::path& path, const Footage& footage, const TrackedSequence& tracked) {
-  const Character& character = footage.character();
-  const PoseModel model(character, {}, {});
-  NpyStream stream(path, {character.num_vertices(), 3});
-  std::vector<float> frame;
-  for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row) {
-    frame.clear();
-    const PosedBody body = model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false);
-    for (const Eigen::Vector3d& vertex : posed_vertices(model, body))
-      for (const double x : vertex) frame.push_back(static_cast<float>(x));
-    stream.append(frame.data());
-  }
-  stream.close();
+  const PoseModel model(footage.character(), {}, {});
+  FrameFile file(path, footage.character().num_vertices(), 3);
+  for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row)
+    file.append(posed_vertices(model, model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false)));
+  file.close();
 }
 
 // ---- what is reported ----
@@ -114,13 +98,11 @@ ordered_json surface_json(const TrackedSurface& surface) {
     posed += frame.posed_overlap;
     bent += frame.overlap;
     steps += frame.iterations;
-    ordered_json terms;
-    for (const TermCost& term : frame.terms) terms[term.name] = term.cost;
     frames.push_back({{"IoU_pose", frame.posed_overlap},
                       {"IoU", frame.overlap},
                       {"steps", frame.iterations},
                       {"stopped_by", to_string(frame.reason)},
-                      {"costs", terms}});
+                      {"costs", costs_json(frame.terms)}});
   }
   return {{"IoU_pose", posed / count},
           {"IoU", bent / count},
@@ -132,25 +114,19 @@ ordered_json surface_json(const TrackedSurface& surface) {
 }  // namespace
 
 ordered_json track_capture(const Footage& footage, const TrackOptions& options) {
-  check_out_folder(footage, options.out);
-  fs::create_directories(options.out);
-  const std::vector<int> chosen = chosen_sequences(footage, options.sequences);
-  long total = 0;
-  for (const int s : chosen) {
-    const long frames = footage.sequences()[static_cast<std::size_t>(s)].num_frames();
-    total += options.limit_frames > 0 ? std::min(options.limit_frames, frames) : frames;
-  }
+  open_out_folder(footage, options.out);
+  const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   const int passes = 1 + (options.config.worn_frames > 0) + options.surface;
-  Progress progress("track", passes * total);
+  Progress progress("track", passes * count_frames(chosen));
   std::optional<Character> worn;
   if (options.config.worn_frames > 0) worn = worn_character(footage, options, chosen, progress);
   ordered_json report{{"method", "multiview"}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
-  for (const int s : chosen) {
-    tracked.push_back(SequenceRun(footage, worn ? *worn : footage.character(), options, s).run(progress));
+  for (const FootageSequence& wanted : chosen) {
+    tracked.push_back(SequenceRun(footage, worn ? *worn : footage.character(), options, wanted).run(progress));
     TrackedSequence& sequence = tracked.back();
     if (options.surface)
-      sequence.surface = track_surface(footage, s, sequence.sequence, sequence.motion, options.config.surface,
+      sequence.surface = track_surface(footage, sequence.sequence, sequence.motion, options.config.surface,
                                        options.out / sequence.sequence.name, options.vertices, progress);
     write_poses(footage, options.out, sequence);
     if (options.vertices && !options.surface)
@@ -159,8 +135,7 @@ ordered_json track_capture(const Footage& footage, const TrackOptions& options) 
     if (sequence.surface) entry["surface"] = surface_json(*sequence.surface);
   }
   progress.finish();
-  write_tracked_capture(footage, options.out, tracked);
-  write_atomically(options.out / "track.json", report.dump(1) + "\n");
+  write_results(footage, options.out, tracked, report);
   return report;
 }
 

@@ -1,28 +1,17 @@
 #pragma once
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <string>
-#include <vector>
 
-#include "doppel/character/motion.h"
 #include "doppel/track/footage.h"
-#include "doppel/track/multiview.h"
 #include "doppel/track/track_config.h"
-#include "doppel/track/track_surface.h"
-#include "doppel/track/tracked_sequence.h"
+#include "doppel/track/track_task.h"
 
 namespace doppel {
 
-struct TrackOptions {
-  std::filesystem::path out;
+struct TrackOptions : TrackTask {
   TrackConfig config;
-  std::vector<std::string> sequences;  ///< names; empty: all
-  long limit_frames = 0;               ///< of each sequence; 0: all
-  bool vertices = false;               ///< `<sequence>_vertices.npy`
-  bool surface = false;                ///< bend the surface to the masks: `<sequence>_graph.npy`
-  int sheet_frames = 6;                ///< rows of `<sequence>.jpg`; 0: none
+  bool surface = false;  ///< bend the surface to the masks: `<sequence>_graph.npy`
+  int sheet_frames = 6;  ///< rows of `<sequence>.jpg`; 0: none
 };
 
 /// Tracks sequences of a capture and writes into `options.out`:

@@ -4,8 +4,9 @@
 #include <vector>
 
 #include "doppel/track/footage.h"
-#include "doppel/track/multiview.h"
 #include "doppel/track/outline.h"
+#include "doppel/track/pose_model.h"
+#include "doppel/track/tracked_frame.h"
 
 namespace doppel {
 

@@ -19,7 +19,7 @@ struct TrackedSurface {
 /// Bends the surface in every frame of a motion, each frame from where the last one ended.
 /// @param stem `<stem>_graph.npy` float32 [frames, K, 6] (A, T of 6.2) is written, and, where asked for,
 ///   `<stem>_vertices.npy` float32 [frames, N, 3], world metres
-TrackedSurface track_surface(const Footage& footage, int sequence, const FootageSequence& range, const Motion& motion,
+TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequence, const Motion& motion,
                              const SurfaceOptions& options, const std::filesystem::path& stem, bool vertices,
                              Progress& progress);
 
@@ -30,7 +30,7 @@ class WornTemplate {
  public:
   WornTemplate(const Footage& footage, const SurfaceOptions& options);
   /// @param frames of a sequence, ascending, @param motion as it was tracked
-  void add(int sequence, const std::vector<long>& frames, const Motion& motion, Progress& progress);
+  void add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion, Progress& progress);
   /// The character with this template. @throws Error before any frame
   Character character() const;
 

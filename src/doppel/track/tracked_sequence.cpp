@@ -1,11 +1,10 @@
 #include "doppel/track/tracked_sequence.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "doppel/character/bvh.h"
 #include "doppel/character/landmarks.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/track/pose_sequence.h"
 
@@ -17,8 +16,6 @@ using nlohmann::ordered_json;
 namespace {
 
 ordered_json frame_json(long frame, const TrackedFrame& found) {
-  ordered_json terms;
-  for (const TermCost& term : found.terms) terms[term.name] = term.cost;
   return {{"frame", frame},
           {"state", to_string(found.state)},
           {"keypoints", found.keypoints},
@@ -26,7 +23,25 @@ ordered_json frame_json(long frame, const TrackedFrame& found) {
           {"keypoint_error_px", found.keypoint_error},
           {"steps", found.iterations},
           {"stopped_by", to_string(found.reason)},
-          {"costs", terms}};
+          {"costs", costs_json(found.terms)}};
+}
+
+/// The capture with the tracked motions in the place of its own.
+Capture tracked_capture(const Footage& footage, const fs::path& out, const std::vector<TrackedSequence>& tracked) {
+  Capture capture = footage.capture();
+  for (SequenceEntry& entry : capture.sequences)
+    for (const TrackedSequence& sequence : tracked) {
+      if (sequence.sequence.name != entry.name) continue;
+      const fs::path motion = fs::absolute(out / (entry.name + ".motion")).lexically_normal();
+      const fs::path inside = motion.lexically_relative(capture.root);
+      entry.motion = inside.empty() || *inside.begin() == ".." ? motion.string() : inside.string();
+      entry.first_frame = sequence.sequence.first_frame;
+      entry.last_frame = sequence.sequence.last_frame;
+    }
+  const auto untracked = [](const SequenceEntry& entry) { return entry.motion.empty(); };
+  capture.sequences.erase(std::remove_if(capture.sequences.begin(), capture.sequences.end(), untracked),
+                          capture.sequences.end());
+  return capture;
 }
 
 }  // namespace
@@ -57,29 +72,6 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
   return result;
 }
 
-std::vector<int> chosen_sequences(const Footage& footage, const std::vector<std::string>& names) {
-  std::vector<int> chosen;
-  std::string known;
-  for (std::size_t s = 0; s < footage.sequences().size(); ++s) {
-    const std::string& name = footage.sequences()[s].name;
-    known += (s ? ", " : "") + name;
-    if (names.empty() || std::find(names.begin(), names.end(), name) != names.end())
-      chosen.push_back(static_cast<int>(s));
-  }
-  if (!names.empty() && chosen.size() != names.size())
-    fail<UsageError>("not all of the sequences {} are in the capture; it has {}", fmt::join(names, ", "), known);
-  return chosen;
-}
-
-std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
-  std::vector<long> frames;
-  for (int i = 0; i < count; ++i) {
-    const long frame = sequence.first_frame + (2 * i + 1) * sequence.num_frames() / (2 * count);
-    if (frames.empty() || frame != frames.back()) frames.push_back(frame);
-  }
-  return frames;
-}
-
 void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing) {
   std::vector<std::vector<double>> poses;
   std::vector<bool> trusted;
@@ -93,8 +85,7 @@ void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& ro
         "sequence {}: the person was found in none of its {} frames; check that keypoints, calibration and "
         "landmarks belong together (the mean confidence may be too low, or too few cameras see the person)",
         sequence.name, trusted.size());
-  std::vector<long> cuts;
-  for (const long cut : sequence.cuts) cuts.push_back(cut - sequence.first_frame);
+  const std::vector<long> cuts = sequence.cuts_from_first();
   bridge_poses(poses, trusted, cuts, root);
   smooth_poses(poses, cuts, root, smoothing);
   tracked.motion.frames.assign(static_cast<std::size_t>(sequence.first_frame), poses.front());
@@ -108,6 +99,12 @@ void write_poses(const Footage& footage, const fs::path& out, const TrackedSeque
   write_motion(stem.string() + ".motion", tracked.motion, true);
   write_bvh(stem.string() + ".bvh",
             bvh_from_motion(character.skeleton, tracked.motion, footage.capture().fps, character.rest_dofs));
+}
+
+ordered_json costs_json(const std::vector<TermCost>& terms) {
+  ordered_json costs;
+  for (const TermCost& term : terms) costs[term.name] = term.cost;
+  return costs;
 }
 
 ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
@@ -141,28 +138,10 @@ ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
   return result;
 }
 
-void write_tracked_capture(const Footage& footage, const fs::path& out, const std::vector<TrackedSequence>& tracked) {
-  Capture capture = footage.capture();
-  for (SequenceEntry& entry : capture.sequences)
-    for (const TrackedSequence& sequence : tracked) {
-      if (sequence.sequence.name != entry.name) continue;
-      const fs::path motion = fs::absolute(out / (entry.name + ".motion")).lexically_normal();
-      const fs::path inside = motion.lexically_relative(capture.root);
-      entry.motion = inside.empty() || *inside.begin() == ".." ? motion.string() : inside.string();
-      entry.first_frame = sequence.sequence.first_frame;
-      entry.last_frame = sequence.sequence.last_frame;
-    }
-  const auto untracked = [](const SequenceEntry& entry) { return entry.motion.empty(); };
-  capture.sequences.erase(std::remove_if(capture.sequences.begin(), capture.sequences.end(), untracked),
-                          capture.sequences.end());
-  write_capture(out / "capture.yaml", capture);
-}
-
-void check_out_folder(const Footage& footage, const fs::path& out) {
-  if (out.empty()) fail<UsageError>("no folder to write into was given");
-  const fs::path& file = footage.capture().file;
-  if (!file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
-    fail<UsageError>("{} holds the capture itself; write into a folder of its own with --out", out.string());
+void write_results(const Footage& footage, const fs::path& out, const std::vector<TrackedSequence>& tracked,
+                   const ordered_json& report) {
+  write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked));
+  write_atomically(out / "track.json", report.dump(1) + "\n");
 }
 
 }  // namespace doppel

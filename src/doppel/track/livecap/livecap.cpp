@@ -1,6 +1,5 @@
 #include "doppel/track/livecap/livecap.h"
 
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -8,7 +7,10 @@
 #include "doppel/core/error.h"
 #include "doppel/track/agreement.h"
 #include "doppel/track/alignment.h"
+#include "doppel/track/clock.h"
+#include "doppel/track/fit_problem.h"
 #include "doppel/track/livecap/single_view_start.h"
+#include "doppel/track/outline.h"
 #include "doppel/track/terms/keypoint_term.h"
 #include "doppel/track/terms/limit_term.h"
 #include "doppel/track/terms/point_term.h"
@@ -25,20 +27,9 @@ using Terms = std::vector<std::unique_ptr<PoseTerm>>;
 
 constexpr std::size_t kFewestLandmarks = 4;
 
-void check(const LivecapOptions& o) {
-  const std::pair<const char*, double> numbers[] = {
-      {"keypoint weight", o.keypoint_weight},     {"joint weight", o.joint_weight},
-      {"silhouette weight", o.silhouette_weight}, {"temporal weight", o.temporal_weight},
-      {"limit weight", o.limit_weight},           {"prior weight", o.prior_weight},
-      {"steady weight", o.steady_weight},         {"smallest share", o.smallest_share}};
-  for (const auto& [name, value] : numbers)
-    if (!(value >= 0.0) || !std::isfinite(value)) fail("the {} of the fit is {}; it must be 0 or more", name, value);
-  if (!(o.keypoint_weight > 0.0)) fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
-  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.agreement > 0.0))
-    fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
-         o.agreement);
-  if (o.outline_pixels < 16 || o.outline_vertices < 1)
-    fail("the outlines of the fit need windows of at least 16 pixels, and 1 vertex or more");
+void check(const LivecapOptions& options) {
+  check_fit(options);
+  check_not_negative("joint weight", options.joint_weight);
 }
 
 RobustKernel kernel(double thesis_pixels) {
@@ -51,11 +42,20 @@ std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBod
   return points;
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 }  // namespace
+
+LivecapOptions::LivecapOptions() {
+  keypoint_weight = 460.0;  // lambda_2D
+  silhouette_weight = 200.0;
+  limit_weight = 1e6;
+  temporal_weight = 1.5;
+  steady_weight = 3000.0;
+  prior_weight = 500.0;  // for DoFs that nothing else determines
+  outline_vertices = 300;
+  solver.iterations = 6;
+  solver.initial_damping = 1e-6;
+  agreement = 21.0;
+}
 
 /// What the terms of one frame read.
 struct LivecapTracker::Evidence {
@@ -109,7 +109,7 @@ void LivecapTracker::bend(std::vector<Eigen::Vector3d> rest_vertices) {
 }
 
 LivecapFrame LivecapTracker::track(const LivecapInput& input) {
-  const auto start = std::chrono::steady_clock::now();
+  const auto start = Clock::now();
   Evidence evidence{{input.view}, {}};
   for (const auto& joint : input.joints)
     evidence.joints.push_back(joint ? std::optional<Eigen::Vector3d>(cameras_.front().R.transpose() * *joint)

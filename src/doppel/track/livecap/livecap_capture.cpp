@@ -4,14 +4,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
-#include "doppel/core/npy.h"
-#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/track/clock.h"
+#include "doppel/track/frame_file.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/track_sheet.h"
 #include "doppel/track/tracked_sequence.h"
@@ -35,11 +33,7 @@ class OneThreadFewer {
   int before_;
 };
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::size_t kFramesAhead = 2;  // the delay that the thesis has (4.7.3)
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// A frame on its way from the reading thread.
 struct ReadFrame {
@@ -59,8 +53,7 @@ LivecapInput input_of(const FootageFrame& seen) {
 /// Writes the surfaces of consecutive frames, each averaged with its neighbours (4.8).
 class SurfaceFile {
  public:
-  SurfaceFile(const fs::path& path, int num_vertices, bool filter)
-      : stream_(path, {num_vertices, 3}), filter_(filter) {}
+  SurfaceFile(const fs::path& path, int num_vertices, bool filter) : file_(path, num_vertices, 3), filter_(filter) {}
 
   /// @param follows whether it was tracked from the frame before
   void add(const Eigen::Matrix3Xd& vertices, bool follows) {
@@ -70,17 +63,15 @@ class SurfaceFile {
   }
   void close() {
     if (held_.cols() > 0) write(held_);
-    stream_.close();
+    file_.close();
   }
 
  private:
   void write(const Eigen::Matrix3Xd& after) {
-    Eigen::Matrix3Xf out = held_.cast<float>();
-    if (filter_) out = (0.15 * before_ + 0.7 * held_ + 0.15 * after).cast<float>();
-    stream_.append(out.data());
+    file_.append(filter_ ? Eigen::Matrix3Xd(0.15 * before_ + 0.7 * held_ + 0.15 * after) : held_);
   }
 
-  NpyStream stream_;
+  FrameFile file_;
   bool filter_;
   Eigen::Matrix3Xd before_, held_;  ///< the last two; `held_` waits for its successor
 };
@@ -94,18 +85,14 @@ struct Figures {
 
 class LivecapRun {
  public:
-  LivecapRun(const Footage& footage, const LivecapCaptureOptions& options, int sequence)
+  LivecapRun(const Footage& footage, const LivecapCaptureOptions& options, const FootageSequence& sequence)
       : footage_(footage),
         options_(options),
-        index_(sequence),
         tracker_(footage.character(), footage.landmarks(),
                  chosen_dofs(options.config.dofs, footage.character().skeleton, footage.landmarks()),
                  footage.cameras().front(), options.config.fit),
         viewer_(footage.character(), footage.cameras().front(), options.config.fit.outline_pixels) {
-    result_.sequence = footage.sequences()[static_cast<std::size_t>(sequence)];
-    if (options.limit_frames > 0)
-      result_.sequence.last_frame =
-          std::min(result_.sequence.last_frame, result_.sequence.first_frame + options.limit_frames - 1);
+    result_.sequence = sequence;
   }
 
   TrackedSequence run(Progress& progress) {
@@ -116,13 +103,12 @@ class LivecapRun {
     if (options_.vertices)
       file.emplace(options_.out / (sequence.name + "_vertices.npy"), footage_.character().num_vertices(),
                    options_.config.filter);
-    const auto reader = footage_.read(index_);
+    const auto reader = footage_.read(sequence.index);
     const auto start = Clock::now();
     Prefetch<ReadFrame> frames([&, next = sequence.first_frame]() mutable { return read(*reader, next); },
                                kFramesAhead);
     while (const std::optional<ReadFrame> read = frames.next()) {
-      if (stop_requested())
-        fail("stopped at frame {} of sequence {}; nothing of it was kept", read->frame, sequence.name);
+      check_not_stopped(sequence, read->frame);
       const LivecapFrame found = track(*read);
       if (file) file->add(found.vertices, found.pose.state == FrameState::tracked);
       if (std::find(shown.begin(), shown.end(), read->frame) != shown.end())
@@ -151,8 +137,7 @@ class LivecapRun {
   }
 
   LivecapFrame track(const ReadFrame& read) {
-    const std::vector<long>& cuts = result_.sequence.cuts;
-    if (std::find(cuts.begin(), cuts.end(), read.frame) != cuts.end()) tracker_.cut();
+    if (result_.sequence.begins_segment(read.frame)) tracker_.cut();
     LivecapFrame found = tracker_.track(input_of(read.seen));
     figures_.reading += read.seconds;
     figures_.pose += found.pose_seconds;
@@ -170,7 +155,6 @@ class LivecapRun {
 
   const Footage& footage_;
   const LivecapCaptureOptions& options_;
-  int index_;
   LivecapTracker tracker_;
   SurfaceViewer viewer_;
   TrackedSequence result_;
@@ -199,34 +183,22 @@ ordered_json figures_json(const Figures& figures, std::size_t frames) {
 }  // namespace
 
 ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options) {
-  check_out_folder(footage, options.out);
-  if (footage.cameras().size() != 1) {
-    std::string names;
-    for (const Camera& camera : footage.cameras()) names += (names.empty() ? "" : ", ") + camera.name;
-    fail<UsageError>("this method tracks with one camera, and the capture has {}; choose one of {} with --camera",
-                     footage.cameras().size(), names);
-  }
-  fs::create_directories(options.out);
-  const std::vector<int> chosen = chosen_sequences(footage, options.sequences);
-  long total = 0;
-  for (const int s : chosen) {
-    const long frames = footage.sequences()[static_cast<std::size_t>(s)].num_frames();
-    total += options.limit_frames > 0 ? std::min(options.limit_frames, frames) : frames;
-  }
+  check_one_camera(footage);
+  open_out_folder(footage, options.out);
+  const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
   const OneThreadFewer while_reading;
-  Progress progress("track", total);
+  Progress progress("track", count_frames(chosen));
   ordered_json report{{"method", "livecap"}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
-  for (const int s : chosen) {
-    LivecapRun run(footage, options, s);
+  for (const FootageSequence& sequence : chosen) {
+    LivecapRun run(footage, options, sequence);
     tracked.push_back(run.run(progress));
     write_poses(footage, options.out, tracked.back());
-    ordered_json& entry = report["sequences"][tracked.back().sequence.name] = report_of(footage, tracked.back());
+    ordered_json& entry = report["sequences"][sequence.name] = report_of(footage, tracked.back());
     entry["livecap"] = figures_json(run.figures(), tracked.back().frames.size());
   }
   progress.finish();
-  write_tracked_capture(footage, options.out, tracked);
-  write_atomically(options.out / "track.json", report.dump(1) + "\n");
+  write_results(footage, options.out, tracked, report);
   return report;
 }
 

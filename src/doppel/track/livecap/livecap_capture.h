@@ -1,22 +1,16 @@
 #pragma once
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
 #include "doppel/track/footage.h"
 #include "doppel/track/livecap/livecap_config.h"
+#include "doppel/track/track_task.h"
 
 namespace doppel {
 
-struct LivecapCaptureOptions {
-  std::filesystem::path out;
+struct LivecapCaptureOptions : TrackTask {
   LivecapConfig config;
-  std::vector<std::string> sequences;  ///< names; empty: all
-  long limit_frames = 0;               ///< of each sequence; 0: all
-  bool vertices = false;               ///< `<sequence>_vertices.npy`
-  int sheet_frames = 6;                ///< rows of `<sequence>.jpg`; 0: none
+  int sheet_frames = 6;  ///< rows of `<sequence>.jpg`; 0: none
 };
 
 /// Tracks sequences that one camera filmed. Pictures are read, decoded and cut out on one thread while another tracks

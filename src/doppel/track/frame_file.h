@@ -1,0 +1,37 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <vector>
+
+#include "doppel/core/npy.h"
+
+namespace doppel {
+
+/// Numbers of one frame after the other, in a file: float32 [frames, rows, columns].
+class FrameFile {
+ public:
+  FrameFile(const std::filesystem::path& path, int rows, int columns) : stream_(path, {rows, columns}) {}
+
+  /// @param numbers [rows * columns]
+  void append(const std::vector<double>& numbers) {
+    const std::vector<float> floats(numbers.begin(), numbers.end());
+    append(floats.data());
+  }
+  /// @param points [rows], of three columns
+  void append(const std::vector<Eigen::Vector3d>& points) {
+    std::vector<float> floats;
+    for (const Eigen::Vector3d& point : points)
+      for (const double x : point) floats.push_back(static_cast<float>(x));
+    append(floats.data());
+  }
+  void append(const Eigen::Matrix3Xd& points) { append(Eigen::Matrix3Xf(points.cast<float>()).data()); }
+  void append(const float* numbers) { stream_.append(numbers); }
+  /// Puts the file in its place; without it nothing is left behind.
+  void close() { stream_.close(); }
+
+ private:
+  NpyStream stream_;
+};
+
+}  // namespace doppel

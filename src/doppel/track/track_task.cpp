@@ -1,0 +1,66 @@
+#include "doppel/track/track_task.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/core/process.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+std::vector<FootageSequence> chosen_sequences(const Footage& footage, const TrackTask& task) {
+  std::vector<FootageSequence> chosen;
+  std::vector<std::string> known;
+  for (FootageSequence sequence : footage.sequences()) {
+    known.push_back(sequence.name);
+    const auto& wanted = task.sequences;
+    if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), sequence.name) == wanted.end()) continue;
+    if (task.limit_frames > 0)
+      sequence.last_frame = std::min(sequence.last_frame, sequence.first_frame + task.limit_frames - 1);
+    chosen.push_back(std::move(sequence));
+  }
+  if (!task.sequences.empty() && chosen.size() != task.sequences.size())
+    fail<UsageError>("not all of the sequences {} are in the capture; it has {}", fmt::join(task.sequences, ", "),
+                     fmt::join(known, ", "));
+  return chosen;
+}
+
+long count_frames(const std::vector<FootageSequence>& sequences) {
+  long total = 0;
+  for (const FootageSequence& sequence : sequences) total += sequence.num_frames();
+  return total;
+}
+
+std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
+  std::vector<long> frames;
+  for (int i = 0; i < count; ++i) {
+    const long frame = sequence.first_frame + (2 * i + 1) * sequence.num_frames() / (2 * count);
+    if (frames.empty() || frame != frames.back()) frames.push_back(frame);
+  }
+  return frames;
+}
+
+void open_out_folder(const Footage& footage, const fs::path& out) {
+  if (out.empty()) fail<UsageError>("no folder to write into was given");
+  const fs::path& file = footage.capture().file;
+  if (!file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
+    fail<UsageError>("{} holds the capture itself; write into a folder of its own with --out", out.string());
+  fs::create_directories(out);
+}
+
+void check_one_camera(const Footage& footage) {
+  if (footage.cameras().size() == 1) return;
+  std::vector<std::string> names;
+  for (const Camera& camera : footage.cameras()) names.push_back(camera.name);
+  fail<UsageError>("this method looks through one camera, and the capture has {}; choose one of {} with --camera",
+                   names.size(), fmt::join(names, ", "));
+}
+
+void check_not_stopped(const FootageSequence& sequence, long frame) {
+  if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was kept", frame, sequence.name);
+}
+
+}  // namespace doppel
