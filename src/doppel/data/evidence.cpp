@@ -93,18 +93,29 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
   return plan;
 }
 
+std::vector<Keypoint> pick_person(std::optional<People> people, const std::function<cv::Mat()>& mask,
+                                  const LandmarkPicker& picker, const Undistorter& undistorter) {
+  if (!people) return picker.pick(std::optional<Person>());
+  undistort(undistorter, *people);
+  return picker.pick(choose_person(*people, people->size() > 1 ? mask() : cv::Mat()));
+}
+
+PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
+  PoseDetectorOptions options = *capture.detector;
+  options.model = capture.resolve(options.model.string());
+  if (!options.weights.empty()) options.weights = capture.resolve(options.weights.string());
+  return PoseDetector(options, layout);
+}
+
 KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
                             const Camera& camera, long first, long last, const std::vector<long>& cuts,
                             const KeypointFilter& filter) {
   const Undistorter undistorter(camera);
   KeypointTrack track;
   for (long frame = first; frame <= last; ++frame) {
-    std::optional<People> found = people(frame);
-    if (found) undistort(undistorter, *found);
-    const bool several = found && found->size() > 1;
-    const std::optional<Person> person =
-        found ? choose_person(*found, several ? mask(frame) : cv::Mat()) : std::nullopt;
-    track.frames.push_back(picker.pick(person));
+    const std::optional<People> found = people(frame);
+    track.frames.push_back(pick_person(
+        found, [&] { return mask(frame); }, picker, undistorter));
     count_frame(found, track.frames.back(), track.facts);
   }
   if (track.facts.frames > 0) track.facts.seen /= static_cast<double>(track.facts.frames);

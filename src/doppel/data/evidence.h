@@ -8,6 +8,7 @@
 #include "doppel/character/character.h"
 #include "doppel/data/capture.h"
 #include "doppel/data/keypoint_map.h"
+#include "doppel/data/mask.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel {
@@ -54,6 +55,15 @@ using MaskOfFrame = std::function<cv::Mat(long frame)>;
 KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
                             const Camera& camera, long first, long last, const std::vector<long>& cuts,
                             const KeypointFilter& filter);
+
+/// The one person of a picture: chooses whom, takes the lens distortion out and picks the landmarks. [M]
+/// @param people of the picture as it was filmed @param mask of the picture without distortion; asked for where
+/// several people were found
+std::vector<Keypoint> pick_person(std::optional<People> people, const std::function<cv::Mat()>& mask,
+                                  const LandmarkPicker& picker, const Undistorter& undistorter);
+
+/// The capture's detector, which it must have. @param layout of the points that it finds
+PoseDetector open_detector(const Capture& capture, const PointLayout& layout);
 
 /// What should be said about a track, in plain sentences; empty when all is well.
 std::vector<std::string> keypoint_doubts(const KeypointFacts& facts);

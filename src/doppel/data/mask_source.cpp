@@ -49,6 +49,9 @@ MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, co
     background_ = read_background(source(capture.background));
 }
 
+MaskSource::MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera)
+    : sequence_(sequence), undistort_(camera), model_(std::move(model)) {}
+
 cv::Mat MaskSource::find(long frame, const cv::Mat& picture) {
   if (masks_) return masks_->read(frame);
   return model_ ? model_->mask(picture) : chroma_key_mask(picture, *sequence_.chroma_key, background_);

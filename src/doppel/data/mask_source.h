@@ -20,6 +20,8 @@ class MaskSource {
   /// @param file_index its place in the calibration file
   /// @throws FileError when one of them cannot be read
   MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
+  /// Cuts them out of pictures by a model that has learnt the empty scene, whatever the sequence says.
+  MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera);
 
   /// Whether `read` needs the picture.
   bool needs_picture() const { return !masks_; }

@@ -307,10 +307,7 @@ class Preparation {
     const PlannedSequence& rows = sequence(job);
     const fs::path table = detected_file(rows, camera(job));
     if (!plan_.detects(rows) || fs::exists(table)) return true;
-    PoseDetectorOptions options = *plan_.capture.detector;
-    options.model = plan_.capture.resolve(options.model.string());
-    if (!options.weights.empty()) options.weights = plan_.capture.resolve(options.weights.string());
-    PoseDetector detector(options, plan_.evidence.map.layout);
+    PoseDetector detector = open_detector(plan_.capture, plan_.evidence.map.layout);
     const auto videos = open_frames(plan_.source(rows.entry.videos, job.camera), PixelFormat::colour);
     const long offset = rows.entry.offset(camera(job).name);
     std::map<long, People> frames;
