@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
+#include "doppel/track/live/live_run.h"
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 
@@ -24,6 +26,7 @@ constexpr char kExample[] =
     "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
     "  doppel track recordings/street --method livecap --vertices\n"
     "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
+    "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
     "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least "
     "two\n"
     "cameras. Its sequences need no motion: the capture.yaml that is written names the tracked ones.";
@@ -35,11 +38,27 @@ struct Arguments {
   bool surface = false;
   int sheet_frames = TrackOptions().sheet_frames;
   DeepcapOptions deepcap;  ///< what deepcap alone has
+  std::string source, preview, texture;
+  SourceOptions playing;
+  int empty_frames = 0;
+
+  bool live() const { return !source.empty(); }
 };
 
 ConfigDocument config_document(const Arguments& arguments) {
   if (arguments.config.empty()) return ConfigDocument::parse("{}", "the defaults", arguments.set);
   return ConfigDocument::load(arguments.config, arguments.set);
+}
+
+void print_live(const nlohmann::ordered_json& live) {
+  const auto& times = live["milliseconds"];
+  fmt::print("  {} pictures of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
+             live["pictures"].get<long>(), live["source"].get<std::string>(), live["dropped"].get<long>(),
+             live["frames_per_second"].get<double>(), live["latency_ms"]["mean"].get<double>(),
+             live["latency_ms"]["largest"].get<double>());
+  fmt::print("  milliseconds a frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
+             times["capture"].get<double>(), times["preprocess"].get<double>(), times["detect"].get<double>(),
+             times["pose"].get<double>(), times["surface"].get<double>());
 }
 
 void print_table(const nlohmann::ordered_json& report) {
@@ -65,6 +84,7 @@ void print_table(const nlohmann::ordered_json& report) {
                  figures["frames_per_second"].get<double>(), times["read"].get<double>(), times["pose"].get<double>(),
                  times["surface"].get<double>());
     }
+    if (sequence.contains("live")) print_live(sequence["live"]);
     if (!sequence["lost_frames"].empty())
       fmt::print("  not to be trusted, and interpolated: frames {}\n", sequence["lost_frames"].dump());
   }
@@ -74,19 +94,68 @@ fs::path default_out(const fs::path& capture) {
   return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
 }
 
+TrackViewOptions view_options(const Arguments& arguments) {
+  TrackViewOptions options;
+  options.texture = read_texture(arguments.texture);
+  return options;
+}
+
+std::unique_ptr<Preview> preview_of(const Arguments& arguments, const Camera& camera, const Character& character,
+                                    double frames_per_second) {
+  if (arguments.preview.empty()) return nullptr;
+  return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
+}
+
+void learn_empty_scene(const Arguments& arguments, FrameSource& source, LiveView& view) {
+  if (arguments.empty_frames == 0) return;
+  log::info("learning the empty scene from {} pictures: nobody may be seen yet", arguments.empty_frames);
+  std::vector<cv::Mat> pictures;
+  while (static_cast<int>(pictures.size()) < arguments.empty_frames) {
+    const auto picture = source.next();
+    if (!picture) break;
+    pictures.push_back(picture->picture);
+  }
+  view.learn_empty_scene(pictures);
+}
+
+/// Both methods that need one camera, on pictures as they come.
+nlohmann::ordered_json track_source(const Arguments& arguments) {
+  const bool deepcap = arguments.method == "deepcap";
+  const auto source = open_source(arguments.source, arguments.playing);
+  const LivecapConfig config = deepcap ? LivecapConfig() : read_livecap_config(config_document(arguments));
+  LiveViewOptions seeing;
+  seeing.camera = arguments.camera;
+  seeing.sequence = arguments.task.sequences.empty() ? "" : arguments.task.sequences.front();
+  seeing.outline_pixels = config.fit.outline_pixels;
+  seeing.from_camera = is_camera(arguments.source);
+  LiveView view(arguments.capture, source->size(), seeing);
+  std::optional<TrainedPose> trained;
+  if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
+  if (trained && !deepcap) view.find_joints_by(joints_of_posenet(view, *trained));
+  const auto solver = deepcap ? make_deepcap_solver(view, *trained) : make_livecap_solver(view, config);
+  const auto preview = preview_of(arguments, view.camera(), view.character(), source->frames_per_second());
+  learn_empty_scene(arguments, *source, view);
+  LiveRunOptions options;
+  static_cast<TrackTask&>(options) = arguments.task;
+  options.method = arguments.method;
+  options.filter = !deepcap && config.filter;
+  options.smoothing = deepcap ? 0.0 : config.smoothing;
+  return track_live(*source, view, *solver, options, preview.get());
+}
+
 nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
   const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
                                       arguments.sheet_frames};
-  return track_livecap(*Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera), options);
+  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
+  check_one_camera(*footage);
+  const auto preview = preview_of(arguments, footage->cameras().front(), footage->character(), footage->capture().fps);
+  return track_livecap(*footage, options, preview.get());
 }
 
 nlohmann::ordered_json track_with_networks(const Arguments& arguments) {
   DeepcapOptions options = arguments.deepcap;
-  if (options.run.empty())
-    fail<UsageError>("--method deepcap needs --run RUN: what `doppel train` or `doppel adapt` wrote");
-  if (!arguments.config.empty() || !arguments.set.empty())
-    fail<UsageError>("--config and --set belong to the methods that fit; deepcap has the configuration of its run");
   static_cast<TrackTask&>(options) = arguments.task;
+  options.view = view_options(arguments);
   return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
 }
 
@@ -96,9 +165,8 @@ nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
   return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
 }
 
-int run(Arguments arguments, const CommonOptions& common) {
-  TrackTask& task = arguments.task;
-  if (task.out.empty()) task.out = default_out(arguments.capture);
+/// What does not go together.
+void check(const Arguments& arguments) {
   const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
   if ((livecap || deepcap) && arguments.surface)
     fail<UsageError>(
@@ -106,16 +174,39 @@ int run(Arguments arguments, const CommonOptions& common) {
         "configuration says `surface: {{enabled: false}}`, and deepcap where DefNet was trained");
   if (!livecap && !deepcap && !arguments.camera.empty())
     fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit takes all cameras of the capture");
-  if (!deepcap && !arguments.deepcap.run.empty())
-    fail<UsageError>("--run belongs to --method deepcap; this method needs no networks");
-  const nlohmann::ordered_json report = livecap   ? track_with_one_camera(arguments)
-                                        : deepcap ? track_with_networks(arguments)
-                                                  : track_with_all_cameras(arguments);
+  if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
+    fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which look through one camera");
+  if (deepcap && arguments.deepcap.run.empty())
+    fail<UsageError>("--method deepcap needs --run RUN: what `doppel train` or `doppel adapt` wrote");
+  if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
+    fail<UsageError>("--config and --set belong to the methods that fit; deepcap has the configuration of its run");
+  if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
+    fail<UsageError>(
+        "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet places joints in space");
+  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1))
+    fail<UsageError>("--empty-frames, --live and --repeat belong to --source");
+  if (deepcap && !arguments.live() && !arguments.preview.empty())
+    fail<UsageError>("deepcap writes SEQUENCE.mp4 by itself; --preview belongs to livecap, or to --source");
+  if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
+    fail<UsageError>("--texture is drawn in the preview: give --preview too");
+}
+
+int run(Arguments arguments, const CommonOptions& common) {
+  check(arguments);
+  TrackTask& task = arguments.task;
+  if (task.out.empty()) task.out = default_out(arguments.capture);
+  const nlohmann::ordered_json report = arguments.live()                ? track_source(arguments)
+                                        : arguments.method == "livecap" ? track_with_one_camera(arguments)
+                                        : arguments.method == "deepcap" ? track_with_networks(arguments)
+                                                                        : track_with_all_cameras(arguments);
   if (common.json)
     fmt::print("{}\n", report.dump(2));
   else
     print_table(report);
-  log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
+  if (arguments.live())
+    log::info("results in {}", task.out.string());
+  else
+    log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
   return 0;
 }
 
@@ -146,12 +237,36 @@ Command add_track(CLI::App& program) {
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   DeepcapOptions& deepcap = arguments->deepcap;
-  app->add_option("--run", deepcap.run, "deepcap: a run of PoseNet, or of PoseNet and DefNet");
+  app->add_option("--run", deepcap.run,
+                  "deepcap: a run of PoseNet, or of PoseNet and DefNet; livecap with --source: PoseNet places joints");
   app->add_option("--smoothing", deepcap.smoothing, "deepcap: sigma over five frames, in frames (0: none)")
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();
   app->add_flag("!--no-film", deepcap.film, "deepcap: without SEQUENCE.mp4, the surface over the pictures");
-  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+  app->add_option(
+      "--source", arguments->source,
+      "livecap, deepcap: pictures as they come instead of the capture's: a camera (0, 1, ...), a video or a "
+      "folder of pictures; the capture says what stands around them");
+  app->add_option("--empty-frames", arguments->empty_frames, "The first pictures of the source show the empty scene")
+      ->check(CLI::Range(0, 1000));
+  app->add_flag("--live", arguments->playing.live,
+                "A file as the source comes at its own rate, and may be dropped from");
+  app->add_option("--repeat", arguments->playing.repeat, "How often a file as the source is played")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  const CLI::Option* preview =
+      app->add_option(
+             "--preview", arguments->preview,
+             "Show the surface over the picture and from the side: in a window (keys a, d turn; q ends), or into "
+             "an .mp4 file where there is no screen")
+          ->expected(0, 1)
+          ->type_name("[FILE.mp4]");
+  app->add_option("--texture", arguments->texture,
+                  "A picture that the surface wears in the preview, or in deepcap's film");
+  return {app, [arguments, preview](const CommonOptions& common) {
+            if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
+            return run(*arguments, common);
+          }};
 }
 
 }  // namespace doppel::tools

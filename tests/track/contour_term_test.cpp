@@ -8,7 +8,7 @@
 namespace doppel {
 namespace {
 
-class ContourTermTest : public OutlineTest {
+class ContourTermTest : public ::testing::Test, protected OutlineScene {
  protected:
   ContourTermTest() {
     for (int camera = 0; camera < 2; ++camera)

@@ -137,7 +137,7 @@ TEST(TrackFilm, TheSideViewStandsAQuarterTurnAway) {
   camera.R = Eigen::Vector3d(1, -1, -1).asDiagonal();
   camera.t = Eigen::Vector3d(0, 1, 3);
   const Eigen::Vector3d person(0.5, 1.0, 0.2);
-  const Camera side = seen_from_the_side(camera, person);
+  const Camera side = turned_about(camera, person, M_PI / 2);
   EXPECT_TRUE(side.faults().empty());
   const Eigen::Vector3d before = camera.centre() - person, after = side.centre() - person;
   EXPECT_NEAR(before.norm(), after.norm(), 1e-12);

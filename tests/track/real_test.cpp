@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
+
+#include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
@@ -41,6 +44,38 @@ TEST_F(RealTracking, BendsTheSurfaceToTheMasks) {
   RecordProperty("IoU", std::to_string(surface["IoU"].get<double>()));
   EXPECT_LT(surface["IoU_pose"].get<double>(), 0.92);
   EXPECT_GT(surface["IoU"].get<double>(), 0.955);
+}
+
+/// A clip of one camera in which a man walks into the empty scene: what was not tuned for it must hold.
+class RealLivecap : public support::SharedFolderTest {
+ protected:
+  void SetUp() override {
+    SharedFolderTest::SetUp();
+    if (IsSkipped()) return;
+    std::ofstream(folder_ / "capture.yaml")
+        << "doppel_capture: 1\nname: wild\nroot: " << capture_folder().string()
+        << "\ncharacter: character/ddc.character\ncalibration: wild/camera.calibration\nlandmarks: landmarks.csv\n"
+        << "keypoint_map: body25\nsequences:\n  - name: wild\n    split: test\n    videos: wild/videos/stream000.mp4\n"
+        << "    background_subtraction: {frames: [0, 19], refine: false}\n"
+        << "    keypoints: 'wild/keypoints/000/stream000_{frame:012}_keypoints.json'\n"
+        << "    joints3d: wild/joints3d.csv\n    first_frame: 20\n";
+  }
+  support::TemporaryFolder folder_;
+};
+
+TEST_F(RealLivecap, FollowsAManInLooseClothesWithOneCamera) {
+  LivecapCaptureOptions options;
+  options.out = folder_ / "tracked";
+  options.limit_frames = 20;
+  const auto footage = Footage::open(folder_.path(), options.config.fit.outline_pixels);
+  const auto report = track_livecap(*footage, options);
+  const auto& wild = report["sequences"]["wild"];
+  EXPECT_EQ(wild["lost_frames"].size(), 0u);
+  const double pose = wild["livecap"]["IoU_pose"], surface = wild["livecap"]["IoU"];
+  RecordProperty("IoU_pose", std::to_string(pose));
+  RecordProperty("IoU", std::to_string(surface));
+  EXPECT_GE(surface, 0.92);
+  EXPECT_GE(surface, pose + 0.02);
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 namespace doppel {
 namespace {
 
-class SilhouetteTermTest : public OutlineTest {
+class SilhouetteTermTest : public ::testing::Test, protected OutlineScene {
  protected:
   SilhouetteTermTest() {
     for (int v = 0; v < character_.num_vertices(); v += 5) vertices_.push_back({v % 2, v});

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
@@ -74,9 +72,8 @@ inline std::vector<int> all_dofs(const Character& character) {
 }
 
 /// Two cameras that see the outline of the rest pose.
-class OutlineTest : public ::testing::Test {
- protected:
-  OutlineTest() {
+struct OutlineScene {
+  OutlineScene() {
     for (std::size_t c = 0; c < cameras_.size(); ++c)
       frame_[c].outline = OutlineField(mask_of(model_, cameras_[c], character_.rest_dofs), 200);
   }

@@ -27,11 +27,11 @@ class TrackCapture : public ::testing::Test {
         cameras_(ring_of_cameras(4, 192, middle_of(character_))),
         model_(character_, landmarks_, dofs_) {
     write_calibration(root() / "cameras.yml", cameras_);
-    const std::filesystem::path file = write_character(root() / "character", character_);
+    character_file_ = write_character(root() / "character", character_);
     write_landmarks(root() / "landmarks.csv", character_, landmarks_);
     write_evidence();
     std::ofstream(root() / "capture.yaml")
-        << "doppel_capture: 1\nname: tube\ncharacter: " << std::filesystem::relative(file, root()).string()
+        << "doppel_capture: 1\nname: tube\ncharacter: " << std::filesystem::relative(character_file_, root()).string()
         << "\ncalibration: cameras.yml\nlandmarks: landmarks.csv\nsequences:\n"
         << "  - {name: walk, split: test, videos: 'none_{name}.mp4', masks: 'mask_{name}_{frame}.png', "
         << "keypoints: points.csv, joints3d: 'joints_{name}.csv', cuts: [" << kCut << "]}\n";
@@ -89,6 +89,7 @@ class TrackCapture : public ::testing::Test {
   }
 
   support::TemporaryFolder folder_;
+  std::filesystem::path character_file_;
   Character character_;
   std::vector<Marker> landmarks_;
   std::vector<int> dofs_;

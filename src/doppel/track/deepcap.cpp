@@ -51,7 +51,7 @@ class DeepcapRun {
     const auto root = RootRotation::of(footage_.character().skeleton);
     make_motion(result_, root, options_.smoothing);
     smooth_graphs();
-    write_poses(footage_, options_.out, result_);
+    write_poses(footage_.character(), footage_.capture().fps, options_.out, result_);
     const fs::path stem = options_.out / result_.sequence.name;
     if (has_graph()) write_graphs(stem.string() + "_graph.npy");
     if (options_.film || options_.vertices) write_surfaces(stem, progress);
@@ -101,7 +101,8 @@ class DeepcapRun {
     std::optional<FrameFile> vertices;
     std::optional<TrackFilm> film;
     if (options_.vertices) vertices.emplace(stem.string() + "_vertices.npy", mesh.num_vertices(), 3);
-    if (options_.film) film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps);
+    if (options_.film)
+      film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps, options_.view);
     const auto reader = options_.film ? footage_.read(sequence.index) : nullptr;
     for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
       check_not_stopped(sequence, frame);

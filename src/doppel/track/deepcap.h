@@ -10,6 +10,7 @@
 #include "doppel/track/footage.h"
 #include "doppel/track/pose_model.h"
 #include "doppel/track/track_task.h"
+#include "doppel/track/track_view.h"
 #include "doppel/track/tracked_frame.h"
 #include "doppel/train/trained_pose.h"
 
@@ -47,6 +48,7 @@ struct DeepcapOptions : TrackTask {
   std::filesystem::path run;  ///< of posenet, or of the chain deepcap
   double smoothing = 1.0;     ///< sigma of the Gaussian over five frames; 0: none (5.8)
   bool film = true;           ///< `<sequence>.mp4`
+  TrackViewOptions view;      ///< how it is drawn
 };
 
 /// Captures sequences from one camera and writes into `options.out`:

@@ -128,7 +128,7 @@ ordered_json track_capture(const Footage& footage, const TrackOptions& options) 
     if (options.surface)
       sequence.surface = track_surface(footage, sequence.sequence, sequence.motion, options.config.surface,
                                        options.out / sequence.sequence.name, options.vertices, progress);
-    write_poses(footage, options.out, sequence);
+    write_poses(footage.character(), footage.capture().fps, options.out, sequence);
     if (options.vertices && !options.surface)
       write_vertices(options.out / (sequence.sequence.name + "_vertices.npy"), footage, sequence);
     ordered_json& entry = report["sequences"][sequence.sequence.name] = report_of(footage, sequence);

@@ -93,12 +93,12 @@ void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& ro
   for (int row = 0; row < tracked.motion.num_frames(); ++row) tracked.motion.ids.push_back(row);
 }
 
-void write_poses(const Footage& footage, const fs::path& out, const TrackedSequence& tracked) {
+void write_poses(const Character& character, double frames_per_second, const fs::path& out,
+                 const TrackedSequence& tracked) {
   const fs::path stem = out / tracked.sequence.name;
-  const Character& character = footage.character();
   write_motion(stem.string() + ".motion", tracked.motion, true);
   write_bvh(stem.string() + ".bvh",
-            bvh_from_motion(character.skeleton, tracked.motion, footage.capture().fps, character.rest_dofs));
+            bvh_from_motion(character.skeleton, tracked.motion, frames_per_second, character.rest_dofs));
 }
 
 ordered_json costs_json(const std::vector<TermCost>& terms) {
@@ -107,14 +107,12 @@ ordered_json costs_json(const std::vector<TermCost>& terms) {
   return costs;
 }
 
-ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
-  ordered_json frames = ordered_json::array(), lost = ordered_json::array();
+ordered_json summary_of(const TrackedSequence& tracked) {
+  ordered_json lost = ordered_json::array();
   double error = 0.0, steps = 0.0;
   for (std::size_t i = 0; i < tracked.frames.size(); ++i) {
-    const long frame = tracked.sequence.first_frame + static_cast<long>(i);
     const TrackedFrame& found = tracked.frames[i];
-    frames.push_back(frame_json(frame, found));
-    if (!found.trusted()) lost.push_back(frame);
+    if (!found.trusted()) lost.push_back(tracked.sequence.first_frame + static_cast<long>(i));
     error += found.keypoint_error;
     steps += found.iterations;
   }
@@ -125,6 +123,11 @@ ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
   result["keypoint_error_px"] = error / count;
   result["steps_per_frame"] = steps / count;
   result["frames_per_second"] = tracked.seconds > 0.0 ? count / tracked.seconds : 0.0;
+  return result;
+}
+
+ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
+  ordered_json result = summary_of(tracked);
   if (!tracked.sequence.motion.empty()) {
     const Skeleton& skeleton = footage.character().skeleton;
     const Motion given = read_motion(tracked.sequence.motion, skeleton.num_dofs());
@@ -134,6 +137,9 @@ ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
       result["against_given_motion"] = {{"MPJPE_mm", difference.mean_mm}, {"3DPCK", 100.0 * difference.within_150mm}};
     }
   }
+  ordered_json frames = ordered_json::array();
+  for (std::size_t i = 0; i < tracked.frames.size(); ++i)
+    frames.push_back(frame_json(tracked.sequence.first_frame + static_cast<long>(i), tracked.frames[i]));
   result["per_frame"] = frames;
   return result;
 }

@@ -38,9 +38,11 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
 void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing);
 
 /// `<sequence>.motion` and `<sequence>.bvh` in the folder `out`.
-void write_poses(const Footage& footage, const std::filesystem::path& out, const TrackedSequence& tracked);
-/// States, errors and speed of a sequence, the difference from the motion that the capture names, and per frame state,
-/// costs and steps.
+void write_poses(const Character& character, double frames_per_second, const std::filesystem::path& out,
+                 const TrackedSequence& tracked);
+/// States, errors and speed of a sequence.
+nlohmann::ordered_json summary_of(const TrackedSequence& tracked);
+/// The summary, the difference from the motion that the capture names, and per frame state, costs and steps.
 nlohmann::ordered_json report_of(const Footage& footage, const TrackedSequence& tracked);
 /// What each term of an energy costs.
 nlohmann::ordered_json costs_json(const std::vector<TermCost>& terms);

@@ -115,7 +115,9 @@ TEST(Livecap, StandsMissingPointsAndOutliers) {
   options.fewest_keypoints = 5;  // of ten
   LivecapTracker tracker = scene.tracker(options);
   test_character::Noise noise(5);
-  for (int frame = 0; frame < 20; ++frame) {
+  bool lost = false;
+  int lost_frames = 0;
+  for (int frame = 0; frame < 40; ++frame) {
     LivecapInput input = scene.see(scene.truth(frame));
     for (std::size_t m = 0; frame > 0 && m < input.view.keypoints.size(); ++m) {
       const double chance = 0.5 + 0.5 * noise.next();
@@ -127,10 +129,67 @@ TEST(Livecap, StandsMissingPointsAndOutliers) {
       }
     }
     const LivecapFrame found = tracker.track(input);
-    ASSERT_TRUE(found.pose.trusted()) << "frame " << frame;
     EXPECT_TRUE(found.vertices.allFinite());
-    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(frame)), 0.06) << "frame " << frame;
+    for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
+    if (found.pose.trusted()) {
+      EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(frame)), 0.1) << "frame " << frame;
+      if (lost) {
+        EXPECT_EQ(found.pose.state, FrameState::recovered) << "frame " << frame;
+      }
+    }
+    lost = !found.pose.trusted();
+    lost_frames += lost;
   }
+  EXPECT_LE(lost_frames, 8) << "in a frame or two too few points are left";
+  EXPECT_FALSE(lost);
+}
+
+TEST(Livecap, AnArmThatWasHiddenIsFoundAgain) {
+  const Scene scene;
+  LivecapTracker tracker = scene.tracker([] {
+    LivecapOptions options;
+    options.fewest_keypoints = 5;
+    return options;
+  }());
+  LivecapFrame found;
+  for (int frame = 0; frame < 30; ++frame) {
+    LivecapInput input = scene.see(scene.truth(frame));
+    for (std::size_t m = 6; m < 10 && frame >= 5 && frame < 20; ++m) {  // the last two segments
+      input.view.keypoints[m] = {};
+      input.joints[m].reset();
+    }
+    found = tracker.track(input);
+    EXPECT_TRUE(found.pose.trusted()) << "frame " << frame;
+  }
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(29)), 0.015) << "ten frames after it came back";
+}
+
+TEST(Livecap, AMaskOfSomethingElseDoesNotThrowItOff) {
+  const Scene scene;
+  LivecapTracker tracker = scene.tracker();
+  cv::Mat wrong = cv::Mat::zeros(scene.camera.height, scene.camera.width, CV_8UC1);
+  wrong(cv::Rect(10, 20, 200, 500)).setTo(255);
+  LivecapFrame found;
+  for (int frame = 0; frame < 24; ++frame) {
+    LivecapInput input = scene.see(scene.truth(frame));
+    if (frame >= 4 && frame < 12) input.view.outline = OutlineField(frame % 2 ? wrong : cv::Mat(~wrong), 512);
+    found = tracker.track(input);
+    EXPECT_TRUE(found.vertices.allFinite()) << "frame " << frame;
+    for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
+  }
+  EXPECT_TRUE(found.pose.trusted());
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(23)), 0.015);
+  EXPECT_LT(scene.surface_error(found.vertices, scene.truth(23)), 0.015);
+}
+
+TEST(Livecap, AfterAPauseThePersonIsRecovered) {
+  const Scene scene;
+  LivecapTracker tracker = scene.tracker();
+  for (int frame = 0; frame < 3; ++frame) tracker.track(scene.see(scene.truth(frame)));
+  tracker.pause();
+  const LivecapFrame found = tracker.track(scene.see(scene.truth(40)));
+  EXPECT_EQ(found.pose.state, FrameState::recovered);
+  EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(40)), 0.03);
 }
 
 TEST(Livecap, LosesWhoeverLeavesAndFindsThemAgain) {

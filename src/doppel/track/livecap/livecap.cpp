@@ -93,9 +93,13 @@ LivecapTracker::LivecapTracker(const Character& character, const std::vector<Mar
 }
 
 void LivecapTracker::cut() {
+  pause();
+  segment_begins_ = true;
+}
+
+void LivecapTracker::pause() {
   history_.clear();
   forget_surface();
-  segment_begins_ = true;
 }
 
 void LivecapTracker::forget_surface() {

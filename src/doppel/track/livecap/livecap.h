@@ -59,6 +59,9 @@ class LivecapTracker {
   LivecapFrame track(const LivecapInput& input);
   /// The next frame does not follow from those before.
   void cut();
+  /// Time went by that nobody saw: nor does it, but the person is the same, and is `recovered` rather than
+  /// `initialised`.
+  void pause();
 
   const PoseModel& model() const { return model_; }
 

@@ -1,37 +1,26 @@
 #include "doppel/track/livecap/livecap_capture.h"
 
-#include <ATen/Parallel.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 
+#include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/track/clock.h"
-#include "doppel/track/frame_file.h"
+#include "doppel/track/livecap/livecap_input.h"
+#include "doppel/track/livecap/surface_file.h"
 #include "doppel/track/prefetch.h"
+#include "doppel/track/thread_share.h"
 #include "doppel/track/track_sheet.h"
 #include "doppel/track/tracked_sequence.h"
 
 namespace doppel {
 
-namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 namespace {
-
-/// Leaves one of the process's threads to whoever reads the pictures: two that share a core wait for each other.
-class OneThreadFewer {
- public:
-  OneThreadFewer() : before_(at::get_num_threads()) { at::set_num_threads(std::max(1, before_ - 1)); }
-  ~OneThreadFewer() { at::set_num_threads(before_); }
-  OneThreadFewer(const OneThreadFewer&) = delete;
-  OneThreadFewer& operator=(const OneThreadFewer&) = delete;
-
- private:
-  int before_;
-};
 
 constexpr std::size_t kFramesAhead = 2;  // the delay that the thesis has (4.7.3)
 
@@ -40,40 +29,6 @@ struct ReadFrame {
   long frame = 0;
   FootageFrame seen;
   double seconds = 0.0;
-};
-
-LivecapInput input_of(const FootageFrame& seen) {
-  LivecapInput input{seen.evidence.front(), {}, seen.pictures.front()};
-  if (seen.joints.empty()) return input;
-  for (const JointDetection& joint : seen.joints.front())
-    input.joints.push_back(joint.seen ? std::optional<Eigen::Vector3d>(joint.position) : std::nullopt);
-  return input;
-}
-
-/// Writes the surfaces of consecutive frames, each averaged with its neighbours (4.8).
-class SurfaceFile {
- public:
-  SurfaceFile(const fs::path& path, int num_vertices, bool filter) : file_(path, num_vertices, 3), filter_(filter) {}
-
-  /// @param follows whether it was tracked from the frame before
-  void add(const Eigen::Matrix3Xd& vertices, bool follows) {
-    if (held_.cols() > 0) write(follows ? vertices : held_);
-    before_ = held_.cols() > 0 && follows ? held_ : vertices;
-    held_ = vertices;
-  }
-  void close() {
-    if (held_.cols() > 0) write(held_);
-    file_.close();
-  }
-
- private:
-  void write(const Eigen::Matrix3Xd& after) {
-    file_.append(filter_ ? Eigen::Matrix3Xd(0.15 * before_ + 0.7 * held_ + 0.15 * after) : held_);
-  }
-
-  FrameFile file_;
-  bool filter_;
-  Eigen::Matrix3Xd before_, held_;  ///< the last two; `held_` waits for its successor
 };
 
 /// What is measured on the way.
@@ -85,9 +40,11 @@ struct Figures {
 
 class LivecapRun {
  public:
-  LivecapRun(const Footage& footage, const LivecapCaptureOptions& options, const FootageSequence& sequence)
+  LivecapRun(const Footage& footage, const LivecapCaptureOptions& options, const FootageSequence& sequence,
+             Preview* preview)
       : footage_(footage),
         options_(options),
+        preview_(preview),
         tracker_(footage.character(), footage.landmarks(),
                  chosen_dofs(options.config.dofs, footage.character().skeleton, footage.landmarks()),
                  footage.cameras().front(), options.config.fit),
@@ -113,7 +70,9 @@ class LivecapRun {
       if (file) file->add(found.vertices, found.pose.state == FrameState::tracked);
       if (std::find(shown.begin(), shown.end(), read->frame) != shown.end())
         sheet.add(read->frame, read->seen, found.pose);
-      progress.advance(1, fmt::format("{} {}", sequence.name, to_string(found.pose.state)));
+      const std::string note = fmt::format("{} {}", sequence.name, to_string(found.pose.state));
+      if (preview_ && !preview_->show(read->seen.pictures.front(), found.vertices, note)) request_stop();
+      progress.advance(1, note);
     }
     figures_.total = seconds_since(start);
     result_.seconds = figures_.pose + figures_.surface;
@@ -138,7 +97,7 @@ class LivecapRun {
 
   LivecapFrame track(const ReadFrame& read) {
     if (result_.sequence.begins_segment(read.frame)) tracker_.cut();
-    LivecapFrame found = tracker_.track(input_of(read.seen));
+    LivecapFrame found = tracker_.track(livecap_input(read.seen));
     figures_.reading += read.seconds;
     figures_.pose += found.pose_seconds;
     figures_.surface += found.surface_seconds;
@@ -155,6 +114,7 @@ class LivecapRun {
 
   const Footage& footage_;
   const LivecapCaptureOptions& options_;
+  Preview* preview_;
   LivecapTracker tracker_;
   SurfaceViewer viewer_;
   TrackedSequence result_;
@@ -182,7 +142,7 @@ ordered_json figures_json(const Figures& figures, std::size_t frames) {
 
 }  // namespace
 
-ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options) {
+ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options, Preview* preview) {
   check_one_camera(footage);
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
@@ -191,13 +151,14 @@ ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& 
   ordered_json report{{"method", "livecap"}, {"sequences", ordered_json::object()}};
   std::vector<TrackedSequence> tracked;
   for (const FootageSequence& sequence : chosen) {
-    LivecapRun run(footage, options, sequence);
+    LivecapRun run(footage, options, sequence, preview);
     tracked.push_back(run.run(progress));
-    write_poses(footage, options.out, tracked.back());
+    write_poses(footage.character(), footage.capture().fps, options.out, tracked.back());
     ordered_json& entry = report["sequences"][sequence.name] = report_of(footage, tracked.back());
     entry["livecap"] = figures_json(run.figures(), tracked.back().frames.size());
   }
   progress.finish();
+  if (preview) preview->close();
   write_results(footage, options.out, tracked, report);
   return report;
 }

@@ -4,6 +4,7 @@
 
 #include "doppel/track/footage.h"
 #include "doppel/track/livecap/livecap_config.h"
+#include "doppel/track/preview.h"
 #include "doppel/track/track_task.h"
 
 namespace doppel {
@@ -16,10 +17,11 @@ struct LivecapCaptureOptions : TrackTask {
 /// Tracks sequences that one camera filmed. Pictures are read, decoded and cut out on one thread while another tracks
 /// (4.7.3); no frame is dropped. Writes into `options.out` what `track_capture` writes; `<sequence>_vertices.npy` holds
 /// the surface as it was tracked, filtered over time as the configuration says.
-/// @param footage of one camera
+/// @param footage of one camera @param preview shows every frame; may be null
 /// @return what `track.json` holds: as for `track_capture`, and the IoU of the surface and of the pose alone with the
 ///   masks, and milliseconds of every stage
 /// @throws UsageError for several cameras or an unknown sequence; Error when no frame of a sequence can be tracked
-nlohmann::ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options);
+nlohmann::ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& options,
+                                     Preview* preview = nullptr);
 
 }  // namespace doppel

@@ -1,0 +1,102 @@
+#include "doppel/track/live/frame_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/error.h"
+#include "doppel/core/process.h"
+#include "doppel/data/video_file.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace doppel {
+namespace {
+
+using support::message_of;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+cv::Mat grey(int value) { return cv::Mat(32, 48, CV_8UC3, cv::Scalar::all(value)); }
+
+std::vector<long> numbers(FrameSource& source) {
+  std::vector<long> result;
+  while (const auto picture = source.next()) {
+    EXPECT_EQ(picture->number, static_cast<long>(result.size()));
+    result.push_back(picture->frame);
+  }
+  return result;
+}
+
+class Sources : public ::testing::Test {
+ protected:
+  Sources() {
+    std::filesystem::create_directory(folder_ / "pictures");
+    for (const int i : {2, 0, 1})
+      cv::imwrite((folder_ / fmt::format("pictures/{}.png", i)).string(), grey(50 + 60 * i));
+    std::ofstream(folder_ / "pictures/notes.txt") << "not a picture";
+    VideoFile video(folder_ / "film.mp4", {48, 32}, 50.0);
+    for (int i = 0; i < 4; ++i) video.write(grey(40 * i));
+    video.close();
+  }
+  support::TemporaryFolder folder_;
+};
+
+TEST_F(Sources, AFolderComesInTheOrderOfItsNames) {
+  const auto source = open_source((folder_ / "pictures").string());
+  EXPECT_EQ(source->size(), cv::Size(48, 32));
+  EXPECT_EQ(source->frames_per_second(), 25.0);
+  EXPECT_FALSE(source->live());
+  for (const int value : {50, 110, 170}) EXPECT_EQ(source->next()->picture.at<cv::Vec3b>(5, 5)[1], value);
+  EXPECT_FALSE(source->next());
+}
+
+TEST_F(Sources, AVideoIsPlayedAsOftenAsWanted) {
+  SourceOptions options;
+  options.repeat = 3;
+  const auto source = open_source((folder_ / "film.mp4").string(), options);
+  EXPECT_EQ(source->frames_per_second(), 50.0);
+  EXPECT_THAT(numbers(*source), ElementsAre(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3));
+}
+
+TEST_F(Sources, AFileCanComeAtItsOwnRate) {
+  SourceOptions options;
+  options.live = true;
+  const auto source = open_source((folder_ / "film.mp4").string(), options);
+  EXPECT_TRUE(source->live());
+  const auto start = Clock::now();
+  EXPECT_EQ(numbers(*source).size(), 4u);
+  EXPECT_GE(seconds_since(start), 0.06) << "the fourth is due after three fiftieths of a second";
+}
+
+TEST_F(Sources, AStopEndsThem) {
+  SourceOptions options;
+  options.repeat = 1000000;
+  const auto source = open_source((folder_ / "film.mp4").string(), options);
+  EXPECT_TRUE(source->next());
+  request_stop();
+  EXPECT_FALSE(source->next());
+  request_stop(false);
+}
+
+TEST_F(Sources, WhatIsNoneIsNamed) {
+  const auto complaint = [](const std::filesystem::path& source) {
+    return message_of<Error>([&] { open_source(source.string()); });
+  };
+  EXPECT_THAT(complaint(folder_ / "nowhere"), HasSubstr("neither the number of a camera"));
+  EXPECT_THAT(complaint("977"), HasSubstr("no such camera"));
+  EXPECT_THAT(complaint(folder_ / "pictures/notes.txt"), HasSubstr("no video"));
+  std::ofstream(folder_ / "empty.mp4");
+  EXPECT_THAT(complaint(folder_ / "empty.mp4"), HasSubstr("no video"));
+  std::filesystem::create_directory(folder_ / "nothing");
+  EXPECT_THAT(complaint(folder_ / "nothing"), HasSubstr("holds no picture"));
+  cv::imwrite((folder_ / "pictures/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
+  const auto source = open_source((folder_ / "pictures").string());
+  for (int i = 0; i < 3; ++i) source->next();
+  EXPECT_THAT(message_of<Error>([&] { source->next(); }), HasSubstr("10 x 10 pixels"));
+}
+
+}  // namespace
+}  // namespace doppel
