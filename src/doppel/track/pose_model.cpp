@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "doppel/character/pose_solver.h"
 #include "doppel/core/error.h"
@@ -95,6 +96,10 @@ int PoseModel::carrier_of(int joint) {
         if (drive.joint == j && drive.weight != 0.0) handles.push_back({j, u, drive.weight});
     }
   }
+  std::set<int> movers;
+  for (const Handle& handle : handles) movers.insert(handle.unknown);
+  for (int axis = 1; turned && axis <= 3; ++axis) movers.insert(num_unknowns() - axis);
+  movers_.emplace_back(movers.begin(), movers.end());
   carrier_joint_.push_back(joint);
   handles_.push_back(std::move(handles));
   turned_.push_back(turned);
@@ -172,11 +177,17 @@ Vector3d PoseModel::landmark(const PosedBody& body, int landmark) const {
   return body.world_from_joint[static_cast<std::size_t>(marker.joint)] * marker.position;
 }
 
+/// Adds force^T times the motion that each unknown gives the carrier.
+void PoseModel::add_force(const PosedBody& body, std::size_t carrier, const Eigen::Matrix<double, 6, 1>& force,
+                          Row row) const {
+  for (const int unknown : movers_[carrier]) row[unknown] += force.dot(body.twists[carrier].col(unknown));
+}
+
 void PoseModel::add_landmark_slope(const PosedBody& body, int landmark, const Vector3d& gradient, Row row) const {
   Eigen::Matrix<double, 6, 1> force;
   force << this->landmark(body, landmark).cross(gradient), gradient;
   const auto carrier = static_cast<std::size_t>(landmark_carrier_[static_cast<std::size_t>(landmark)]);
-  row.noalias() += force.transpose() * body.twists[carrier];
+  add_force(body, carrier, force, row);
 }
 
 PoseModel::Blend PoseModel::blend(const PosedBody& body, int vertex) const {
@@ -238,7 +249,7 @@ void PoseModel::add_vertex_slope(const PosedBody& body, int vertex, const Vector
     Eigen::Matrix<double, 6, 1> force;
     force << 0.5 * (a.w() * m + a.vec().cross(m) + along * a.vec()) + h.w() * gradient + h.vec().cross(gradient),
         a.w() * gradient + a.vec().cross(gradient);
-    row.noalias() += force.transpose() * body.twists[static_cast<std::size_t>(bone_carrier_[bone])];
+    add_force(body, static_cast<std::size_t>(bone_carrier_[bone]), force, row);
   }
 }
 

@@ -92,6 +92,7 @@ class PoseModel {
   struct Blend;
   int carrier_of(int joint);
   Blend blend(const PosedBody& body, int vertex) const;
+  void add_force(const PosedBody& body, std::size_t carrier, const Eigen::Matrix<double, 6, 1>& force, Row row) const;
   void add_twists(PosedBody& body) const;
   void find_root_dofs();
 
@@ -104,6 +105,7 @@ class PoseModel {
   std::vector<int> carrier_joint_;                ///< [carriers]
   std::vector<std::vector<Handle>> handles_;      ///< [carriers]
   std::vector<bool> turned_;                      ///< [carriers] whether the root's turn moves it
+  std::vector<std::vector<int>> movers_;          ///< [carriers] unknowns that move it
   std::vector<int> landmark_carrier_;             ///< [M]
   std::vector<int> bone_carrier_;                 ///< [Bn]
   std::vector<Eigen::Affine3d> joint_from_rest_;  ///< [Bn] inverse of the bone's joint in the rest pose

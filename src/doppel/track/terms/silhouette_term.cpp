@@ -35,7 +35,7 @@ void SilhouetteTerm<Model>::freeze(const Model& model, const typename Model::Sta
     const auto projected = project_with_slope(cameras_[c], model.vertex(body, vertex));
     if (!projected || frame_[c].outline.empty()) continue;
     const OutlineField::Sample sample = frame_[c].outline.at(projected->pixel);
-    if (belongs_to_opposite_outline(*projected, model.normal(body, vertex), sample))
+    if (sample.distance < 0.0 && belongs_to_opposite_outline(*projected, model.normal(body, vertex), sample))
       targets_[i] = 2.0 * reference_pixels(cameras_[c]) * sample.distance - distance;
   }
 }
