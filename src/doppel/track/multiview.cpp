@@ -34,6 +34,8 @@ double cost_of(const std::vector<TermCost>& terms, const std::string& name) {
 void check(const MultiviewOptions& options) {
   check_fit(options);
   check_not_negative("farthest landmark", options.farthest_landmark);
+  if (options.keypoint_weight == 0.0)
+    fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
   if (options.outline_rounds < 0)
     fail("the outlines of the fit are to be found {} times; it must be 0 or more", options.outline_rounds);
 }

@@ -19,7 +19,6 @@ void check_fit(const PoseFitOptions& o) {
       {"steady weight", o.steady_weight},     {"prior weight", o.prior_weight},
       {"smallest share", o.smallest_share}};
   for (const auto& [name, value] : numbers) check_not_negative(name, value);
-  if (!(o.keypoint_weight > 0.0)) fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
   if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.agreement > 0.0))
     fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
          o.agreement);

@@ -29,7 +29,7 @@ struct PoseFitOptions {
 
 /// @throws Error for a number of a fit that is negative or not finite @param name as the message calls it
 void check_not_negative(const char* name, double value);
-/// @throws Error for options out of range, or without keypoints
+/// @throws Error for options out of range
 void check_fit(const PoseFitOptions& options);
 /// The keys that the configurations of all such fits have in common; a missing one leaves its option as it is.
 /// @throws FileError for impossible values

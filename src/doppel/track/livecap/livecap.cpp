@@ -30,6 +30,8 @@ constexpr std::size_t kFewestLandmarks = 4;
 void check(const LivecapOptions& options) {
   check_fit(options);
   check_not_negative("joint weight", options.joint_weight);
+  if (options.keypoint_weight == 0.0 && options.joint_weight == 0.0)
+    fail("the keypoint weight and the joint weight of the fit are 0; without either nothing can be tracked");
 }
 
 RobustKernel kernel(double thesis_pixels) {

@@ -208,7 +208,7 @@ struct NonrigidStage::State {
   /// What is left between the outlines, and what moves alone.
   void finish(NonrigidSurface& surface, const FrameEnergy& energy, const PosedSurface& start,
               const OutlineField& outline) {
-    if (options.snap && options.silhouette_weight > 0.0) {
+    if (options.snap) {
       surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
                                               topology, rigidity, was_outline);
       was_outline.assign(rigidity.size(), 0);
