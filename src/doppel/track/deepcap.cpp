@@ -95,12 +95,15 @@ class DeepcapRun {
     file.close();
   }
 
-  void write_surfaces(const fs::path& stem, Progress& progress) const {
+  void write_surfaces(const fs::path& stem, Progress& progress) {
     const FootageSequence& sequence = result_.sequence;
     const TriangleMesh& mesh = footage_.character().mesh;
     std::optional<FrameFile> vertices;
     std::optional<TrackFilm> film;
-    if (options_.vertices) vertices.emplace(stem.string() + "_vertices.npy", mesh.num_vertices(), 3);
+    if (options_.vertices) {
+      result_.vertices = stem.string() + "_vertices.npy";
+      vertices.emplace(result_.vertices, mesh.num_vertices(), 3);
+    }
     if (options_.film)
       film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps, options_.view);
     const auto reader = options_.film ? footage_.read(sequence.index) : nullptr;

@@ -129,8 +129,8 @@ ordered_json track_capture(const Footage& footage, const TrackOptions& options) 
       sequence.surface = track_surface(footage, sequence.sequence, sequence.motion, options.config.surface,
                                        options.out / sequence.sequence.name, options.vertices, progress);
     write_poses(footage.character(), footage.capture().fps, options.out, sequence);
-    if (options.vertices && !options.surface)
-      write_vertices(options.out / (sequence.sequence.name + "_vertices.npy"), footage, sequence);
+    if (options.vertices) sequence.vertices = options.out / (sequence.sequence.name + "_vertices.npy");
+    if (options.vertices && !options.surface) write_vertices(sequence.vertices, footage, sequence);
     ordered_json& entry = report["sequences"][sequence.sequence.name] = report_of(footage, sequence);
     if (sequence.surface) entry["surface"] = surface_json(*sequence.surface);
   }

@@ -1,12 +1,18 @@
 #include "doppel/track/tracked_sequence.h"
 
+#include <torch/torch.h>
+
 #include <algorithm>
+#include <numeric>
 
 #include "doppel/character/bvh.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/eval/pose_metrics.h"
 #include "doppel/track/pose_sequence.h"
+#include "doppel/track/track_curves.h"
+#include "doppel/track/truth.h"
 
 namespace doppel {
 
@@ -44,6 +50,50 @@ Capture tracked_capture(const Footage& footage, const fs::path& out, const std::
   return capture;
 }
 
+/// [1,M,3]
+torch::Tensor tensor_of(const std::vector<Eigen::Vector3d>& points) {
+  torch::Tensor result = torch::empty({1, static_cast<std::int64_t>(points.size()), 3}, torch::kFloat64);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    Eigen::Map<Eigen::Vector3d>(result.data_ptr<double>() + 3 * i) = points[i];
+  return result;
+}
+
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+/// Gives each frame its number.
+void add_curve(ordered_json& frames, const char* key, const std::vector<double>& values) {
+  for (std::size_t i = 0; i < values.size(); ++i) frames[i][key] = values[i];
+}
+
+void add_motion_difference(const Footage& footage, const TrackedSequence& tracked, ordered_json& result,
+                           ordered_json& frames) {
+  const FootageSequence& sequence = tracked.sequence;
+  if (sequence.motion.empty()) return;
+  const Skeleton& skeleton = footage.character().skeleton;
+  const Motion given = read_motion(sequence.motion, skeleton.num_dofs());
+  if (given.num_frames() <= sequence.last_frame) return;
+  const MotionDifference difference =
+      compare_motions(skeleton, footage.landmarks(), tracked.motion, given, sequence.first_frame, sequence.last_frame);
+  result["against_given_motion"] = {{"MPJPE_mm", difference.mean_mm},
+                                    {"MPJPE_aligned_mm", difference.aligned_mm},
+                                    {"3DPCK", 100.0 * difference.within_150mm}};
+  add_curve(frames, "joints_mm", difference.frame_mm);
+  add_curve(frames, "aligned_joints_mm", difference.frame_aligned_mm);
+}
+
+void add_surface_errors(const Footage& footage, const TrackedSequence& tracked, ordered_json& result,
+                        ordered_json& frames) {
+  const std::optional<SurfaceErrors> errors = surface_errors(footage, tracked);
+  if (!errors) return;
+  result["against_true_surface"]["vertex_error_pose_mm"] = mean(errors->skinned);
+  add_curve(frames, "pose_vertices_mm", errors->skinned);
+  if (errors->tracked.empty()) return;
+  result["against_true_surface"]["vertex_error_mm"] = mean(errors->tracked);
+  add_curve(frames, "vertices_mm", errors->tracked);
+}
+
 }  // namespace
 
 int TrackedSequence::count(FrameState state) const {
@@ -61,13 +111,18 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
     const auto in_b = landmark_positions(skeleton, landmarks, b.frames[f]);
     Eigen::Vector3d shift = Eigen::Vector3d::Zero();
     for (std::size_t m = 0; m < landmarks.size(); ++m) shift += (in_a[m] - in_b[m]) / static_cast<double>(in_a.size());
+    double distance = 0.0;
     for (std::size_t m = 0; m < landmarks.size(); ++m) {
-      result.mean_mm += 1e3 * (in_a[m] - in_b[m]).norm();
+      distance += 1e3 * (in_a[m] - in_b[m]).norm();
       result.within_150mm += (in_a[m] - in_b[m] - shift).norm() <= 0.15;
       ++count;
     }
+    const torch::Tensor truth = tensor_of(in_b), aligned = align_similarity(tensor_of(in_a), truth);
+    result.frame_mm.push_back(distance / static_cast<double>(landmarks.size()));
+    result.frame_aligned_mm.push_back(1e3 * (aligned - truth).norm(2, -1).mean().item<double>());
   }
-  result.mean_mm /= count;
+  result.mean_mm = mean(result.frame_mm);
+  result.aligned_mm = mean(result.frame_aligned_mm);
   result.within_150mm /= count;
   return result;
 }
@@ -128,18 +183,11 @@ ordered_json summary_of(const TrackedSequence& tracked) {
 
 ordered_json report_of(const Footage& footage, const TrackedSequence& tracked) {
   ordered_json result = summary_of(tracked);
-  if (!tracked.sequence.motion.empty()) {
-    const Skeleton& skeleton = footage.character().skeleton;
-    const Motion given = read_motion(tracked.sequence.motion, skeleton.num_dofs());
-    if (given.num_frames() > tracked.sequence.last_frame) {
-      const MotionDifference difference = compare_motions(skeleton, footage.landmarks(), tracked.motion, given,
-                                                          tracked.sequence.first_frame, tracked.sequence.last_frame);
-      result["against_given_motion"] = {{"MPJPE_mm", difference.mean_mm}, {"3DPCK", 100.0 * difference.within_150mm}};
-    }
-  }
   ordered_json frames = ordered_json::array();
   for (std::size_t i = 0; i < tracked.frames.size(); ++i)
     frames.push_back(frame_json(tracked.sequence.first_frame + static_cast<long>(i), tracked.frames[i]));
+  add_motion_difference(footage, tracked, result, frames);
+  add_surface_errors(footage, tracked, result, frames);
   result["per_frame"] = frames;
   return result;
 }
@@ -148,6 +196,7 @@ void write_results(const Footage& footage, const fs::path& out, const std::vecto
                    const ordered_json& report) {
   write_capture(out / "capture.yaml", tracked_capture(footage, out, tracked));
   write_atomically(out / "track.json", report.dump(1) + "\n");
+  write_atomically(out / "track.html", track_curves(report));
 }
 
 }  // namespace doppel

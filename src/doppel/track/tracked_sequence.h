@@ -21,6 +21,7 @@ struct TrackedSequence {
   Motion motion;                     ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
   double seconds = 0.0;              ///< of fitting, without reading
   std::optional<TrackedSurface> surface;
+  std::filesystem::path vertices;  ///< the file of its surfaces, float32 [frames,N,3]; empty: none was written
 
   int count(FrameState state) const;
 };
@@ -28,7 +29,9 @@ struct TrackedSequence {
 /// How far tracked landmarks are from those of another motion of the same frames.
 struct MotionDifference {
   double mean_mm = 0.0;       ///< over landmarks and frames
+  double aligned_mm = 0.0;    ///< the same after the similarity transform of each frame that fits best
   double within_150mm = 0.0;  ///< share, relative to the mean of all landmarks
+  std::vector<double> frame_mm, frame_aligned_mm;  ///< [frames] means over landmarks
 };
 MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
                                  const Motion& b, long first_frame, long last_frame);
@@ -42,11 +45,13 @@ void write_poses(const Character& character, double frames_per_second, const std
                  const TrackedSequence& tracked);
 /// States, errors and speed of a sequence.
 nlohmann::ordered_json summary_of(const TrackedSequence& tracked);
-/// The summary, the difference from the motion that the capture names, and per frame state, costs and steps.
+/// The summary, the difference from the motion that the capture names and from the true surfaces where it has them
+/// (`truth.h`), and per frame state, costs, steps and these differences.
 nlohmann::ordered_json report_of(const Footage& footage, const TrackedSequence& tracked);
 /// What each term of an energy costs.
 nlohmann::ordered_json costs_json(const std::vector<TermCost>& terms);
-/// `capture.yaml` in `out`, the capture with the tracked motions in the place of its own, and `track.json`, the report.
+/// `capture.yaml` in `out`, the capture with the tracked motions in the place of its own; `track.json`, the report; and
+/// `track.html`, its curves over time.
 void write_results(const Footage& footage, const std::filesystem::path& out,
                    const std::vector<TrackedSequence>& tracked, const nlohmann::ordered_json& report);
 

@@ -3,8 +3,10 @@
 #include <ATen/Parallel.h>
 #include <gmock/gmock.h>
 
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/track/outline.h"
 #include "support/message_of.h"
 #include "track/tube_capture.h"
 
@@ -37,7 +39,9 @@ TEST_F(LivecapCapture, FindsMotionAndSurfaceWithOneCamera) {
   EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
   EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
   EXPECT_GT(walk["livecap"]["IoU"].get<double>(), 0.9);
-  EXPECT_EQ(walk["livecap"]["IoU_per_masked_frame"].size(), kFrames - 1u);
+  int masked = 0;
+  for (const auto& frame : walk["per_frame"]) masked += frame.contains("IoU_of_surface");
+  EXPECT_EQ(masked, kFrames - 1);
   EXPECT_GT(walk["livecap"]["frames_per_second"].get<double>(), 0.0);
 
   const Motion motion = read_motion(root() / "tracked/walk.motion", character_.num_dofs());
@@ -77,6 +81,55 @@ TEST_F(LivecapCapture, FiltersTheVertices) {
     EXPECT_NEAR(b[frame + i], 0.15f * a[i] + 0.7f * a[frame + i] + 0.15f * a[2 * frame + i], 1e-5f);
     EXPECT_NEAR(b[i], 0.85f * a[i] + 0.15f * a[frame + i], 1e-5f) << "the first frame has nothing before it";
   }
+}
+
+TEST_F(LivecapCapture, IsComparedWithTheTruth) {
+  Motion motion;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    motion.ids.push_back(frame);
+    motion.frames.push_back(truth(frame));
+  }
+  write_motion(root() / "truth.motion", motion, true);
+  std::string capture = read_file(root() / "capture.yaml");
+  capture.replace(capture.find("cuts:"), 0, "motion: truth.motion, ");
+  write_atomically(root() / "capture.yaml", capture);
+  const auto write_surfaces = [&](const Eigen::Vector3d& shift) {
+    NpyStream file(root() / "ground_truth/walk/vertices.npy", {character_.num_vertices(), 3});
+    for (int frame = 0; frame < kFrames; ++frame) {
+      std::vector<float> numbers;
+      for (const Eigen::Vector3d& vertex : posed_vertices(model_, model_.pose(truth(frame), false)))
+        for (int axis = 0; axis < 3; ++axis) numbers.push_back(static_cast<float>(vertex[axis] + shift[axis]));
+      file.append(numbers.data());
+    }
+    file.close();
+  };
+  write_surfaces({0.0, 0.0, 0.0});
+  const auto here = track(options("here"))["sequences"]["walk"];
+  write_surfaces({0.1, -0.2, 0.5});
+  const auto there = track(options("there"))["sequences"]["walk"];
+
+  const auto& joints = here["against_given_motion"];
+  EXPECT_GT(joints["MPJPE_aligned_mm"].get<double>(), 0.0);
+  EXPECT_LT(joints["MPJPE_aligned_mm"].get<double>(), joints["MPJPE_mm"].get<double>());
+  for (const char* key : {"vertex_error_pose_mm", "vertex_error_mm"}) {
+    EXPECT_GT(here["against_true_surface"][key].get<double>(), 0.0) << key;
+    EXPECT_LT(here["against_true_surface"][key].get<double>(), 40.0) << key;
+    EXPECT_NEAR(here["against_true_surface"][key].get<double>(), there["against_true_surface"][key].get<double>(), 1e-3)
+        << key << ": a shift is taken away";
+  }
+  double sum = 0.0;
+  for (const auto& frame : here["per_frame"]) sum += frame["vertices_mm"].get<double>() / kFrames;
+  EXPECT_NEAR(sum, here["against_true_surface"]["vertex_error_mm"].get<double>(), 1e-9);
+  const std::string page = read_file(root() / "here/track.html");
+  for (const char* chart : {"Overlap with the mask", "Joints from the true ones", "Vertices from the true ones"})
+    EXPECT_THAT(page, HasSubstr(chart));
+
+  LivecapCaptureOptions fewer = options("fewer");
+  fewer.vertices = false;
+  EXPECT_FALSE(track(fewer)["sequences"]["walk"]["against_true_surface"].contains("vertex_error_mm"));
+  const float number = 0.0f;
+  write_npy(root() / "ground_truth/walk/vertices.npy", &number, {1, 1, 1});
+  EXPECT_THAT(message_of<Error>([&] { track(fewer); }), HasSubstr("expected 10 frames or more"));
 }
 
 TEST_F(LivecapCapture, SaysWhatIsWrong) {

@@ -35,7 +35,11 @@ struct ReadFrame {
 struct Figures {
   double reading = 0.0, pose = 0.0, surface = 0.0;  ///< seconds of each stage, summed
   double total = 0.0;                               ///< seconds from the first frame to the last
-  std::vector<double> pose_overlap, overlap;        ///< of frames that are trusted and have a mask
+  struct Overlap {
+    std::size_t frame;  ///< from the first
+    double pose, surface;
+  };
+  std::vector<Overlap> overlaps;  ///< of frames that are trusted and have a mask
 };
 
 class LivecapRun {
@@ -57,9 +61,10 @@ class LivecapRun {
     const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
     TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.config.fit.outline_pixels);
     std::optional<SurfaceFile> file;
-    if (options_.vertices)
-      file.emplace(options_.out / (sequence.name + "_vertices.npy"), footage_.character().num_vertices(),
-                   options_.config.filter);
+    if (options_.vertices) {
+      result_.vertices = options_.out / (sequence.name + "_vertices.npy");
+      file.emplace(result_.vertices, footage_.character().num_vertices(), options_.config.filter);
+    }
     const auto reader = footage_.read(sequence.index);
     const auto start = Clock::now();
     Prefetch<ReadFrame> frames([&, next = sequence.first_frame]() mutable { return read(*reader, next); },
@@ -105,8 +110,8 @@ class LivecapRun {
     if (found.pose.trusted() && !read.seen.evidence.front().outline.empty()) {
       const PosedBody body = tracker_.model().pose(found.pose.dofs, false);
       const PosedSurface posed = pose_surface(tracker_.model(), body, footage_.character().mesh.vertices);
-      figures_.pose_overlap.push_back(viewer_.overlap(posed.vertices, mask));
-      figures_.overlap.push_back(viewer_.overlap(found.vertices, mask));
+      figures_.overlaps.push_back(
+          {result_.frames.size(), viewer_.overlap(posed.vertices, mask), viewer_.overlap(found.vertices, mask)});
     }
     result_.frames.push_back(found.pose);
     return found;
@@ -121,23 +126,25 @@ class LivecapRun {
   Figures figures_;
 };
 
-double mean(const std::vector<double>& values) {
-  double sum = 0.0;
-  for (const double value : values) sum += value;
-  return values.empty() ? 0.0 : sum / static_cast<double>(values.size());
-}
-
-ordered_json figures_json(const Figures& figures, std::size_t frames) {
-  const auto count = static_cast<double>(frames);
-  return {{"IoU_pose", mean(figures.pose_overlap)},
-          {"IoU", mean(figures.overlap)},
-          {"frames_per_second", figures.total > 0.0 ? count / figures.total : 0.0},
-          {"milliseconds",
-           {{"read", 1e3 * figures.reading / count},
-            {"pose", 1e3 * figures.pose / count},
-            {"surface", 1e3 * figures.surface / count},
-            {"frame", 1e3 * figures.total / count}}},
-          {"IoU_per_masked_frame", figures.overlap}};
+/// Adds figures to the report of a sequence, and to those of its frames.
+void add_figures(const Figures& figures, ordered_json& entry) {
+  const double count = entry["frames"].get<double>();
+  double pose = 0.0, surface = 0.0;
+  for (const Figures::Overlap& overlap : figures.overlaps) {
+    pose += overlap.pose / static_cast<double>(figures.overlaps.size());
+    surface += overlap.surface / static_cast<double>(figures.overlaps.size());
+    ordered_json& frame = entry["per_frame"][overlap.frame];
+    frame["IoU_of_pose"] = overlap.pose;
+    frame["IoU_of_surface"] = overlap.surface;
+  }
+  entry["livecap"] = {{"IoU_pose", pose},
+                      {"IoU", surface},
+                      {"frames_per_second", figures.total > 0.0 ? count / figures.total : 0.0},
+                      {"milliseconds",
+                       {{"read", 1e3 * figures.reading / count},
+                        {"pose", 1e3 * figures.pose / count},
+                        {"surface", 1e3 * figures.surface / count},
+                        {"frame", 1e3 * figures.total / count}}}};
 }
 
 }  // namespace
@@ -155,7 +162,7 @@ ordered_json track_livecap(const Footage& footage, const LivecapCaptureOptions& 
     tracked.push_back(run.run(progress));
     write_poses(footage.character(), footage.capture().fps, options.out, tracked.back());
     ordered_json& entry = report["sequences"][sequence.name] = report_of(footage, tracked.back());
-    entry["livecap"] = figures_json(run.figures(), tracked.back().frames.size());
+    add_figures(run.figures(), entry);
   }
   progress.finish();
   if (preview) preview->close();

@@ -1,0 +1,21 @@
+#pragma once
+
+/// How far what was tracked is from the truth, where a capture knows it (4.8).
+
+#include <optional>
+
+#include "doppel/track/tracked_sequence.h"
+
+namespace doppel {
+
+/// Of each frame the mean distance of vertices from the true ones, millimetres, after the shift that fits best: a
+/// single camera does not tell depth.
+struct SurfaceErrors {
+  std::vector<double> skinned;  ///< [frames] of the template in the tracked pose
+  std::vector<double> tracked;  ///< [frames] of the surfaces in `TrackedSequence::vertices`; empty without them
+};
+/// @return nothing where the capture has no `ground_truth/<sequence>/vertices.npy` (float32 [rows,N,3], world metres)
+/// @throws Error when one of the files has another shape
+std::optional<SurfaceErrors> surface_errors(const Footage& footage, const TrackedSequence& tracked);
+
+}  // namespace doppel

@@ -1,0 +1,11 @@
+#pragma once
+
+#include <string>
+
+namespace doppel {
+
+/// A whole page, without references to other files: charts (`svg_chart`) inside `<div class="charts">` stand side by
+/// side. @param title not yet escaped @param body HTML below the title
+std::string html_page(const std::string& title, const std::string& body);
+
+}  // namespace doppel
