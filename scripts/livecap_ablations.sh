@@ -38,7 +38,7 @@ variant() {
   echo "| without | IoU, pose | IoU, surface | keypoints, pixels | joints, mm | lost |"
   echo "|---|---:|---:|---:|---:|---:|"
   variant full "nothing"
-  variant no-2d "2D keypoints" keypoints.weight=1e-6
+  variant no-2d "2D keypoints" keypoints.weight=0
   variant no-faces "points of the face" keypoints.faces=false
   variant no-3d "joints in space" joints.weight=0
   variant no-silhouette "silhouette of the pose" silhouette.weight=0
