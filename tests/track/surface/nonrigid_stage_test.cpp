@@ -136,6 +136,7 @@ TEST(NonrigidStage, TermsOfWeightZeroAreOff) {
   NonrigidOptions options;
   options.silhouette_weight = options.photometric_weight = options.velocity_weight = options.acceleration_weight = 0.0;
   options.length_weight = 0.0;
+  options.snap = false;
   NonrigidStage stage(bulge.character, bulge.camera, options);
   const NonrigidSurface found = stage.fit(bulge.posed, bulge.outline, bulge.picture);
   ASSERT_EQ(found.terms.size(), 1u);
