@@ -8,7 +8,7 @@ folder="${1:-ablations}"
 doppel="${DOPPEL:-build/release/tools/doppel}"
 [ -d "$folder/ours" ] || { echo "$folder holds no run \`ours\`: run scripts/ablations.sh $folder first" >&2; exit 1; }
 
-frame=60
+frame=40
 held_out=7,19
 
 # The same actor and movement as the run `ours` saw, before more cameras.
