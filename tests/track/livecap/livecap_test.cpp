@@ -14,6 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
+constexpr int kWindow = 512;  // pixels of the windows that both outlines are looked for in
+
 /// Exactly the pixels whose centres a posed surface covers.
 cv::Mat coverage_of(const PosedSurface& surface, const Character& character, const Camera& camera) {
   torch::Tensor vertices = torch::empty({1, surface.vertices.cols(), 3});
@@ -49,7 +51,7 @@ struct Scene {
   LivecapInput see(const std::vector<double>& pose) const {
     LivecapInput input;
     input.view = keypoints_of(model, {camera}, pose).front();
-    input.view.outline = OutlineField(coverage_of(surface(pose), character, camera), 512);
+    input.view.outline = OutlineField(coverage_of(surface(pose), character, camera), kWindow);
     const PosedBody body = model.pose(pose, false);
     const Vector3d origin = model.landmark(body, 0);
     for (int m = 0; m < model.num_landmarks(); ++m)
@@ -66,7 +68,8 @@ struct Scene {
   double surface_error(const Eigen::Matrix3Xd& vertices, const std::vector<double>& pose) const {
     return (vertices - surface(pose).vertices).colwise().norm().mean();
   }
-  LivecapTracker tracker(const LivecapOptions& options = {}) const {
+  LivecapTracker tracker(LivecapOptions options = {}) const {
+    options.outline_pixels = options.nonrigid.window_pixels = kWindow;
     return LivecapTracker(character, landmarks, dofs, camera, options);
   }
 };
@@ -86,15 +89,18 @@ TEST(Livecap, FindsAPoseFromNothingAndFollowsIt) {
   }
 }
 
-TEST(Livecap, ConvergesToTheTruthWithoutNoise) {
+TEST(Livecap, ConvergesToTheTruthWithoutNoiseAndStaysThere) {
   const Scene scene;
   const std::vector<double> truth = scene.truth(3);
   LivecapTracker tracker = scene.tracker();
   tracker.track(scene.see(scene.truth(2)));
-  LivecapFrame found;
-  for (int frame = 0; frame < 12; ++frame) found = tracker.track(scene.see(truth));
-  EXPECT_LT(scene.joint_error(found.pose.dofs, truth), 0.003) << "2 mm in depth are a third of a pixel of outline";
-  EXPECT_LT(scene.surface_error(found.vertices, truth), 0.003);
+  const LivecapInput seen = scene.see(truth);
+  for (int frame = 0; frame < 60; ++frame) {
+    const LivecapFrame found = tracker.track(seen);
+    if (frame < 4) continue;
+    EXPECT_LT(scene.joint_error(found.pose.dofs, truth), 0.002) << "frame " << frame;
+    EXPECT_LT(scene.surface_error(found.vertices, truth), 0.003) << "frame " << frame;
+  }
 }
 
 TEST(Livecap, FollowsAFastTurn) {
@@ -109,39 +115,47 @@ TEST(Livecap, FollowsAFastTurn) {
   EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(kFrames, 2 * M_PI / kFrames)), 0.01);
 }
 
+/// What a poor detector sees: of ten points 30 % are missing and 5 % far off.
+LivecapInput with_poor_detections(LivecapInput input, test_character::Noise& noise) {
+  for (std::size_t m = 0; m < input.view.keypoints.size(); ++m) {
+    const double chance = 0.5 + 0.5 * noise.next();
+    if (chance < 0.3) {
+      input.view.keypoints[m] = {};
+      input.joints[m].reset();
+    } else if (chance < 0.35) {
+      input.view.keypoints[m].x += 150.0f;
+    }
+  }
+  return input;
+}
+
 TEST(Livecap, StandsMissingPointsAndOutliers) {
   const Scene scene;
   LivecapOptions options;
   options.fewest_keypoints = 5;  // of ten
-  LivecapTracker tracker = scene.tracker(options);
-  test_character::Noise noise(5);
-  bool lost = false;
   int lost_frames = 0;
-  for (int frame = 0; frame < 40; ++frame) {
-    LivecapInput input = scene.see(scene.truth(frame));
-    for (std::size_t m = 0; frame > 0 && m < input.view.keypoints.size(); ++m) {
-      const double chance = 0.5 + 0.5 * noise.next();
-      if (chance < 0.2) {
-        input.view.keypoints[m] = {};
-        input.joints[m].reset();
-      } else if (chance < 0.25) {
-        input.view.keypoints[m].x += 150.0f;
+  for (const unsigned seed : {5u, 30u, 36u}) {
+    LivecapTracker tracker = scene.tracker(options);
+    test_character::Noise noise(seed);
+    bool lost = false;
+    for (int frame = 0; frame < 40; ++frame) {
+      const LivecapInput exact = scene.see(scene.truth(frame));
+      const LivecapFrame found = tracker.track(frame == 0 ? exact : with_poor_detections(exact, noise));
+      EXPECT_TRUE(found.vertices.allFinite());
+      for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
+      if (found.pose.trusted()) {
+        EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(frame)), 0.04)
+            << "seed " << seed << " frame " << frame;
+        EXPECT_EQ(found.pose.state == FrameState::recovered, lost) << "seed " << seed << " frame " << frame;
       }
+      lost = !found.pose.trusted();
+      lost_frames += lost;
     }
-    const LivecapFrame found = tracker.track(input);
-    EXPECT_TRUE(found.vertices.allFinite());
-    for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));
-    if (found.pose.trusted()) {
-      EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(frame)), 0.1) << "frame " << frame;
-      if (lost) {
-        EXPECT_EQ(found.pose.state, FrameState::recovered) << "frame " << frame;
-      }
-    }
-    lost = !found.pose.trusted();
-    lost_frames += lost;
+    const LivecapFrame found = tracker.track(scene.see(scene.truth(40)));
+    EXPECT_TRUE(found.pose.trusted());
+    EXPECT_LT(scene.joint_error(found.pose.dofs, scene.truth(40)), 0.03);
   }
-  EXPECT_LE(lost_frames, 8) << "in a frame or two too few points are left";
-  EXPECT_FALSE(lost);
+  EXPECT_LE(lost_frames, 18) << "in one frame of twenty too few points are left";
 }
 
 TEST(Livecap, AnArmThatWasHiddenIsFoundAgain) {
@@ -172,7 +186,7 @@ TEST(Livecap, AMaskOfSomethingElseDoesNotThrowItOff) {
   LivecapFrame found;
   for (int frame = 0; frame < 24; ++frame) {
     LivecapInput input = scene.see(scene.truth(frame));
-    if (frame >= 4 && frame < 12) input.view.outline = OutlineField(frame % 2 ? wrong : cv::Mat(~wrong), 512);
+    if (frame >= 4 && frame < 12) input.view.outline = OutlineField(frame % 2 ? wrong : cv::Mat(~wrong), kWindow);
     found = tracker.track(input);
     EXPECT_TRUE(found.vertices.allFinite()) << "frame " << frame;
     for (const double value : found.pose.dofs) EXPECT_TRUE(std::isfinite(value));

@@ -67,7 +67,7 @@ struct LivecapTracker::Evidence {
 
 struct LivecapTracker::Fit {
   TrackedFrame frame;
-  double cost = std::numeric_limits<double>::infinity();  ///< of keypoints and joints: what was seen of the pose
+  double cost = std::numeric_limits<double>::infinity();  ///< of all terms
 };
 
 LivecapTracker::LivecapTracker(const Character& character, const std::vector<Marker>& landmarks,
@@ -191,10 +191,36 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   return result;
 }
 
+/// A bend that makes the whole outline larger looks like a step towards the camera. If the pose were found with it, the
+/// two would trade places from frame to frame and nothing would hold the depth. So the pose is found with the bend less
+/// the step along the camera's ray that explains most of how the outline changed.
+void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline) {
+  const Camera& camera = cameras_.front();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const OutlineVertex& vertex : outline) middle += surface.vertices.col(vertex.vertex);
+  const Eigen::Vector3d ray = (middle / static_cast<double>(outline.size()) - camera.centre()).normalized();
+  double both = 0.0, own = 0.0;
+  for (const OutlineVertex& vertex : outline) {
+    const auto v = static_cast<std::size_t>(vertex.vertex);
+    const auto projected = project_with_slope(camera, surface.vertices.col(vertex.vertex));
+    if (!projected) continue;
+    const Eigen::RowVector3d across =
+        (projected->slope * surface.normals[v]).normalized().transpose() * projected->slope;
+    const double bend = across * surface.turns[v] * (rest_vertices_[v] - model_.character().mesh.vertices[v]);
+    both += across.dot(ray) * bend;
+    own += across.dot(ray) * across.dot(ray);
+  }
+  if (!(own > 0.0)) return;
+  std::vector<Eigen::Vector3d> rest = rest_vertices_;
+  for (std::size_t v = 0; v < rest.size(); ++v) rest[v] -= both / own * (surface.turns[v].transpose() * ray);
+  model_.set_rest_vertices(std::move(rest));
+}
+
 /// The outline of the surface as it was bent last, in a pose.
 std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& evidence, const std::vector<double>& dofs) {
   const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
   std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
+  set_depth_aside(surface, outline);
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of a vertex; the term shares its own among them.
   const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
@@ -213,9 +239,7 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   result.frame.iterations = summary.iterations;
   result.frame.terms = summary.terms;
   result.frame.reason = summary.reason;
-  result.cost = 0.0;
-  for (const TermCost& term : summary.terms)
-    if (term.name == "keypoints" || term.name == "joints") result.cost += term.cost;
+  result.cost = summary.final_cost;
   const Agreement agreement = agreement_of(model_, model_.pose(start, false), cameras_, evidence.frame,
                                            reference_from_thesis(options_.agreement));
   result.frame.dofs = std::move(start);
@@ -228,25 +252,26 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   return result;
 }
 
-/// Of all poses to start from, the one whose fit explains most of what was seen; then once more with the outline.
+/// Of all poses to start from, the last trusted one among them, the one whose fit explains most of what was seen. As
+/// many keypoints must agree with it as a frame needs: where only some of a few do, the others may have led anywhere.
 LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();
-  std::optional<std::vector<double>> nearest;
-  double least = std::numeric_limits<double>::infinity();
   int steps = 0;
   SolverOptions solver = options_.solver;
   solver.iterations = options_.start_iterations;
-  for (std::vector<double>& start : single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints,
-                                                       evidence.joints, rigidity_, model_.character().rest_dofs)) {
-    const SolverSummary summary = doppel::fit(model_, terms(evidence, nullptr), start, solver);
-    steps += summary.iterations;
-    if (!(summary.final_cost < least)) continue;
-    least = summary.final_cost;
-    nearest = std::move(start);
+  auto starts = single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints, evidence.joints,
+                                   rigidity_, model_.character().rest_dofs);
+  if (!segment_begins_) starts.push_back(history_.last());
+  for (std::vector<double>& start : starts) {
+    steps += doppel::fit(model_, terms(evidence, nullptr), start, solver).iterations;
+    Fit found = fit(evidence, std::move(start), nullptr);
+    steps += found.frame.iterations;
+    if (found.cost < best.cost) best = std::move(found);
   }
-  if (nearest) best = fit(evidence, std::move(*nearest), nullptr);
-  best.frame.iterations += steps;
+  best.frame.iterations = steps;
+  const auto agreeing = std::lround(best.frame.agreeing * best.frame.keypoints);
+  if (agreeing < options_.fewest_keypoints) best.frame.state = FrameState::lost;
   return best;
 }
 

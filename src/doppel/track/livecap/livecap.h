@@ -69,6 +69,7 @@ class LivecapTracker {
   struct Evidence;
   struct Fit;
   std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected) const;
+  void set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline);
   std::unique_ptr<PoseTerm> silhouette_term(const Evidence& evidence, const std::vector<double>& dofs);
   Fit fit(const Evidence& evidence, std::vector<double> start, const std::vector<double>* expected);
   Fit start_anew(const Evidence& evidence);

@@ -54,16 +54,28 @@ struct SurfaceViewer::State {
     return false;
   }
 
-  /// From a point of the window to the outline of what is drawn, pixels of the window, - inside: to the nearest pixel
-  /// of the other kind, which is among the neighbours, less its half.
-  double distance(const int* face_id, double u, double v) const {
-    const int column = static_cast<int>(u), row = static_cast<int>(v);
+  /// From the middle of a pixel to the nearest one of the other kind, less half a pixel, - inside: the signed distance
+  /// of what is drawn, for pixels that have one of the other kind among the 5x5 around them.
+  double distance_of_pixel(const int* face_id, int column, int row) const {
     const bool inside = face_id[row * pixels + column] >= 0;
-    double nearest = 4.0;
+    int nearest = 9;  // squared
     for (int y = std::max(0, row - 2); y <= std::min(pixels - 1, row + 2); ++y)
       for (int x = std::max(0, column - 2); x <= std::min(pixels - 1, column + 2); ++x)
-        if ((face_id[y * pixels + x] >= 0) != inside) nearest = std::min(nearest, std::hypot(x + 0.5 - u, y + 0.5 - v));
-    return inside ? 0.5 - nearest : nearest - 0.5;
+        if ((face_id[y * pixels + x] >= 0) != inside)
+          nearest = std::min(nearest, (x - column) * (x - column) + (y - row) * (y - row));
+    const double distance = std::sqrt(static_cast<double>(nearest)) - 0.5;
+    return inside ? -distance : distance;
+  }
+
+  /// From a point of the window to the outline of what is drawn, pixels of the window, - inside. Bilinear as
+  /// `OutlineField` reads that of the mask, so that a surface which covers just the mask lies just as it should.
+  double distance(const int* face_id, double u, double v) const {
+    const double x = u - 0.5, y = v - 0.5;
+    const int column = std::clamp(static_cast<int>(x), 0, pixels - 2),
+              row = std::clamp(static_cast<int>(y), 0, pixels - 2);
+    const double fx = x - column, fy = y - row;
+    const auto at = [&](int down, int right) { return distance_of_pixel(face_id, column + right, row + down); };
+    return (1.0 - fy) * ((1.0 - fx) * at(0, 0) + fx * at(0, 1)) + fy * ((1.0 - fx) * at(1, 0) + fx * at(1, 1));
   }
 };
 
