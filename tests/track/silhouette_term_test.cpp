@@ -88,6 +88,22 @@ TEST_F(SilhouetteTermTest, TheRowOfAVertexOnTheWrongSideKeepsItsCostAndTurnsItsS
   EXPECT_NEAR(rows.cost(), reference.cost(), 1e-9 * reference.cost());
 }
 
+TEST_F(SilhouetteTermTest, InOneGoItsRowsAreThoseOfFreezingAndThenAsking) {
+  const PosedBody body = model_.pose(bent_pose(character_, 0.12), true);
+  SilhouetteTerm<PoseModel> one(cameras_, frame_, vertices_, 10.0, 1.0, {}),
+      two(cameras_, frame_, vertices_, 10.0, 1.0, {});
+  Residuals at_once, apart;
+  one.linearise(model_, body, at_once);
+  two.freeze(model_, body);
+  two.evaluate(model_, body, true, apart);
+  ASSERT_EQ(at_once.num_rows(), apart.num_rows());
+  ASSERT_GT(apart.num_rows(), 0);
+  for (Eigen::Index row = 0; row < apart.num_rows(); ++row) {
+    EXPECT_EQ(at_once.value(row), apart.value(row));
+    EXPECT_EQ(at_once.slope(row), apart.slope(row));
+  }
+}
+
 TEST_F(SilhouetteTermTest, WithinTheMaskItCountsAsMuchAsItIsTold) {
   const std::vector<double> dofs = bent_pose(character_, 0.12);
   const PosedBody body = model_.pose(dofs, true);

@@ -116,6 +116,38 @@ TEST(Solver, AnUnknownThatNothingDependsOnStays) {
   EXPECT_EQ(x[1], 7.0);
 }
 
+/// Whatever the numbers of unknowns and rows, some of which depend on one unknown only.
+TEST(Solver, NormalEquationsAreTheSumsOverWeightedRows) {
+  const RobustKernel kernel{RobustKernel::Kind::geman_mcclure, 1.0};
+  for (const int unknowns : {1, 7, 8, 33, 107})
+    for (const int groups : {1, 40, 97}) {
+      Residuals rows;
+      rows.reset(unknowns, 2, kernel, true);
+      Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(unknowns, unknowns);
+      Eigen::VectorXd gradient = Eigen::VectorXd::Zero(unknowns);
+      for (int group = 0; group < groups; ++group) {
+        const Eigen::Index first = rows.add_group(1.0 + group % 3);
+        for (int i = 0; i < 2; ++i) {
+          rows.value(first + i) = std::sin(3.0 * group + i);
+          for (int u = 0; u < unknowns; ++u)
+            rows.slope(first + i)[u] =
+                group % 4 == 3 && u != group % unknowns ? 0.0 : std::cos(group + 5.0 * i + 7.0 * u);
+        }
+        for (int i = 0; i < 2; ++i) {
+          const Eigen::RowVectorXd slope = rows.factor(group) * rows.slope(first + i);
+          hessian += slope.transpose() * slope;
+          gradient += slope.transpose() * rows.factor(group) * rows.value(first + i);
+        }
+      }
+      DenseSystem system;
+      system.reset(unknowns);
+      system.add(rows);
+      const Eigen::VectorXd probe = Eigen::VectorXd::LinSpaced(unknowns, -1.0, 2.0);
+      EXPECT_LT((system.product(probe) - hessian * probe).norm(), 1e-12 * (1.0 + hessian.norm() * probe.norm()));
+      EXPECT_LT((system.gradient() - gradient).norm(), 1e-12 * (1.0 + gradient.norm() + groups));
+    }
+}
+
 TEST(Solver, RobustKernelsForgetGrossOutliers) {
   const auto mean_of = [](RobustKernel kernel) {
     SmallProblem problem(

@@ -13,9 +13,8 @@ namespace doppel::support {
 template <typename Model>
 typename Model::Rows frozen_rows(Term<Model>& term, const Model& model, const std::vector<double>& state) {
   const auto posed = model.pose(state, true);
-  term.freeze(model, posed);
   typename Model::Rows rows;
-  term.evaluate(model, posed, true, rows);
+  term.linearise(model, posed, rows);
   return rows;
 }
 

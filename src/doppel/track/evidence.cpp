@@ -50,11 +50,13 @@ OutlineField::Sample OutlineField::at(const Eigen::Vector2d& pixel) const {
   const float* above = distance_.ptr<float>(row) + column;
   const float* below = distance_.ptr<float>(row + 1) + column;
   const double top = above[0] + fx * (above[1] - above[0]), bottom = below[0] + fx * (below[1] - below[0]);
+  Sample sample;
+  sample.distance = scale * (top + fy * (bottom - top));
+  sample.gradient = {(1.0 - fy) * (above[1] - above[0]) + fy * (below[1] - below[0]), bottom - top};
+  if (wanted == inside) return sample;
   const Eigen::Vector2d way = wanted - inside;
   const double length = way.norm();
-  Sample sample;
-  sample.distance = scale * (top + fy * (bottom - top) + length);
-  sample.gradient = {(1.0 - fy) * (above[1] - above[0]) + fy * (below[1] - below[0]), bottom - top};
+  sample.distance += scale * length;
   for (int i = 0; i < 2; ++i)
     if (way[i] != 0.0) sample.gradient[i] = way[i] / length;
   return sample;
@@ -67,9 +69,10 @@ std::optional<ProjectedPoint> project_with_slope(const Camera& camera, const Eig
   const double a = x.x() / x.z(), b = x.y() / x.z();
   ProjectedPoint result;
   result.pixel = {fx * a + skew * b + camera.K(0, 2), fy * b + camera.K(1, 2)};
-  Eigen::Matrix<double, 2, 3> in_camera;
-  in_camera << fx, skew, -(fx * a + skew * b), 0.0, fy, -fy * b;
-  result.slope = in_camera / x.z() * camera.R;
+  const double nearness = 1.0 / x.z();
+  result.slope.row(1) = nearness * fy * (camera.R.row(1) - b * camera.R.row(2));
+  result.slope.row(0) =
+      nearness * (fx * (camera.R.row(0) - a * camera.R.row(2)) + skew * (camera.R.row(1) - b * camera.R.row(2)));
   return result;
 }
 

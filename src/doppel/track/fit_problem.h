@@ -33,8 +33,7 @@ class FitProblem : public LeastSquaresProblem {
     system_.reset(model_.num_unknowns());
     double sum = 0.0;
     for (std::size_t i = 0; i < terms_.size(); ++i) {
-      terms_[i]->freeze(model_, posed);
-      terms_[i]->evaluate(model_, posed, true, rows_);
+      terms_[i]->linearise(model_, posed, rows_);
       sum += costs_[i].cost = rows_.cost();
       system_.add(rows_);
     }

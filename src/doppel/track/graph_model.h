@@ -56,6 +56,18 @@ class GraphModel {
 
   Eigen::Vector3d canonical_vertex(const DeformedGraph& graph, int vertex) const;  ///< y_i
   Eigen::Vector3d vertex(const DeformedGraph& graph, int vertex) const;            ///< x_i
+  /// A vertex, as terms ask a `PoseModel` for it too.
+  struct SkinnedVertex {
+    const DeformedGraph& graph;
+    int vertex;
+    Eigen::Vector3d position;
+
+    const Eigen::Vector3d& place() const { return position; }
+  };
+  SkinnedVertex skinned(const DeformedGraph& graph, int vertex) const {
+    return {graph, vertex, this->vertex(graph, vertex)};
+  }
+  Eigen::Vector3d normal(const SkinnedVertex& vertex) const { return normal(vertex.graph, vertex.vertex); }
   /// Unit normal of the template, turned with nodes and pose.
   Eigen::Vector3d normal(const DeformedGraph& graph, int vertex) const;
   /// A landmark bends with its node and is posed by its joint.
@@ -64,6 +76,10 @@ class GraphModel {
   /// Adds gradient^T d point / d unknowns to a row.
   using Row = Rows::Slope;
   void add_vertex_slope(const DeformedGraph& graph, int vertex, const Eigen::Vector3d& gradient, Row row) const;
+  void add_vertex_slope(const DeformedGraph& graph, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
+                        Row row) const {
+    add_vertex_slope(graph, vertex.vertex, gradient, row);
+  }
   void add_landmark_slope(const DeformedGraph& graph, int landmark, const Eigen::Vector3d& gradient, Row row) const;
   /// The same of a point of the canonical pose that rides on one node with a weight. @param rest from the node
   void add_node_slope(const DeformedGraph& graph, int node, double weight, const Eigen::Vector3d& rest,

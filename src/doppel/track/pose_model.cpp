@@ -26,22 +26,10 @@ PosedBody::DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
 
 }  // namespace
 
-/// A vertex's blend of bones and what follows from it.
-struct PoseModel::Blend {
-  const int* bones;
-  const double* weights;
-  int count;
-  Quaterniond real = Quaterniond(0, 0, 0, 0), dual = Quaterniond(0, 0, 0, 0);
-  double squared_norm = 0.0;
-  Vector3d turned;  ///< the rest position, turned only
-  Vector3d translation;
-
-  /// The weight of the i-th bone, its sign aligned with that of the first.
-  double signed_weight(const PosedBody& body, int i) const {
-    const auto& first = body.world_from_rest[static_cast<std::size_t>(bones[0])].real;
-    return first.dot(body.world_from_rest[static_cast<std::size_t>(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
-  }
-};
+double PoseModel::SkinnedVertex::signed_weight(const PosedBody& body, int i) const {
+  const auto& first = body.world_from_rest[static_cast<std::size_t>(bones[0])].real;
+  return first.dot(body.world_from_rest[static_cast<std::size_t>(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
+}
 
 PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs)
     : character_(character), landmarks_(std::move(landmarks)), root_(RootRotation::of(character.skeleton)) {
@@ -190,9 +178,10 @@ void PoseModel::add_landmark_slope(const PosedBody& body, int landmark, const Ve
   add_force(body, carrier, force, row);
 }
 
-PoseModel::Blend PoseModel::blend(const PosedBody& body, int vertex) const {
+PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) const {
   const IndexRows& rows = character_.skin.vertex_bones;
-  Blend result;
+  SkinnedVertex result;
+  result.vertex = vertex;
   result.bones = rows.begin(vertex);
   result.count = rows.size(vertex);
   result.weights = character_.skin.weights.data() + rows.offsets[static_cast<std::size_t>(vertex)];
@@ -212,19 +201,15 @@ PoseModel::Blend PoseModel::blend(const PosedBody& body, int vertex) const {
   return result;
 }
 
-Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const {
-  const Blend blended = blend(body, vertex);
-  return blended.turned + blended.translation;
-}
+Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const { return skinned(body, vertex).place(); }
 
 Eigen::Affine3d PoseModel::movement(const PosedBody& body, int vertex) const {
-  const Blend blended = blend(body, vertex);
+  const SkinnedVertex blended = skinned(body, vertex);
   return Eigen::Translation3d(blended.translation) * blended.real.normalized();
 }
 
-Vector3d PoseModel::normal(const PosedBody& body, int vertex) const {
-  const Quaterniond turn = blend(body, vertex).real.normalized();
-  return turn * rest_normals_[static_cast<std::size_t>(vertex)];
+Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
+  return vertex.real.normalized() * rest_normals_[static_cast<std::size_t>(vertex.vertex)];
 }
 
 /// With the blend r + eps d of the bones c_b (r_b + eps d_b), a vertex is x = y + t, y = r v r* / |r|^2 and
@@ -233,8 +218,8 @@ Vector3d PoseModel::normal(const PosedBody& body, int vertex) const {
 ///   dx = tau_v x (2 y + t) + vec(omega h + u a) - e_s tau_v - tau_s t,   tau = 1/2 omega a,
 /// with a = c_b r_b r* / |r|^2 and h = c_b d_b r* / |r|^2 (s: scalar part, v: vector part). The rows below are
 /// gradient^T dx, sorted by omega and u.
-void PoseModel::add_vertex_slope(const PosedBody& body, int vertex, const Vector3d& gradient, Row row) const {
-  const Blend blended = blend(body, vertex);
+void PoseModel::add_vertex_slope(const PosedBody& body, const SkinnedVertex& blended, const Vector3d& gradient,
+                                 Row row) const {
   Quaterniond conjugate = blended.real.conjugate();
   conjugate.coeffs() /= blended.squared_norm;
   const double e_scalar = 2.0 * (blended.dual * conjugate).w();

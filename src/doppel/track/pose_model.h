@@ -72,13 +72,34 @@ class PoseModel {
   /// The rigid movement of a vertex out of the rest pose.
   Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
   const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[static_cast<std::size_t>(vertex)]; }
+  /// A vertex in a pose: what its place, its normal and its slopes have in common, worked out once.
+  struct SkinnedVertex {
+    int vertex;
+    const int* bones;
+    const double* weights;
+    int count;  ///< of bones
+    Eigen::Quaterniond real = Eigen::Quaterniond(0, 0, 0, 0), dual = Eigen::Quaterniond(0, 0, 0, 0);
+    double squared_norm = 0.0;
+    Eigen::Vector3d turned;  ///< the rest position, turned only
+    Eigen::Vector3d translation;
+
+    Eigen::Vector3d place() const { return turned + translation; }
+    /// The weight of the i-th bone, its sign aligned with that of the first.
+    double signed_weight(const PosedBody& body, int i) const;
+  };
+  SkinnedVertex skinned(const PosedBody& body, int vertex) const;
   /// Its unit normal, turned with the vertex.
-  Eigen::Vector3d normal(const PosedBody& body, int vertex) const;
+  Eigen::Vector3d normal(const SkinnedVertex& vertex) const;
+  Eigen::Vector3d normal(const PosedBody& body, int vertex) const { return normal(skinned(body, vertex)); }
 
   /// Adds gradient^T d point / d unknowns to a row of n numbers.
   using Row = Rows::Slope;
   void add_landmark_slope(const PosedBody& body, int landmark, const Eigen::Vector3d& gradient, Row row) const;
-  void add_vertex_slope(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, Row row) const;
+  void add_vertex_slope(const PosedBody& body, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
+                        Row row) const;
+  void add_vertex_slope(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, Row row) const {
+    add_vertex_slope(body, skinned(body, vertex), gradient, row);
+  }
 
  private:
   struct Unknown {
@@ -89,9 +110,7 @@ class PoseModel {
     int joint, unknown;
     double weight;
   };
-  struct Blend;
   int carrier_of(int joint);
-  Blend blend(const PosedBody& body, int vertex) const;
   void add_force(const PosedBody& body, std::size_t carrier, const Eigen::Matrix<double, 6, 1>& force, Row row) const;
   void add_twists(PosedBody& body) const;
   void find_root_dofs();

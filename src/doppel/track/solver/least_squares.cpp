@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace doppel {
 namespace {
@@ -48,8 +49,10 @@ std::string to_string(SolverStop reason) {
 SolverSummary minimise(LeastSquaresProblem& problem, Eigen::VectorXd& state, const SolverOptions& options) {
   SolverSummary summary;
   double damping = options.initial_damping;
+  std::optional<double> reached;  // the cost of the state, where it was the last one asked for
   while (summary.iterations < options.iterations) {
     double cost = problem.linearise(state);
+    reached.reset();
     if (summary.iterations == 0) summary.initial_cost = cost;
     if (!std::isfinite(cost)) {
       summary.reason = SolverStop::not_finite;
@@ -62,6 +65,7 @@ SolverSummary minimise(LeastSquaresProblem& problem, Eigen::VectorXd& state, con
       break;
     }
     ++summary.iterations;
+    reached = cost;
     if (length < options.smallest_step) {
       summary.reason = SolverStop::small_step;
       break;
@@ -71,7 +75,7 @@ SolverSummary minimise(LeastSquaresProblem& problem, Eigen::VectorXd& state, con
       break;
     }
   }
-  summary.final_cost = problem.cost(state);
+  summary.final_cost = reached ? *reached : problem.cost(state);
   summary.terms = problem.term_costs();
   if (options.iterations <= 0) summary.initial_cost = summary.final_cost;
   return summary;

@@ -1,8 +1,57 @@
 #include "doppel/track/solver/residuals.h"
 
 #include <cmath>
+#include <optional>
+
+#include "doppel/track/solver/squared_rows_kernel.h"
 
 namespace doppel {
+namespace {
+
+/// Sums outer products of rows: they go to the kernel in panels that stay in the nearest cache, with their value as a
+/// further column, padded with zeros.
+class Sum {
+ public:
+  explicit Sum(Eigen::Index unknowns)
+      : unknowns_(unknowns),
+        panel_(Rows::Zero(kPanelRows, (unknowns + kernels::kPanelStep) / kernels::kPanelStep * kernels::kPanelStep)),
+        sum_(Rows::Zero(panel_.cols(), panel_.cols())) {}
+
+  void add(double scale, const Residuals::Slope& slope, double value) {
+    panel_.row(filled_).head(unknowns_) = scale * slope;
+    panel_(filled_, unknowns_) = scale * value;
+    if (++filled_ == kPanelRows) flush();
+  }
+  void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
+    flush();
+    hessian.triangularView<Eigen::Lower>() += sum_.topLeftCorner(unknowns_, unknowns_).transpose();
+    gradient += sum_.col(unknowns_).head(unknowns_);
+  }
+
+ private:
+  static constexpr Eigen::Index kPanelRows = 64;
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+  void flush() {
+    kernels::add_squared_rows(panel_.data(), filled_, panel_.cols(), sum_.data());
+    filled_ = 0;
+  }
+  Eigen::Index unknowns_, filled_ = 0;
+  Rows panel_, sum_;
+};
+
+/// The unknown that a row depends on, if it is just one, as rows of single DoFs do.
+std::optional<Eigen::Index> only_unknown(const Residuals::Slope& slopes) {
+  std::optional<Eigen::Index> found;
+  for (Eigen::Index u = 0; u < slopes.size(); ++u) {
+    if (slopes[u] == 0.0) continue;
+    if (found) return std::nullopt;
+    found = u;
+  }
+  return found;
+}
+
+}  // namespace
 
 double RobustKernel::cost(double s) const {
   const double limit = scale * scale;
@@ -76,18 +125,19 @@ Eigen::Index Residuals::add_group(double weight) {
 }
 
 void Residuals::add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
-  if (num_rows() == 0) return;
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Eigen::Map<Rows> jacobian(slopes_.data(), num_rows(), num_unknowns());
-  Eigen::Map<Eigen::VectorXd> values(values_.data(), num_rows());
-  for (Eigen::Index group = 0; group < num_groups(); ++group) {
-    const double scale = factor(group);
-    const Eigen::Index first = group * rows_per_group();
-    jacobian.middleRows(first, rows_per_group()) *= scale;
-    values.segment(first, rows_per_group()) *= scale;
+  std::optional<Sum> sum;
+  for (Eigen::Index row = 0; row < num_rows(); ++row) {
+    const double scale = factor(row / rows_per_group());
+    const Slope slopes = slope(row);
+    if (const auto only = only_unknown(slopes)) {
+      hessian(*only, *only) += std::pow(scale * slopes[*only], 2);
+      gradient[*only] += scale * slopes[*only] * scale * value(row);
+      continue;
+    }
+    if (!sum) sum.emplace(num_unknowns());
+    sum->add(scale, slopes, value(row));
   }
-  hessian.selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose());
-  gradient.noalias() += jacobian.transpose() * values;
+  if (sum) sum->add_to(hessian, gradient);
 }
 
 }  // namespace doppel

@@ -68,7 +68,7 @@ class Residuals : public ResidualRows {
   Slope slope(Eigen::Index row) { return {slopes_.data() + row * num_unknowns(), num_unknowns()}; }
 
   /// Adds J^T W J to the lower half of `hessian` and J^T W r to `gradient`, with W = weight * kernel's weight. The
-  /// rows are scaled in place: `reset` before the next use.
+  /// rows are used up: `reset` before the next use.
   void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
 
  private:

@@ -27,38 +27,69 @@ bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::V
 }
 
 template <typename Model>
-void SilhouetteTerm<Model>::freeze(const Model& model, const typename Model::State& body) {
-  for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    const auto [camera, vertex, distance] = vertices_[i];
-    targets_[i] = distance;
-    const auto c = static_cast<std::size_t>(camera);
-    const auto projected = project_with_slope(cameras_[c], model.vertex(body, vertex));
-    if (!projected || frame_[c].outline.empty()) continue;
-    const OutlineField::Sample sample = frame_[c].outline.at(projected->pixel);
-    if (sample.distance < 0.0 && belongs_to_opposite_outline(*projected, model.normal(body, vertex), sample))
-      targets_[i] = 2.0 * reference_pixels(cameras_[c]) * sample.distance - distance;
+bool SilhouetteTerm<Model>::has_field(std::size_t i) const {
+  return !frame_[static_cast<std::size_t>(vertices_[i].camera)].outline.empty();
+}
+
+template <typename Model>
+typename SilhouetteTerm<Model>::Seen SilhouetteTerm<Model>::see(const Model& model, const typename Model::State& body,
+                                                                std::size_t i) const {
+  const auto c = static_cast<std::size_t>(vertices_[i].camera);
+  Seen seen{model.skinned(body, vertices_[i].vertex), std::nullopt, {}};
+  seen.projected = project_with_slope(cameras_[c], seen.vertex.place());
+  if (seen.projected) seen.sample = frame_[c].outline.at(seen.projected->pixel);
+  return seen;
+}
+
+template <typename Model>
+void SilhouetteTerm<Model>::choose_side(const Model& model, const Seen& seen, std::size_t i) {
+  targets_[i] = vertices_[i].distance;
+  if (!seen.projected || !(seen.sample.distance < 0.0)) return;
+  if (belongs_to_opposite_outline(*seen.projected, model.normal(seen.vertex), seen.sample))
+    targets_[i] =
+        2.0 * reference_pixels(cameras_[static_cast<std::size_t>(vertices_[i].camera)]) * seen.sample.distance -
+        vertices_[i].distance;
+}
+
+template <typename Model>
+void SilhouetteTerm<Model>::add_row(const Model& model, const typename Model::State& body, const Seen& seen,
+                                    std::size_t i, bool slopes, typename Model::Rows& rows) const {
+  const Eigen::Index row = rows.add_group(weights_[i]);
+  if (!seen.projected) {
+    rows.value(row) = kBehindCamera;
+    return;
   }
+  const double share = seen.sample.distance < 0.0 ? inside_ : 1.0;
+  const double scale = share * reference_pixels(cameras_[static_cast<std::size_t>(vertices_[i].camera)]);
+  rows.value(row) = scale * seen.sample.distance - share * targets_[i];
+  if (slopes)
+    model.add_vertex_slope(body, seen.vertex, scale * seen.projected->slope.transpose() * seen.sample.gradient,
+                           rows.slope(row));
+}
+
+template <typename Model>
+void SilhouetteTerm<Model>::freeze(const Model& model, const typename Model::State& body) {
+  for (std::size_t i = 0; i < vertices_.size(); ++i)
+    if (has_field(i)) choose_side(model, see(model, body, i), i);
 }
 
 template <typename Model>
 void SilhouetteTerm<Model>::evaluate(const Model& model, const typename Model::State& body, bool slopes,
                                      typename Model::Rows& rows) const {
   rows.reset(model.num_unknowns(), 1, kernel_, slopes);
+  for (std::size_t i = 0; i < vertices_.size(); ++i)
+    if (has_field(i)) add_row(model, body, see(model, body, i), i, slopes, rows);
+}
+
+template <typename Model>
+void SilhouetteTerm<Model>::linearise(const Model& model, const typename Model::State& body,
+                                      typename Model::Rows& rows) {
+  rows.reset(model.num_unknowns(), 1, kernel_, true);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    const int camera = vertices_[i].camera, vertex = vertices_[i].vertex;
-    const auto c = static_cast<std::size_t>(camera);
-    if (frame_[c].outline.empty()) continue;
-    const Eigen::Index row = rows.add_group(weights_[i]);
-    const auto projected = project_with_slope(cameras_[c], model.vertex(body, vertex));
-    if (!projected) {
-      rows.value(row) = kBehindCamera;
-      continue;
-    }
-    const OutlineField::Sample sample = frame_[c].outline.at(projected->pixel);
-    const double scale = reference_pixels(cameras_[c]) * (sample.distance < 0.0 ? inside_ : 1.0);
-    rows.value(row) = scale * sample.distance - (sample.distance < 0.0 ? inside_ : 1.0) * targets_[i];
-    if (slopes)
-      model.add_vertex_slope(body, vertex, scale * projected->slope.transpose() * sample.gradient, rows.slope(row));
+    if (!has_field(i)) continue;
+    const Seen seen = see(model, body, i);
+    choose_side(model, seen, i);
+    add_row(model, body, seen, i, true, rows);
   }
 }
 

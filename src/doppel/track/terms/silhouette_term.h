@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "doppel/track/evidence.h"
@@ -34,8 +35,21 @@ class SilhouetteTerm : public Term<Model> {
   void freeze(const Model& model, const typename Model::State& body) override;
   void evaluate(const Model& model, const typename Model::State& body, bool slopes,
                 typename Model::Rows& rows) const override;
+  void linearise(const Model& model, const typename Model::State& body, typename Model::Rows& rows) override;
 
  private:
+  /// Where a vertex is, and the mask's outline from there. Not to be asked for without a field.
+  struct Seen {
+    typename Model::SkinnedVertex vertex;
+    std::optional<ProjectedPoint> projected;
+    OutlineField::Sample sample;  ///< if projected
+  };
+  bool has_field(std::size_t i) const;
+  Seen see(const Model& model, const typename Model::State& body, std::size_t i) const;
+  void choose_side(const Model& model, const Seen& seen, std::size_t i);
+  void add_row(const Model& model, const typename Model::State& body, const Seen& seen, std::size_t i, bool slopes,
+               typename Model::Rows& rows) const;
+
   const std::vector<Camera>& cameras_;
   const FrameEvidence& frame_;
   std::vector<OutlineVertex> vertices_;

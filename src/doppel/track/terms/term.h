@@ -22,6 +22,11 @@ class Term {
   virtual void freeze(const Model&, const State&) {}
   /// @param slopes whether the rows carry slopes; then `state` was worked out with them
   virtual void evaluate(const Model& model, const State& state, bool slopes, Rows& rows) const = 0;
+  /// `freeze`, then the rows with slopes. A term that would work out the same twice does both in one go.
+  virtual void linearise(const Model& model, const State& state, Rows& rows) {
+    freeze(model, state);
+    evaluate(model, state, true, rows);
+  }
 };
 
 using PoseTerm = Term<PoseModel>;
