@@ -62,5 +62,36 @@ TEST_F(PoseSequence, SmoothsWithinSegmentsAndTurnsTheRootAsARotation) {
   EXPECT_GT(poses_[6][0], 100.0);
 }
 
+TEST_F(PoseSequence, ParabolasKeepThePeaksOfQuickMovements) {
+  const auto swing = [](std::size_t f) { return std::cos(2.0 * M_PI * static_cast<double>(f) / 8.0); };
+  for (std::size_t f = 0; f < 12; ++f) {
+    poses_[f][0] = 0.3 * static_cast<double>(f * f) - 2.0 * static_cast<double>(f);
+    poses_[f][8] = swing(f);
+    poses_[f][3] = 0.05 * static_cast<double>(f);
+  }
+  const auto before = poses_;
+  auto mean = poses_;
+  smooth_poses(mean, {}, root_, 1.0);
+  smooth_poses(poses_, {}, root_, 1.5, 2);
+  double lost = 0.0, kept = 0.0;
+  for (std::size_t f = 0; f < 12; ++f) {
+    EXPECT_NEAR(poses_[f][0], before[f][0], 1e-9) << "a parabola stays as it is, at the ends too";
+    EXPECT_LT((root_->matrix(poses_[f]) - root_->matrix(before[f])).norm(), 0.01) << "frame " << f;
+    lost = std::max(lost, std::abs(mean[f][8] - swing(f)));
+    kept = std::max(kept, std::abs(poses_[f][8] - swing(f)));
+  }
+  EXPECT_LT(kept, 0.5 * lost);
+  EXPECT_LT(std::abs(poses_[5][7]), 0.3) << "a flicker from frame to frame goes all the same";
+}
+
+TEST_F(PoseSequence, ShortSegmentsAreSmoothedAsFarAsTheyReach) {
+  const auto before = poses_;
+  smooth_poses(poses_, {1, 3}, root_, 2.0, 2);
+  EXPECT_NEAR(poses_[0][7], before[0][7], 1e-12) << "a single frame";
+  EXPECT_NEAR(poses_[1][7], before[1][7], 1e-9) << "two frames are on a line";
+  for (const auto& pose : poses_)
+    for (const double value : pose) EXPECT_TRUE(std::isfinite(value));
+}
+
 }  // namespace
 }  // namespace doppel

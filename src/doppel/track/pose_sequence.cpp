@@ -55,22 +55,35 @@ void make_root_continuous(Poses& poses, const Segment& segment, const RootRotati
   }
 }
 
+/// What each of the frames `first`..`last` (counted from the one that is smoothed) counts, so that the sum is the value
+/// there of the polynomial that fits best under the Gaussian: with basis b and weights w, W = w b^T (B^T w B)^-1 b(0).
+Eigen::VectorXd smoothing_weights(long first, long last, double sigma, int degree) {
+  const Eigen::Index count = last - first + 1, terms = std::min<Eigen::Index>(degree + 1, count);
+  Eigen::VectorXd gaussian(count);
+  Eigen::MatrixXd basis(count, terms);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const double offset = static_cast<double>(first + i) / sigma;
+    gaussian[i] = std::exp(-0.5 * offset * offset);
+    for (Eigen::Index k = 0; k < terms; ++k) basis(i, k) = std::pow(offset, static_cast<double>(k));
+  }
+  const Eigen::MatrixXd weighted = gaussian.asDiagonal() * basis;
+  const Eigen::MatrixXd moments = basis.transpose() * weighted;
+  return weighted * moments.ldlt().solve(Eigen::VectorXd::Unit(terms, 0));
+}
+
 std::vector<double> averaged(const Poses& poses, const Segment& segment, std::size_t frame,
-                             const std::optional<RootRotation>& root, double sigma) {
-  const long radius = std::lround(std::ceil(2.0 * sigma));
+                             const std::optional<RootRotation>& root, double sigma, int degree) {
+  const long radius = std::lround(std::ceil((degree > 0 ? 3.0 : 2.0) * sigma)), here = static_cast<long>(frame);
+  const long first = std::max(-radius, static_cast<long>(segment.begin) - here);
+  const long last = std::min(radius, static_cast<long>(segment.end) - 1 - here);
+  const Eigen::VectorXd weights = smoothing_weights(first, last, sigma, degree);
   std::vector<double> mean(poses[frame].size(), 0.0);
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Zero();
-  double sum = 0.0;
-  for (long offset = -radius; offset <= radius; ++offset) {
-    const long at = static_cast<long>(frame) + offset;
-    if (at < static_cast<long>(segment.begin) || at >= static_cast<long>(segment.end)) continue;
-    const double weight = std::exp(-0.5 * std::pow(static_cast<double>(offset) / sigma, 2));
-    const std::vector<double>& pose = poses[static_cast<std::size_t>(at)];
-    for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += weight * pose[d];
-    if (root) rotation += weight * root->matrix(pose);
-    sum += weight;
+  for (long offset = first; offset <= last; ++offset) {
+    const std::vector<double>& pose = poses[static_cast<std::size_t>(here + offset)];
+    for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += weights[offset - first] * pose[d];
+    if (root) rotation += weights[offset - first] * root->matrix(pose);
   }
-  for (double& value : mean) value /= sum;
   if (root) root->set_matrix(mean, nearest_rotation(rotation));
   return mean;
 }
@@ -100,13 +113,14 @@ void bridge_poses(Poses& poses, const std::vector<bool>& trusted, const std::vec
   }
 }
 
-void smooth_poses(Poses& poses, const std::vector<long>& cuts, const std::optional<RootRotation>& root, double sigma) {
+void smooth_poses(Poses& poses, const std::vector<long>& cuts, const std::optional<RootRotation>& root, double sigma,
+                  int degree) {
   for (const Segment& segment : segments_of(poses.size(), cuts)) {
     if (root) make_root_continuous(poses, segment, *root);
     if (!(sigma > 0.0)) continue;
     Poses smooth;
     for (std::size_t f = segment.begin; f < segment.end; ++f)
-      smooth.push_back(averaged(poses, segment, f, root, sigma));
+      smooth.push_back(averaged(poses, segment, f, root, sigma, degree));
     std::move(smooth.begin(), smooth.end(), poses.begin() + static_cast<std::ptrdiff_t>(segment.begin));
   }
 }

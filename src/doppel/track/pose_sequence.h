@@ -16,9 +16,11 @@ namespace doppel {
 void bridge_poses(std::vector<std::vector<double>>& poses, const std::vector<bool>& trusted,
                   const std::vector<long>& cuts, const std::optional<RootRotation>& root);
 
-/// Averages each pose with its neighbours under a Gaussian, two sigma far; rotations of the root are averaged as
-/// matrices. The root's angles are made continuous. @param sigma frames; 0: only the latter
+/// Averages each pose with its neighbours under a Gaussian; rotations of the root are averaged as matrices. The root's
+/// angles are made continuous. @param sigma frames; 0: only the latter
+/// @param degree 0: the mean of the poses, two sigma far, which cuts off the peaks of quick movements; 2: the parabola
+///   that fits them best, three sigma far, which keeps them and takes away as much noise with some 1.7 times the sigma
 void smooth_poses(std::vector<std::vector<double>>& poses, const std::vector<long>& cuts,
-                  const std::optional<RootRotation>& root, double sigma);
+                  const std::optional<RootRotation>& root, double sigma, int degree = 0);
 
 }  // namespace doppel

@@ -127,7 +127,7 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
   return result;
 }
 
-void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing) {
+void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing, int degree) {
   std::vector<std::vector<double>> poses;
   std::vector<bool> trusted;
   for (const TrackedFrame& frame : tracked.frames) {
@@ -142,7 +142,7 @@ void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& ro
         sequence.name, trusted.size());
   const std::vector<long> cuts = sequence.cuts_from_first();
   bridge_poses(poses, trusted, cuts, root);
-  smooth_poses(poses, cuts, root, smoothing);
+  smooth_poses(poses, cuts, root, smoothing, degree);
   tracked.motion.frames.assign(static_cast<std::size_t>(sequence.first_frame), poses.front());
   tracked.motion.frames.insert(tracked.motion.frames.end(), poses.begin(), poses.end());
   for (int row = 0; row < tracked.motion.num_frames(); ++row) tracked.motion.ids.push_back(row);

@@ -37,8 +37,8 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
                                  const Motion& b, long first_frame, long last_frame);
 
 /// Fills in `motion` from the poses of all frames: those not to be trusted are bridged, all are smoothed.
-/// @param smoothing as for `smooth_poses` @throws Error when no frame is to be trusted
-void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing);
+/// @param smoothing, degree as for `smooth_poses` @throws Error when no frame is to be trusted
+void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing, int degree = 0);
 
 /// `<sequence>.motion` and `<sequence>.bvh` in the folder `out`.
 void write_poses(const Character& character, double frames_per_second, const std::filesystem::path& out,
