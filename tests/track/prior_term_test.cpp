@@ -24,5 +24,23 @@ TEST(PriorTerm, HoldsWhatNothingSpeaksForAndLeavesTheRootFree) {
   support::check_weight([&](double weight) { return PriorTerm("prior", character.rest_dofs, weight); }, model, dofs);
 }
 
+TEST(PriorTerm, WeighsEachDofAsItIsTold) {
+  const Character character = make_test_character(4);
+  const PoseModel model(character, tube_landmarks(4), all_dofs(character));
+  const PosedBody body = model.pose(bent_pose(character, 0.2), false);
+  const auto cost = [&](double others, double sixth) {  // the sixth is the first that does not move the root
+    std::vector<double> weights(character.rest_dofs.size(), others);
+    weights[6] = sixth;
+    Residuals rows;
+    PriorTerm("prior", character.rest_dofs, weights).evaluate(model, body, false, rows);
+    return rows.cost();
+  };
+  Residuals even;
+  PriorTerm("prior", character.rest_dofs, 2.0).evaluate(model, body, false, even);
+  EXPECT_NEAR(cost(2.0, 2.0), even.cost(), 1e-12);
+  EXPECT_GT(cost(0.0, 2.0), 0.0);
+  EXPECT_NEAR(cost(2.0, 8.0), even.cost() + 3.0 * cost(0.0, 2.0), 1e-9);
+}
+
 }  // namespace
 }  // namespace doppel

@@ -4,6 +4,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/character/dof_names.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "support/message_of.h"
@@ -64,6 +65,29 @@ TEST_F(TrackCapture, WritesACaptureThatNamesTheMotion) {
   EXPECT_EQ(report["sequences"]["walk"]["against_given_motion"]["3DPCK"], 100.0);
 }
 
+TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
+  TrackOptions options;
+  options.out = root() / "tracked";
+  options.config.smoothing = 0.0;
+  options.config.usual = {"lean_3"};
+  options.config.usual_frames = 5;
+  options.config.fit.usual.weight = 0.1;
+  options.sheet_frames = 0;
+  const auto report = track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options);
+  const std::size_t lean = static_cast<std::size_t>(find_dofs(character_.skeleton, "lean_3").at(0));
+  double mean = 0.0;
+  for (int frame = 0; frame < kFrames; ++frame) mean += truth(frame)[lean] / kFrames;
+  ASSERT_EQ(report["usual"].size(), 1u);
+  EXPECT_NEAR(report["usual"]["lean_3"].get<double>(), mean, 0.1);
+  const Motion motion = read_motion(options.out / "walk.motion", character_.num_dofs());
+  for (int frame = 0; frame < kFrames; ++frame)
+    EXPECT_LT(error(motion, frame), frame == 3 ? 0.01 : 0.004) << "frame " << frame;
+
+  options.config.usual = {"lean_9"};
+  EXPECT_THAT(message_of<UsageError>([&] { track_capture(*Footage::open(root(), 128), options); }),
+              HasSubstr("`usual.dofs` names 'lean_9'"));
+}
+
 TEST_F(TrackCapture, SaysWhatIsWrong) {
   const auto footage = Footage::open(root(), 128);
   TrackOptions options;
@@ -81,6 +105,10 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
     return read_track_config(ConfigDocument::parse(text, "fit.yaml"));
   };
   EXPECT_EQ(config_of("silhouette: {weight: 0}").fit.silhouette_weight, 0.0);
+  const TrackConfig usual = config_of("usual: {dofs: ['lean_*'], frames: 3, weight: 7}");
+  EXPECT_EQ(usual.usual, std::vector<std::string>{"lean_*"});
+  EXPECT_EQ(usual.usual_frames, 3);
+  EXPECT_EQ(usual.fit.usual.weight, 7.0);
   EXPECT_THAT(message_of<Error>([&] { config_of("silhouete: {weight: 0}"); }), HasSubstr("silhouette"));
   EXPECT_THAT(message_of<Error>([&] { config_of("trust: {share: 2}"); }), HasSubstr("trust.share"));
   EXPECT_THAT(message_of<UsageError>([&] {

@@ -7,10 +7,7 @@
 #include "doppel/track/pose_model.h"
 
 namespace doppel {
-namespace {
-
-/// The DoFs whose names fit one of the patterns.
-std::set<int> named_dofs(const Skeleton& skeleton, const char* key, const std::vector<std::string>& patterns) {
+std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std::vector<std::string>& patterns) {
   std::set<int> dofs;
   for (const std::string& pattern : patterns) {
     const std::vector<int> found = find_dofs(skeleton, pattern);
@@ -22,20 +19,18 @@ std::set<int> named_dofs(const Skeleton& skeleton, const char* key, const std::v
     }
     dofs.insert(found.begin(), found.end());
   }
-  return dofs;
+  return {dofs.begin(), dofs.end()};
 }
-
-}  // namespace
 
 DofChoice DofChoice::read(const ConfigReader& root) {
   return {root.list<std::string>("dofs"), root.list<std::string>("also"), root.list<std::string>("hold")};
 }
 
 std::vector<int> chosen_dofs(const DofChoice& choice, const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
-  std::set<int> dofs = named_dofs(skeleton, "dofs", choice.dofs);
-  if (dofs.empty())
-    for (const int dof : observable_dofs(skeleton, landmarks)) dofs.insert(dof);
-  dofs.merge(named_dofs(skeleton, "also", choice.also));
+  std::vector<int> first = named_dofs(skeleton, "dofs", choice.dofs);
+  if (first.empty()) first = observable_dofs(skeleton, landmarks);
+  std::set<int> dofs(first.begin(), first.end());
+  for (const int dof : named_dofs(skeleton, "also", choice.also)) dofs.insert(dof);
   for (const int dof : named_dofs(skeleton, "hold", choice.hold)) dofs.erase(dof);
   return {dofs.begin(), dofs.end()};
 }

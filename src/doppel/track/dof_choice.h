@@ -18,6 +18,9 @@ struct DofChoice {
   static DofChoice read(const ConfigReader& root);
 };
 
+/// The DoFs whose names fit one of the patterns, ascending. @param key of the configuration that they stand under
+/// @throws UsageError for a pattern that no DoF of the skeleton fits
+std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std::vector<std::string>& patterns);
 /// The DoFs that were chosen, ascending. @throws UsageError for a name that no DoF of the skeleton has
 std::vector<int> chosen_dofs(const DofChoice& choice, const Skeleton& skeleton, const std::vector<Marker>& landmarks);
 

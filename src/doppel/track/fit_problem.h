@@ -44,6 +44,8 @@ class FitProblem : public LeastSquaresProblem {
     return to_eigen(model_.moved(to_vector(state), step));
   }
   std::vector<TermCost> term_costs() const override { return costs_; }
+  /// Of the last linearisation.
+  const typename Model::System& system() const { return system_; }
 
   static std::vector<double> to_vector(const Eigen::VectorXd& state) {
     return {state.data(), state.data() + state.size()};

@@ -56,8 +56,11 @@ MultiviewTracker::MultiviewTracker(const Character& character, const std::vector
       options_(options),
       outlines_(character, cameras_, options.outline_pixels, options.outline_vertices),
       rigidity_(rigidity_of_landmarks(model_)),
-      history_(character.rest_dofs) {
+      usual_(character.rest_dofs),
+      history_(usual_) {
   check(options);
+  options_.usual.put_into(usual_);
+  history_ = PoseHistory(usual_);
   if (cameras_.size() < 2)
     fail<UsageError>(
         "the multi-view fit places landmarks where rays of several cameras meet; it needs at least 2 "
@@ -107,23 +110,22 @@ void MultiviewTracker::remember(const TrackedFrame& found) {
   history_.add(found.dofs, found.state == FrameState::tracked);
 }
 
-/// A pose from triangulated landmarks alone: the root first, then all. Of two starts, the rest pose and the last pose
+/// A pose from triangulated landmarks alone: the root first, then all. Of two starts, the usual pose and the last pose
 /// that was trusted, the one that comes nearer is taken.
 std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& points) const {
   std::vector<PointTerm::Target> targets;
   for (std::size_t m = 0; m < points.size(); ++m)
     if (points[m]) targets.push_back({static_cast<int>(m), points[m]->position, 1.0});
   if (targets.size() < kFewestPoints) return std::nullopt;
-  const std::vector<double>& rest = model_.character().rest_dofs;
   std::optional<std::vector<double>> best;
   double least = std::numeric_limits<double>::infinity();
-  for (const std::vector<double>* from : {&rest, &history_.last()}) {
+  for (const std::vector<double>* from : {&usual_, &history_.last()}) {
     std::vector<double> dofs = align_root(model_, *from, points, rigidity_).value_or(*from);
     Terms terms;
     terms.push_back(std::make_unique<PointTerm>("points", targets, kPointWeight,
                                                 RobustKernel{RobustKernel::Kind::geman_mcclure, kPointScale}));
     terms.push_back(std::make_unique<LimitTerm>(options_.limit_weight));
-    terms.push_back(std::make_unique<PriorTerm>("prior", rest, std::max(1.0, options_.prior_weight)));
+    terms.push_back(std::make_unique<PriorTerm>("prior", usual_, std::max(1.0, options_.prior_weight)));
     SolverOptions solver = options_.solver;
     solver.iterations = kStartIterations;
     const SolverSummary summary = doppel::fit<PoseModel>(model_, std::move(terms), dofs, solver);
@@ -134,14 +136,28 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
   return best;
 }
 
-Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<double>* expected) const {
+Terms image_terms(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+                  const std::vector<OutlineVertex>& outline, const MultiviewOptions& o) {
+  const auto kernel = [](double scale) { return RobustKernel{RobustKernel::Kind::geman_mcclure, scale}; };
   Terms result;
+  result.push_back(
+      std::make_unique<KeypointTerm<PoseModel>>(cameras, frame, o.keypoint_weight, kernel(o.keypoint_scale)));
+  if (outline.empty()) return result;
+  result.push_back(std::make_unique<SilhouetteTerm<PoseModel>>(cameras, frame, outline, o.silhouette_weight,
+                                                               o.silhouette_inside, kernel(o.silhouette_scale)));
+  if (o.contour_weight > 0.0)
+    result.push_back(std::make_unique<ContourTerm<PoseModel>>(
+        cameras, frame, outline, o.outline_vertices, o.contour_reach, o.contour_weight, kernel(o.silhouette_scale)));
+  return result;
+}
+
+Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<OutlineVertex>& outline,
+                              const std::vector<double>* expected) const {
+  Terms result = image_terms(cameras_, frame, outline, options_);
   const MultiviewOptions& o = options_;
-  result.push_back(std::make_unique<KeypointTerm<PoseModel>>(
-      cameras_, frame, o.keypoint_weight, RobustKernel{RobustKernel::Kind::geman_mcclure, o.keypoint_scale}));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
-  if (o.prior_weight > 0.0)
-    result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
+  if (const auto weights = prior_weights(o.usual, o.prior_weight, usual_.size()); !weights.empty())
+    result.push_back(std::make_unique<PriorTerm>("prior", usual_, weights));
   if (expected && o.steady_weight > 0.0)
     result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));
   if (expected && o.temporal_weight > 0.0) {
@@ -157,18 +173,11 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<doub
 MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vector<double> start,
                                             const std::vector<double>* expected) const {
   Fit result;
-  SolverSummary summary = doppel::fit<PoseModel>(model_, terms(frame, expected), start, options_.solver);
+  SolverSummary summary = doppel::fit<PoseModel>(model_, terms(frame, {}, expected), start, options_.solver);
   result.frame.iterations = summary.iterations;
   for (int round = 0; options_.silhouette_weight > 0.0 && round < options_.outline_rounds; ++round) {
-    Terms all = terms(frame, expected);
     const auto outline = outlines_.find(frame, posed_vertices(model_, model_.pose(start, false)));
-    const RobustKernel kernel{RobustKernel::Kind::geman_mcclure, options_.silhouette_scale};
-    all.push_back(std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, frame, outline, options_.silhouette_weight,
-                                                              options_.silhouette_inside, kernel));
-    if (options_.contour_weight > 0.0)
-      all.push_back(std::make_unique<ContourTerm<PoseModel>>(cameras_, frame, outline, options_.outline_vertices,
-                                                             options_.contour_reach, options_.contour_weight, kernel));
-    summary = doppel::fit<PoseModel>(model_, std::move(all), start, options_.solver);
+    summary = doppel::fit<PoseModel>(model_, terms(frame, outline, expected), start, options_.solver);
     result.frame.iterations += summary.iterations;
   }
   result.frame.dofs = std::move(start);

@@ -18,6 +18,7 @@
 #include "doppel/track/pose_model.h"
 #include "doppel/track/tracked_frame.h"
 #include "doppel/track/triangulation.h"
+#include "doppel/track/usual_pose.h"
 
 namespace doppel {
 
@@ -29,11 +30,18 @@ struct MultiviewOptions : PoseFitOptions {
   double contour_reach = 60.0;      ///< reference pixels: farther apart they do not belong together
   int outline_rounds = 2;           ///< how often the outline of the model is found anew in a frame
   double farthest_landmark = 0.15;  ///< metres from its triangulated point: beyond, a new start is tried as well
+  UsualPose usual;                  ///< what stands in the place of the rest pose
 };
+
+/// The terms of what a frame shows: keypoints and, given its outline, both ways between the outlines of surface and
+/// mask. @param cameras, frame must outlive the terms
+std::vector<std::unique_ptr<PoseTerm>> image_terms(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+                                                   const std::vector<OutlineVertex>& outline,
+                                                   const MultiviewOptions& options);
 
 class MultiviewTracker {
  public:
-  /// @param landmarks in the order of the keypoints; @param dofs to be found, the others keep the rest pose's values
+  /// @param landmarks in the order of the keypoints; @param dofs to be found, the others keep the usual pose's values
   /// @param cameras without distortion
   /// @throws UsageError for fewer than two cameras; Error for fewer than four landmarks, options out of range
   MultiviewTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
@@ -51,7 +59,8 @@ class MultiviewTracker {
   using Points = std::vector<std::optional<TriangulatedPoint>>;
   std::optional<std::vector<double>> start_anew(const Points& points) const;
   Fit fit(const FrameEvidence& frame, std::vector<double> start, const std::vector<double>* expected) const;
-  std::vector<std::unique_ptr<PoseTerm>> terms(const FrameEvidence& frame, const std::vector<double>* expected) const;
+  std::vector<std::unique_ptr<PoseTerm>> terms(const FrameEvidence& frame, const std::vector<OutlineVertex>& outline,
+                                               const std::vector<double>* expected) const;
   void judge(const FrameEvidence& frame, TrackedFrame& found) const;
   bool strays(const TrackedFrame& found, const Points& points) const;
   void remember(const TrackedFrame& found);
@@ -61,7 +70,8 @@ class MultiviewTracker {
   MultiviewOptions options_;
   OutlineFinder outlines_;
   std::vector<double> rigidity_;  ///< [M]
-  PoseHistory history_;           ///< empty after a cut or a loss; begins with the rest pose
+  std::vector<double> usual_;     ///< [D] the usual pose
+  PoseHistory history_;           ///< empty after a cut or a loss; begins with the usual pose
   bool segment_begins_ = true;
 };
 

@@ -13,6 +13,7 @@
 #include "doppel/track/track_sheet.h"
 #include "doppel/track/track_surface.h"
 #include "doppel/track/tracked_sequence.h"
+#include "doppel/track/usual_fit.h"
 
 namespace doppel {
 
@@ -20,6 +21,8 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 namespace {
+
+constexpr int kSmoothingDegree = 2;  // a mean would lag where limbs swing
 
 /// One sequence, from its frames to its files.
 class SequenceRun {
@@ -48,7 +51,7 @@ class SequenceRun {
       if (show) sheet.add(frame, seen, result_.frames.back());
       progress.advance(1, fmt::format("{} {}", sequence.name, to_string(result_.frames.back().state)));
     }
-    make_motion(result_, tracker_.model().root(), options_.config.smoothing);
+    make_motion(result_, tracker_.model().root(), options_.config.smoothing, kSmoothingDegree);
     if (!sheet.empty()) cv::imwrite((options_.out / (sequence.name + ".jpg")).string(), sheet.image());
     return std::move(result_);
   }
@@ -67,18 +70,59 @@ class SequenceRun {
   TrackedSequence result_;
 };
 
-/// Tracks all once with the template as it is, and finds how it is worn.
-Character worn_character(const Footage& footage, const TrackOptions& options,
-                         const std::vector<FootageSequence>& chosen, Progress& progress) {
-  TrackOptions quiet = options;
-  quiet.sheet_frames = 0;
-  WornTemplate worn(footage, options.config.surface);
-  for (const FootageSequence& sequence : chosen) {
-    const TrackedSequence first = SequenceRun(footage, footage.character(), quiet, sequence).run(progress);
-    worn.add(sequence, spread_frames(first.sequence, options.config.worn_frames), first.motion, progress);
+/// What is learnt of the person by tracking everything once: usual values of DoFs that no landmark shows, and how the
+/// template is worn.
+class FirstPass {
+ public:
+  FirstPass(const Footage& footage, const TrackOptions& options, const std::vector<FootageSequence>& chosen,
+            Progress& progress)
+      : footage_(footage), options_(options), progress_(progress), character_(footage.character()) {
+    DofChoice& dofs = options_.config.dofs;
+    dofs.hold.insert(dofs.hold.end(), options.config.usual.begin(), options.config.usual.end());
+    options_.sheet_frames = 0;
+    usual_.weight = options.config.fit.usual.weight;
+    usual_.dofs = named_dofs(character_.skeleton, "usual.dofs", options.config.usual);
+    for (const FootageSequence& sequence : chosen)
+      tracked_.push_back(SequenceRun(footage, character_, options_, sequence).run(progress_));
+    find_usual();
+    if (options.config.worn_frames == 0) return;
+    find_worn();
+    find_usual();
   }
-  return worn.character();
-}
+  const Character& character() const { return character_; }
+  const UsualPose& usual() const { return usual_; }
+
+ private:
+  void find_usual() {
+    if (usual_.dofs.empty()) return;
+    std::vector<PosedEvidence> frames;
+    for (const TrackedSequence& tracked : tracked_) {
+      const auto reader = footage_.read(tracked.sequence.index);
+      for (const long frame : spread_frames(tracked.sequence, options_.config.usual_frames)) {
+        check_not_stopped(tracked.sequence, frame);
+        frames.push_back({reader->read(frame, false).evidence, tracked.motion.frames[static_cast<std::size_t>(frame)]});
+      }
+    }
+    usual_.values = find_usual_values(character_, footage_.landmarks(), footage_.cameras(), usual_.dofs, frames,
+                                      options_.config.fit);
+    for (TrackedSequence& tracked : tracked_)
+      for (std::vector<double>& dofs : tracked.motion.frames) usual_.put_into(dofs);
+  }
+  void find_worn() {
+    WornTemplate worn(footage_, options_.config.surface);
+    for (const TrackedSequence& tracked : tracked_)
+      worn.add(tracked.sequence, spread_frames(tracked.sequence, options_.config.worn_frames), tracked.motion,
+               progress_);
+    character_ = worn.character();
+  }
+
+  const Footage& footage_;
+  TrackOptions options_;
+  Progress& progress_;
+  Character character_;
+  std::vector<TrackedSequence> tracked_;
+  UsualPose usual_;
+};
 
 void write_vertices(const fs::path& path, const Footage& footage, const TrackedSequence& tracked) {
   const PoseModel model(footage.character(), {}, {});
@@ -89,6 +133,13 @@ void write_vertices(const fs::path& path, const Footage& footage, const TrackedS
 }
 
 // ---- what is reported ----
+
+ordered_json usual_json(const Character& character, const UsualPose& usual) {
+  ordered_json values;
+  for (std::size_t i = 0; i < usual.dofs.size(); ++i)
+    values[character.skeleton.dofs[static_cast<std::size_t>(usual.dofs[i])].name] = usual.values[i];
+  return values;
+}
 
 ordered_json surface_json(const TrackedSurface& surface) {
   const auto count = static_cast<double>(surface.frames.size());
@@ -113,17 +164,21 @@ ordered_json surface_json(const TrackedSurface& surface) {
 
 }  // namespace
 
-ordered_json track_capture(const Footage& footage, const TrackOptions& options) {
+ordered_json track_capture(const Footage& footage, const TrackOptions& wanted) {
+  TrackOptions options = wanted;
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
-  const int passes = 1 + (options.config.worn_frames > 0) + options.surface;
-  Progress progress("track", passes * count_frames(chosen));
-  std::optional<Character> worn;
-  if (options.config.worn_frames > 0) worn = worn_character(footage, options, chosen, progress);
+  const bool twice = options.config.worn_frames > 0 || !options.config.usual.empty();
+  const long bent = options.config.worn_frames * static_cast<long>(chosen.size());
+  Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);
+  std::optional<FirstPass> first;
+  if (twice) options.config.fit.usual = first.emplace(footage, options, chosen, progress).usual();
   ordered_json report{{"method", "multiview"}, {"sequences", ordered_json::object()}};
+  if (first && !first->usual().dofs.empty()) report["usual"] = usual_json(footage.character(), first->usual());
   std::vector<TrackedSequence> tracked;
-  for (const FootageSequence& wanted : chosen) {
-    tracked.push_back(SequenceRun(footage, worn ? *worn : footage.character(), options, wanted).run(progress));
+  for (const FootageSequence& chosen_one : chosen) {
+    const Character& character = first ? first->character() : footage.character();
+    tracked.push_back(SequenceRun(footage, character, options, chosen_one).run(progress));
     TrackedSequence& sequence = tracked.back();
     if (options.surface)
       sequence.surface = track_surface(footage, sequence.sequence, sequence.motion, options.config.surface,

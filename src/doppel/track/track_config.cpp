@@ -38,6 +38,10 @@ TrackConfig read_track_config(const ConfigDocument& document) {
   config.surface.outline_pixels = fit.outline_pixels;
   config.worn_frames = root.section("template").get("frames", config.worn_frames, between(0, 100000));
   config.dofs = DofChoice::read(root);
+  const ConfigReader usual = root.section("usual");
+  config.usual = usual.list<std::string>("dofs");
+  config.usual_frames = usual.get("frames", config.usual_frames, between(1, 100000));
+  fit.usual.weight = usual.get("weight", fit.usual.weight, between(0.0, 1e12));
   config.smoothing = root.get("smoothing", config.smoothing, between(0.0, 1000.0));
   root.finish();
   return config;

@@ -12,8 +12,10 @@ struct TrackConfig {
   MultiviewOptions fit;
   DofChoice dofs;
   SurfaceOptions surface;
-  int worn_frames = 0;     ///< of each sequence that the worn template is found from; 0: the template as it is
-  double smoothing = 1.0;  ///< sigma of the Gaussian over the poses, frames; 0: none
+  std::vector<std::string> usual;  ///< names of DoFs whose usual values are found first (`usual_pose.h`)
+  int usual_frames = 10;           ///< of each sequence that they are found from
+  int worn_frames = 0;             ///< of each sequence that the worn template is found from; 0: the template as it is
+  double smoothing = 2.0;          ///< sigma of the Gaussian under which parabolas follow the poses, frames; 0: none
 };
 
 /// Every key may be missing. @throws FileError for unknown keys and impossible values

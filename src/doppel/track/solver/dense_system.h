@@ -12,6 +12,11 @@ class DenseSystem {
   void reset(Eigen::Index num_unknowns);
   /// Adds the rows of a term, which are used up.
   void add(Residuals& residuals) { residuals.add_to(hessian_, gradient_); }
+  /// Adds the equations of another problem with the same unknowns.
+  void add(const DenseSystem& other) {
+    hessian_ += other.hessian_;
+    gradient_ += other.gradient_;
+  }
 
   /// step of (H + damping diag(H)) step = -gradient. An unknown that no row depends on stays where it is.
   /// @return false when the system is not positive definite or not finite

@@ -13,6 +13,8 @@ class PriorTerm : public PoseTerm {
  public:
   /// @param centre [D]
   PriorTerm(std::string name, std::vector<double> centre, double weight);
+  /// @param weights [D] of each DoF
+  PriorTerm(std::string name, std::vector<double> centre, std::vector<double> weights);
 
   std::string name() const override { return name_; }
   void evaluate(const PoseModel& model, const PosedBody& body, bool slopes, Residuals& rows) const override;
@@ -20,7 +22,7 @@ class PriorTerm : public PoseTerm {
  private:
   std::string name_;
   std::vector<double> centre_;
-  double weight_;
+  std::vector<double> weights_;
 };
 
 }  // namespace doppel
