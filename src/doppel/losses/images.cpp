@@ -23,6 +23,10 @@ void check_erosion(const Tensor& mask, int times) {
 
 }  // namespace
 
+torch::Tensor at_pixels(const torch::Tensor& picture, const torch::Tensor& pixels) {
+  return picture.index({pixels.select(1, 1), pixels.select(1, 0)});
+}
+
 Tensor image_float(const Tensor& image) {
   if (!image.defined() || image.scalar_type() != torch::kUInt8 || image.dim() < 1 || image.size(-1) != 3)
     fail<UsageError>("image_float: the image must be uint8 [...,3], found {}", describe(image));

@@ -8,6 +8,9 @@ namespace doppel {
 /// @throws UsageError for another type
 torch::Tensor image_float(const torch::Tensor& image);
 
+/// What a picture shows at pixels. @param picture [H,W,...] @param pixels int64 [R,2] column, row @return [R,...]
+torch::Tensor at_pixels(const torch::Tensor& picture, const torch::Tensor& pixels);
+
 /// Takes `times` pixels off the edge of masks (3x3 square, applied `times` times). What lies beyond the image counts as
 /// foreground: a mask that the image's border cuts off is not eroded there.
 /// @param mask bool or uint8 [B,C,H,W], non-zero = foreground

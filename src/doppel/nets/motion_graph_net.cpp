@@ -8,8 +8,6 @@ namespace doppel {
 
 using torch::Tensor;
 
-namespace {
-
 Tensor rest_vertices(const Character& character) {
   const Tensor rest = torch::empty({character.num_vertices(), 3}, torch::kFloat64);
   auto row = rest.accessor<double, 2>();
@@ -17,8 +15,6 @@ Tensor rest_vertices(const Character& character) {
     for (int axis = 0; axis < 3; ++axis) row[i][axis] = character.mesh.vertices[i][axis];
   return rest;
 }
-
-}  // namespace
 
 MotionGraphConfig::MotionGraphConfig() {
   sagcn.norm = SagcnNorm::none;

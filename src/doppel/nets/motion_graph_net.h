@@ -34,6 +34,9 @@ struct MotionGraphConfig {
   void check() const;
 };
 
+/// The template's vertices at rest. @return float64 [N,3], metres
+torch::Tensor rest_vertices(const Character& character);
+
 class MotionGraphNetImpl : public torch::nn::Module {
  public:
   /// @param name of the network, for messages

@@ -21,8 +21,7 @@ DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
   DeltaNetRunConfig c;
   c.subject = RunSubject::read(document, root, "deltanet");
   const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 8, 40, c.subject.seed);
-  c.loader.image_size = data.get("image_size", 0, at_least(0));
+  c.loader = read_picture_loader_options(data, 8, 40, c.subject.seed);
   c.noise = PoseNoiseOptions::read(data);
   const ConfigReader model = root.section("model");
   c.standardise = model.get("standardise", c.standardise);

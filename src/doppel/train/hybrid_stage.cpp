@@ -26,18 +26,6 @@ DeltaNet& deltanet_of(TrainedActor& actor) {
   return actor.deltanet;
 }
 
-Tensor rest_positions(const Character& character) {
-  Tensor rest = torch::empty({character.num_vertices(), 3}, torch::kFloat64);
-  for (int i = 0; i < character.num_vertices(); ++i)
-    std::copy_n(character.mesh.vertices[i].data(), 3, rest.data_ptr<double>() + 3 * i);
-  return rest;
-}
-
-/// Values of a picture [H,W,...] at pixels [R,2] (column, row).
-Tensor at_pixels(const Tensor& picture, const Tensor& pixels) {
-  return picture.index({pixels.select(1, 1), pixels.select(1, 0)});
-}
-
 RadianceLoss no_radiance_loss() {
   const Tensor zero = torch::zeros({});
   return {zero, zero, zero, zero};
@@ -50,12 +38,10 @@ HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
   HybridRunConfig c;
   c.subject = RunSubject::read(document, root, "radiance");
   const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 1, 1, c.subject.seed);
+  c.loader = read_picture_loader_options(data, 1, 1, c.subject.seed);
   if (c.loader.batch_size != 1)
     data.fail_at_key("batch_size", "found {}; a step takes the rays of one frame, so only 1 is allowed",
                      c.loader.batch_size);
-  c.loader.images = true;
-  c.loader.image_size = data.get("image_size", 0, at_least(0));
   const ConfigReader model = root.section("model");
   c.model = HybridConfig::read(model);
   c.standardise = model.get("standardise", c.standardise);
@@ -76,12 +62,8 @@ HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
   c.isometry_weight = loss.get("isometry", c.isometry_weight, at_least(0.0));
   c.variance_in_metres = loss.get("variance_in_metres", c.variance_in_metres);
   c.plan = HybridPlan::read(root);
-  const ConfigReader train = root.section("train");
-  for (const char* key : {"iterations", "learning_rate", "schedule"})
-    if (train.has(key)) train.fail_at_key(key, "the stage radiance takes this from its `rounds` and `rates`");
-  c.trainer = TrainerOptions::read(train, c.subject.seed);
-  c.trainer.iterations = c.plan.iterations();
-  c.trainer.schedule = c.plan.schedule();
+  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.plan.schedule(),
+                                          "the stage radiance takes this from its `rounds` and `rates`");
   root.finish();
   return c;
 }
@@ -96,7 +78,7 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
       viewer_(actor.character),
       guide_(guide_of(config.model.field, config.stencil)),
       laplacian_graph_(actor.character),
-      edges_(MeshTopology(actor.character.mesh), rest_positions(actor.character)) {
+      edges_(MeshTopology(actor.character.mesh), rest_vertices(actor.character)) {
   const Tensor windows = training_windows(kStatisticsFrames, config.model.motion.window);
   // One frame has no deviation: every input would be 0.
   if (!config.standardise || windows.size(0) < 2) return;

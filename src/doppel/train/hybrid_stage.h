@@ -27,9 +27,9 @@ struct HybridRunConfig {
   double feature_floor = 0.05;  ///< smallest standard deviation assumed there, metres
 
   // Rays.
-  int rays = 1000;        ///< of a step, shared among its cameras (A.3)
-  int samples = 64;       ///< of a ray (A.3)
-  int stencil = 9;        ///< pixels, of er and di in 6.24 (A.3)
+  int rays = 1000;         ///< of a step, shared among its cameras (A.3)
+  int samples = 64;        ///< of a ray (A.3)
+  int stencil = 9;         ///< pixels, of er and di in 6.24 (A.3)
   int cloud_rays = 50000;  ///< at most, of the point cloud of one frame in one view
 
   // Weights of the refinement (A.3).

@@ -11,9 +11,7 @@ LightingRunConfig LightingRunConfig::read(const ConfigDocument& document) {
   LightingRunConfig c;
   c.subject = RunSubject::read(document, root, "lighting");
   const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 4, 0, c.subject.seed);
-  c.loader.images = true;
-  c.loader.image_size = data.get("image_size", 0, at_least(0));
+  c.loader = read_picture_loader_options(data, 4, 0, c.subject.seed);
   const ConfigReader loss = root.section("loss");
   c.weight = loss.get("lighting", c.weight, at_least(0.0));
   c.deviation_weight = loss.get("deviation", c.deviation_weight, at_least(0.0));

@@ -30,9 +30,7 @@ NerfRunConfig NerfRunConfig::read(const ConfigDocument& document) {
   NerfRunConfig c;
   c.subject = RunSubject::read(document, root, "nerf");
   const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 1, 1, c.subject.seed);
-  c.loader.images = true;
-  c.loader.image_size = data.get("image_size", 0, at_least(0));
+  c.loader = read_picture_loader_options(data, 1, 1, c.subject.seed);
   c.rays = root.section("rays").get("count", c.rays, between(1, 1 << 20));
   c.model = PlainFieldConfig::read(root.section("model"));
   c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
@@ -63,11 +61,10 @@ LossTerms NerfStage::loss(const Batch& batch, StepContext& context) {
     const Tensor foreground = batch.image_mask[0][c];
     const Tensor pixels = random_pixels(foreground, share, context.generator);
     const PixelRays rays = pixel_rays(batch.image_projection[0][c], pixels);
-    const auto shown = [&](const Tensor& of) { return of.index({pixels.select(1, 1), pixels.select(1, 0)}); };
     origin.push_back(rays.origin.expand({pixels.size(0), 3}));
     direction.push_back(rays.direction);
-    colour.push_back(image_float(shown(batch.image[0][c])));
-    mask.push_back(shown(foreground).to(torch::kFloat32));
+    colour.push_back(image_float(at_pixels(batch.image[0][c], pixels)));
+    mask.push_back(at_pixels(foreground, pixels).to(torch::kFloat32));
   }
   PlainRays seen;
   {

@@ -39,12 +39,8 @@ PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
   c.model = BackboneConfig::read(model);
   c.detections = DetectionOptions::read(root.section("loss"));
   c.phases = PosePhases::read(root);
-  const ConfigReader train = root.section("train");
-  for (const char* key : {"iterations", "learning_rate", "schedule"})
-    if (train.has(key)) train.fail_at_key(key, "the stage posenet takes this from its `phases`");
-  c.trainer = TrainerOptions::read(train, c.subject.seed);
-  c.trainer.iterations = c.phases.iterations();
-  c.trainer.schedule = c.phases.schedule();
+  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.phases.schedule(),
+                                          "the stage posenet takes this from its `phases`");
   root.finish();
   c.loader = with_people(c.loader, c.model.input_size);
   return c;

@@ -44,6 +44,14 @@ LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int 
   return o;
 }
 
+LoaderOptions read_picture_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample,
+                                          std::int64_t seed) {
+  LoaderOptions o = read_loader_options(data, batch_size, cameras_per_sample, seed);
+  o.images = true;
+  o.image_size = data.get("image_size", 0, at_least(0));
+  return o;
+}
+
 LoaderOptions with_window(LoaderOptions options, int window) {
   options.window = window;
   return options;

@@ -25,6 +25,10 @@ struct RunSubject {
 /// The section `data` of a stage. @param batch_size,cameras_per_sample the thesis's, taken where the section is silent
 LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample, std::int64_t seed);
 
+/// The same for stages that look at pictures: with them, and the key `image_size`.
+LoaderOptions read_picture_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample,
+                                          std::int64_t seed);
+
 /// The options with windows of `window` earlier frames: what the longest window of a stage's networks asks for.
 LoaderOptions with_window(LoaderOptions options, int window);
 

@@ -14,12 +14,10 @@ TexNetRunConfig TexNetRunConfig::read(const ConfigDocument& document) {
   TexNetRunConfig c;
   c.subject = RunSubject::read(document, root, "texnet");
   const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 12, 1, c.subject.seed);
+  c.loader = read_picture_loader_options(data, 12, 1, c.subject.seed);
   if (c.loader.cameras_per_sample != 1)
     data.fail_at_key("cameras_per_sample", "found {}; a texture is for one camera, so only 1 is allowed",
                      c.loader.cameras_per_sample);
-  c.loader.images = true;
-  c.loader.image_size = data.get("image_size", 0, at_least(0));
   c.noise = PoseNoiseOptions::read(data);
   c.model = TexNetConfig::read(root.section("model"));
   const ConfigReader loss = root.section("loss");

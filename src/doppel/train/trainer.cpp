@@ -39,6 +39,16 @@ TrainerOptions TrainerOptions::read(const ConfigReader& reader, std::int64_t see
   return o;
 }
 
+TrainerOptions TrainerOptions::read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
+                                           const std::string& source) {
+  for (const char* key : {"iterations", "learning_rate", "schedule"})
+    if (reader.has(key)) reader.fail_at_key(key, "{}", source);
+  TrainerOptions o = read(reader, seed);
+  o.iterations = schedule.iterations;
+  o.schedule = schedule;
+  return o;
+}
+
 Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run)
     : stage_(stage),
       options_(options),

@@ -32,6 +32,10 @@ struct TrainerOptions {
 
   /// Reads the section `train`.
   static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);
+  /// The same for a stage whose steps and rates are stated elsewhere. @param source where, for the message
+  /// @throws FileError at `iterations`, `learning_rate` or `schedule`
+  static TrainerOptions read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
+                                    const std::string& source);
 };
 
 /// Why a run ended.
