@@ -38,7 +38,7 @@ int run(int threads) {
   few.warm_up = 1;
   few.turns = 7;
   const Tensor points = samples.points(origin, direction).reshape({1, kRays * kSamples, 3});
-  Tensor values = surface.features.clone().requires_grad_();
+  Tensor values = surface.values.clone().requires_grad_();
   Tensor density = 100.0 * torch::rand({kRays, kSamples}, generator);
   Tensor colour = torch::rand({kRays, kSamples, 3}, generator);
   density.requires_grad_();

@@ -33,7 +33,7 @@ struct Scene {
     surface.vertices = torch::empty({character.num_vertices(), 3});
     for (int i = 0; i < character.num_vertices(); ++i)
       for (int k = 0; k < 3; ++k) surface.vertices[i][k] = static_cast<float>(character.mesh.vertices[i][k]);
-    surface.features = torch::randn({character.num_vertices(), 4}, at::detail::createCPUGenerator(3));
+    surface.values = torch::randn({character.num_vertices(), 4}, at::detail::createCPUGenerator(3));
     // Dense everywhere: what is seen is the shell around the mesh.
     const torch::NoGradGuard no_grad;
     field->named_parameters()["density.bias"].fill_(20.0);
@@ -112,6 +112,26 @@ TEST(Hybrid, BeginsAsDeltaNetAndFollowsWhenTold) {
   EXPECT_TRUE(torch::equal(hybrid->around->forward(window), hybrid->refined->forward(window)));
   for (const Tensor& parameter : hybrid->around->parameters()) EXPECT_FALSE(parameter.requires_grad());
   for (const Tensor& parameter : hybrid->refined->parameters()) EXPECT_TRUE(parameter.requires_grad());
+}
+
+TEST(Hybrid, VerticesCarryFeaturesAndPlaces) {
+  const Character character = make_test_character();
+  DeltaNetConfig small;
+  small.sagcn.features = 4;
+  small.sagcn.residual_blocks = 2;
+  DeltaNet deltanet(character, small, at::detail::createCPUGenerator(8));
+  HybridConfig config;
+  config.motion.sagcn = small.sagcn;
+  config.field = small_field();
+  const Tensor window = torch::zeros({1, config.motion.window + 3, character.num_dofs()});
+  EXPECT_EQ(Hybrid(character, deltanet, config)->vertex_values(window).size(1), 4);
+  config.field.place_octaves = 2;
+  const Tensor values = Hybrid(character, deltanet, config)->vertex_values(window);
+  ASSERT_EQ(values.sizes(), at::IntArrayRef({character.num_vertices(), 7}));
+  const Tensor place = values.narrow(1, 4, 3), rest = rest_vertices(character).to(torch::kFloat32);
+  EXPECT_NEAR(place.abs().max().item<float>(), 1.0f, 1e-6f);
+  const double scale = (place[0] - place[1]).norm().item<double>() / (rest[0] - rest[1]).norm().item<double>();
+  EXPECT_TRUE(torch::allclose(place - place[0], scale * (rest - rest[0]), 1e-4, 1e-5));
 }
 
 TEST(PlainField, SeesOnlyItsBox) {

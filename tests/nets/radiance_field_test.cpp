@@ -30,18 +30,23 @@ RadianceFieldConfig small_config() {
   return config;
 }
 
-/// A sphere of radius 0.5 with random features, and rays from all around through its neighbourhood.
+RadianceFieldConfig with_place(RadianceFieldConfig config) {
+  config.place_octaves = 4;
+  return config;
+}
+
+/// A sphere of radius 0.5 with random values, and rays from all around through its neighbourhood.
 struct Scene {
   TriangleMesh mesh = support::make_sphere(2, 0.5);
   ClosestPoint closest{mesh};
   FieldSurface surface;
   Tensor origin, direction, near, far;
-  explicit Scene(int64_t rays, int64_t features) {
+  explicit Scene(int64_t rays, int64_t values) {
     auto generator = at::detail::createCPUGenerator(5);
     surface.vertices = torch::empty({mesh.num_vertices(), 3});
     for (int i = 0; i < mesh.num_vertices(); ++i)
       for (int k = 0; k < 3; ++k) surface.vertices[i][k] = static_cast<float>(mesh.vertices[i][k]);
-    surface.features = torch::randn({mesh.num_vertices(), features}, generator);
+    surface.values = torch::randn({mesh.num_vertices(), values}, generator);
     origin = torch::tensor({0.0f, 0.0f, -2.0f});
     const Tensor target = 1.1 * (torch::rand({rays, 3}, generator) - 0.5);
     direction = target - origin;
@@ -78,17 +83,35 @@ TEST(RadianceField, BeginsTheSameWithTheSameGenerator) {
   EXPECT_FALSE(torch::equal(a->parameters()[0], c->parameters()[0]));
 }
 
+// Features that say nothing: without the place the field is one colour, with it a picture finer than the mesh.
+TEST(RadianceField, SeesThePlaceWithinAFace) {
+  RadianceFieldConfig config = small_config();
+  for (const bool place : {false, true}) {
+    if (place) config = with_place(config);
+    RadianceField field(config);
+    const Tensor values =
+        torch::cat({torch::ones({9, 5}), torch::linspace(0.1, 0.2, 9).unsqueeze(1).expand({9, 3})}, 1);
+    const Tensor colour =
+        field->forward(values.narrow(1, 0, config.vertex_values()), torch::zeros({9}), torch::ones({9, 3})).colour;
+    EXPECT_EQ((colour - colour[0]).abs().max().item<float>() > 1e-2f, place);
+  }
+}
+
 TEST(RadianceField, Gradients) {
-  RadianceField field(small_config());
-  field->to(torch::kFloat64);
   auto generator = at::detail::createCPUGenerator(3);
   const auto random = [&](std::vector<int64_t> shape) { return torch::randn(shape, generator, torch::kFloat64); };
-  EXPECT_TRUE(gradients_match(
-      [&](const std::vector<Tensor>& in) {
-        const FieldValues values = field->forward(in[0], in[1], in[2]);
-        return torch::cat({values.density.unsqueeze(1) * 0.01, values.colour}, 1);
-      },
-      {{"features", random({6, 5})}, {"distance", 0.5 * random({6})}, {"direction", random({6, 3})}}));
+  for (const RadianceFieldConfig& config : {small_config(), with_place(small_config())}) {
+    RadianceField field(config);
+    field->to(torch::kFloat64);
+    EXPECT_TRUE(gradients_match(
+        [&](const std::vector<Tensor>& in) {
+          const FieldValues values = field->forward(in[0], in[1], in[2]);
+          return torch::cat({values.density.unsqueeze(1) * 0.01, values.colour}, 1);
+        },
+        {{"values", random({6, config.vertex_values()})},
+         {"distance", 0.5 * random({6})},
+         {"direction", random({6, 3})}}));
+  }
 }
 
 // End to end: through closest points, interpolation, field and volume rendering to the vertices.
@@ -104,15 +127,15 @@ TEST(RenderField, GradientsToSurfaceAndIntervals) {
         return torch::cat({seen.colour, seen.opacity.unsqueeze(1), seen.depth.unsqueeze(1)}, 1);
       },
       {{"vertices", d(scene.surface.vertices)},
-       {"features", d(scene.surface.features)},
+       {"values", d(scene.surface.values)},
        {"near", d(scene.near)},
        {"far", d(scene.far)}},
       {1e-7, 1e-6, 1e-4}));
 }
 
-TEST(DrawField, EqualsRenderField) {
-  const Scene scene(300, 64);
-  RadianceField field{RadianceFieldConfig()};
+void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
+  const Scene scene(300, config.vertex_values());
+  RadianceField field{config};
   const RenderedRays expected = render_field(field, scene.closest, scene.surface, scene.origin, scene.direction,
                                              sample_cells(scene.near, scene.far, 32));
   FieldImageOptions options;
@@ -128,6 +151,11 @@ TEST(DrawField, EqualsRenderField) {
   }
   EXPECT_EQ(expected.opacity[0].item<float>(), 0.0f);
   EXPECT_GT(expected.opacity.max().item<float>(), 0.5f);
+}
+
+TEST(DrawField, EqualsRenderField) {
+  expect_drawn_as_rendered({});
+  expect_drawn_as_rendered(with_place({}));
 }
 
 // Farther from the mesh than the shell there is nothing, whatever the network says.
@@ -153,14 +181,14 @@ TEST(RadianceField, RejectsWhatDoesNotFit) {
   EXPECT_THAT(message_of<UsageError>([&] {
                 field->forward(torch::zeros({2, 3}), torch::zeros({2}), torch::zeros({2, 3}));
               }),
-              testing::HasSubstr("features must be"));
+              testing::HasSubstr("values must be"));
   EXPECT_THAT(message_of<UsageError>([&] {
                 draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near * NAN,
                            scene.far);
               }),
               testing::HasSubstr("not finite"));
   EXPECT_THAT(message_of<UsageError>([&] {
-                draw_field(field, scene.closest, {scene.surface.vertices.to(torch::kFloat64), scene.surface.features},
+                draw_field(field, scene.closest, {scene.surface.vertices.to(torch::kFloat64), scene.surface.values},
                            scene.origin, scene.direction, scene.near, scene.far);
               }),
               testing::HasSubstr("float32 on the CPU"));

@@ -36,6 +36,10 @@ class HybridImpl : public torch::nn::Module {
   /// Lets the field lie around the refined mesh from now on.
   void follow();
 
+  /// What the vertices of a frame carry into the field. @param dof_window [1,F,D] that ends with the frame, of at least
+  /// the features' window @return [N, field->config().vertex_values()], gradient to the features' network
+  torch::Tensor vertex_values(const torch::Tensor& dof_window);
+
   const HybridConfig& config() const { return config_; }
 
   DeltaNet refined{nullptr};
@@ -46,6 +50,8 @@ class HybridImpl : public torch::nn::Module {
 
  private:
   HybridConfig config_;
+  torch::Tensor
+      places_;  ///< [N,3] at rest, from the middle of their box, the largest 1; undefined without place_octaves
 };
 TORCH_MODULE(Hybrid);
 

@@ -24,6 +24,13 @@ Tensor wrap_angle(const Tensor& angle) {
   return angle - at::ceil((angle - M_PI) / (2.0 * M_PI)) * (2.0 * M_PI);
 }
 
+Tensor last_rows(const Tensor& dof_window, int window) {
+  if (dof_window.dim() != 3 || dof_window.size(1) < window + 1)
+    fail<UsageError>("a motion window of at least {} frames is needed, found {}", window + 1,
+                     dof_window.dim() == 3 ? dof_window.size(1) : 0);
+  return dof_window.narrow(1, dof_window.size(1) - window - 1, window + 1).contiguous();
+}
+
 Tensor compose_transforms(const Tensor& a, const Tensor& b) {
   const Tensor turned = at::matmul(a.narrow(-1, 0, 3), b);
   return turned + at::constant_pad_nd(a.narrow(-1, 3, 1), {3, 0});

@@ -17,6 +17,7 @@ RadianceFieldConfig network_of(const PlainFieldConfig& config) {
   RadianceFieldConfig network = config.field;
   network.features = 3 * (1 + 2 * config.position_octaves);
   network.distance_octaves = 0;
+  network.place_octaves = 0;
   return network;
 }
 

@@ -36,6 +36,7 @@ RadianceFieldConfig RadianceFieldConfig::read(const ConfigReader& reader, const 
   config.view_width = reader.get("view_width", config.view_width, between(1, 8192));
   config.distance_octaves = reader.get("distance_octaves", config.distance_octaves, between(0, 20));
   config.direction_octaves = reader.get("direction_octaves", config.direction_octaves, between(0, 20));
+  config.place_octaves = reader.get("place_octaves", config.place_octaves, between(0, 20));
   config.density_unit = reader.get("density_unit", config.density_unit, between(1e-6, 1e3));
   config.t_mi = reader.get("t_mi", config.t_mi, between(1e-6, 1e3));
   config.t_ma = reader.get("t_ma", config.t_ma, between(1e-6, 1e3));
@@ -52,9 +53,9 @@ void RadianceFieldConfig::check() const {
   require(layers > 0, fmt::format("layers must be at least 1, found {}", layers));
   require(width > 0 && view_width > 0,
           fmt::format("width and view_width must be at least 1, found {} and {}", width, view_width));
-  require(distance_octaves >= 0 && direction_octaves >= 0,
-          fmt::format("octaves must not be negative, found {} of distance and {} of direction", distance_octaves,
-                      direction_octaves));
+  require(distance_octaves >= 0 && direction_octaves >= 0 && place_octaves >= 0,
+          fmt::format("octaves must not be negative, found {} of distance, {} of direction and {} of place",
+                      distance_octaves, direction_octaves, place_octaves));
   require(density_unit > 0, fmt::format("density_unit must be greater than 0 m, found {}", density_unit));
   require(t_mi > 0 && t_ma > 0, fmt::format("t_mi and t_ma must be greater than 0 m, found {} and {}", t_mi, t_ma));
   require(margin >= 0, fmt::format("margin must not be negative, found {}", margin));
@@ -85,6 +86,11 @@ RadianceFieldImpl::RadianceFieldImpl(const RadianceFieldConfig& config, std::opt
   colour_ = register_module("colour", make_linear(config_.view_width, 3, true, draw));
 }
 
+int64_t RadianceFieldImpl::num_inputs() const {
+  const int64_t place = config_.place_octaves > 0 ? encoded(3, config_.place_octaves) : 0;
+  return config_.features + place + encoded(1, config_.distance_octaves);
+}
+
 Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
   Tensor hidden = inputs;
   for (const auto& layer : *trunk_) hidden = layer->as<torch::nn::Linear>()->forward(hidden).relu_();
@@ -103,12 +109,15 @@ Tensor RadianceFieldImpl::colour(const Tensor& hidden, const Tensor& view_term) 
   return colour_->forward((view_of_hidden_->forward(hidden) + view_term).relu_()).sigmoid();
 }
 
-FieldValues RadianceFieldImpl::forward(const Tensor& features, const Tensor& distance, const Tensor& direction) {
-  check_shape("radiance field", "features", features, {-1, config_.features}, "[P,H]");
-  check_shape("radiance field", "distance", distance, {features.size(0)}, "[P]");
-  check_shape("radiance field", "direction", direction, {features.size(0), 3}, "[P,3]");
-  const Tensor gamma = positional_encoding(distance.unsqueeze(1), config_.distance_octaves);
-  const Tensor hidden = trunk(torch::cat({features, gamma}, 1));
+FieldValues RadianceFieldImpl::forward(const Tensor& values, const Tensor& distance, const Tensor& direction) {
+  check_shape("radiance field", "values", values, {-1, config_.vertex_values()}, "[P,H]");
+  check_shape("radiance field", "distance", distance, {values.size(0)}, "[P]");
+  check_shape("radiance field", "direction", direction, {values.size(0), 3}, "[P,3]");
+  std::vector<Tensor> inputs{values.narrow(1, 0, config_.features)};
+  if (config_.place_octaves > 0)
+    inputs.push_back(positional_encoding(values.narrow(1, config_.features, 3), config_.place_octaves));
+  inputs.push_back(positional_encoding(distance.unsqueeze(1), config_.distance_octaves));
+  const Tensor hidden = trunk(torch::cat(inputs, 1));
   return {density(hidden), colour(hidden, view_term(direction))};
 }
 
@@ -122,10 +131,10 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
   // Only what is near the mesh goes through the network: nothing else can be dense.
   const Tensor rows =
       ((distance <= config.t_ma + config.margin) & (distance >= -config.t_mi - config.margin)).nonzero().squeeze(1);
-  const Tensor features = closest->interpolate(at, surface.features.unsqueeze(0)).squeeze(0).index_select(0, rows);
+  const Tensor carried = closest->interpolate(at, surface.values.unsqueeze(0)).squeeze(0).index_select(0, rows);
   const Tensor looks = direction.index_select(0, torch::div(rows, K, "floor"));
   const FieldValues values =
-      field->forward(features, normalised_distance(distance.index_select(0, rows), config.t_mi, config.t_ma), looks);
+      field->forward(carried, normalised_distance(distance.index_select(0, rows), config.t_mi, config.t_ma), looks);
   const auto spread = [&](const Tensor& of) {
     std::vector<int64_t> shape = of.sizes().vec();
     shape[0] = R * K;

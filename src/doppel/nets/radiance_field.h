@@ -5,7 +5,12 @@
 ///
 ///   f_nf(b(V, x, features), gamma(d(V, x)), gamma(direction)) = (c, sigma)
 ///
-/// Letters: P points, H features per vertex, N vertices, R rays, K samples of a ray. Metres.
+/// Between vertices features are linear, so what the thesis's field shows is no finer than the mesh. With
+/// `place_octaves` vertices also carry their place at rest, and gamma(place of the closest point) is an input: the
+/// field then paints on the rest surface with details of its own, whatever the pose.
+///
+/// Letters: P points, H values per vertex (features, and 3 of the place), N vertices, R rays, K samples of a ray.
+/// Metres.
 
 #include <torch/torch.h>
 
@@ -18,16 +23,19 @@
 namespace doppel {
 
 struct RadianceFieldConfig {
-  int features = 64;           ///< H
+  int features = 64;           ///< of the motion
   int layers = 4;              ///< of the trunk
   int width = 256;             ///< of the trunk
   int view_width = 128;        ///< of the branch that sees the direction
   int distance_octaves = 10;   ///< of gamma(d)
   int direction_octaves = 4;   ///< of gamma(direction)
+  int place_octaves = 0;       ///< of gamma(place at rest); 0: no place, as in the thesis
   double density_unit = 0.01;  ///< metres: density = softplus(.) / density_unit
   double t_mi = 0.04;          ///< metres that d is normalised by inside the mesh
   double t_ma = 0.04;          ///< the same outside
   double margin = 0.01;  ///< metres beyond t_mi and t_ma up to which there may be density; farther off there is none
+
+  int vertex_values() const { return features + (place_octaves > 0 ? 3 : 0); }  ///< H
 
   /// Reads the keys above over `defaults`. @throws FileError at the key
   static RadianceFieldConfig read(const ConfigReader& reader, const RadianceFieldConfig& defaults);
@@ -50,19 +58,21 @@ class RadianceFieldImpl : public torch::nn::Module {
   explicit RadianceFieldImpl(const RadianceFieldConfig& config, std::optional<at::Generator> generator = std::nullopt);
 
   /// Plain tensor operations, with gradients to everything.
-  /// @param features [P,H] @param distance [P] normalised, -1..1 @param direction [P,3] unit, of the look
+  /// @param values [P,H] of the closest points @param distance [P] normalised, -1..1 @param direction [P,3] unit, of
+  /// the look
   /// @throws UsageError naming the argument, with the shape found
-  FieldValues forward(const torch::Tensor& features, const torch::Tensor& distance, const torch::Tensor& direction);
+  FieldValues forward(const torch::Tensor& values, const torch::Tensor& distance, const torch::Tensor& direction);
 
   // The steps of `forward`, for those who do not want all of them for every point.
-  torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P, H + 1 + 2 octaves] to hidden [P,width]
+  torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
   torch::Tensor density(const torch::Tensor& hidden);
   /// What the view branch adds for directions [...,3] to that of the hidden values. @return [..., view_width]
   torch::Tensor view_term(const torch::Tensor& direction);
   torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& view_term);
 
   const RadianceFieldConfig& config() const { return config_; }
-  int64_t num_inputs() const { return config_.features + 1 + 2 * config_.distance_octaves; }
+  /// Features, the encoded place if there is one, and the encoded distance.
+  int64_t num_inputs() const;
 
  private:
   RadianceFieldConfig config_;
@@ -74,7 +84,7 @@ TORCH_MODULE(RadianceField);
 /// A frame's surface with what the field needs of it.
 struct FieldSurface {
   torch::Tensor vertices;  ///< [N,3] world
-  torch::Tensor features;  ///< [N,H] of the motion
+  torch::Tensor values;    ///< [N,H]: features of the motion, and places at rest if the field sees them
 };
 
 /// Rays through the field with gradients, for training: to the field's weights, the features, the samples and the

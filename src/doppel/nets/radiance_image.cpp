@@ -19,7 +19,7 @@ class FieldPainter {
  public:
   FieldPainter(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
                const FieldImageOptions& options)
-      : field_(field), options_(options), surface_(closest->surface()), features_(surface.features.contiguous()) {
+      : field_(field), options_(options), surface_(closest->surface()), values_(surface.values.contiguous()) {
     surface_.move(positions_of(surface.vertices));
   }
 
@@ -59,39 +59,48 @@ class FieldPainter {
         near_.push_back(i);
   }
 
-  /// Features and encoded distance of the samples in `near_`.
+  /// What the network takes of the samples in `near_`.
   Tensor inputs() const {
     const RadianceFieldConfig& config = field_->config();
-    const int64_t count = static_cast<int64_t>(near_.size()), width = field_->num_inputs(), H = config.features;
+    const int64_t count = static_cast<int64_t>(near_.size()), width = field_->num_inputs();
     Tensor result = torch::empty({count, width});
     at::parallel_for(0, count, 256, [&](int64_t begin, int64_t end) {
       for (int64_t i = begin; i < end; ++i) {
         const ClosedSurface::Hit& hit = hits_[near_[i]];
         float* row = result.data_ptr<float>() + i * width;
-        interpolate(hit, row);
-        encode(std::clamp(hit.distance / (hit.distance < 0 ? config.t_mi : config.t_ma), -1.0, 1.0), row + H);
+        row = interpolate(hit, 0, config.features, row);
+        if (config.place_octaves > 0) {
+          float place[3];
+          interpolate(hit, config.features, 3, place);
+          for (int axis = 0; axis < 3; ++axis) encode(place[axis], config.place_octaves, 3, row + axis);
+          row += 3 * (1 + 2 * config.place_octaves);
+        }
+        const double unit = hit.distance < 0 ? config.t_mi : config.t_ma;
+        encode(std::clamp(hit.distance / unit, -1.0, 1.0), config.distance_octaves, 1, row);
       }
     });
     return result;
   }
 
-  void interpolate(const ClosedSurface::Hit& hit, float* row) const {
-    const int64_t H = features_.size(1);
+  /// `count` values of the vertices from the `first` on. @return behind what was written
+  float* interpolate(const ClosedSurface::Hit& hit, int64_t first, int64_t count, float* row) const {
+    const int64_t H = values_.size(1);
     const Triangle& face = surface_.faces()[hit.face];
-    const float *a = features_.data_ptr<float>() + H * face[0], *b = features_.data_ptr<float>() + H * face[1],
-                *c = features_.data_ptr<float>() + H * face[2];
+    const float* from = values_.data_ptr<float>() + first;
+    const float *a = from + H * face[0], *b = from + H * face[1], *c = from + H * face[2];
     const auto u = static_cast<float>(hit.weights[0]), v = static_cast<float>(hit.weights[1]),
                w = static_cast<float>(hit.weights[2]);
-    for (int64_t h = 0; h < H; ++h) row[h] = u * a[h] + v * b[h] + w * c[h];
+    for (int64_t h = 0; h < count; ++h) row[h] = u * a[h] + v * b[h] + w * c[h];
+    return row + count;
   }
 
-  /// positional_encoding of one number; the octaves by doubling the angle.
-  void encode(double x, float* row) const {
+  /// positional_encoding of one number, one of `channels` side by side; the octaves by doubling the angle.
+  static void encode(double x, int octaves, int channels, float* row) {
     row[0] = static_cast<float>(x);
     double sine = std::sin(M_PI * x), cosine = std::cos(M_PI * x);
-    for (int k = 0; k < field_->config().distance_octaves; ++k) {
-      row[1 + 2 * k] = static_cast<float>(sine);
-      row[2 + 2 * k] = static_cast<float>(cosine);
+    for (int k = 0; k < octaves; ++k) {
+      row[channels * (1 + 2 * k)] = static_cast<float>(sine);
+      row[channels * (2 + 2 * k)] = static_cast<float>(cosine);
       const double twice = 2.0 * sine * cosine;
       cosine = cosine * cosine - sine * sine;
       sine = twice;
@@ -101,7 +110,7 @@ class FieldPainter {
   RadianceField field_;
   FieldImageOptions options_;
   ClosedSurface surface_;
-  Tensor features_;
+  Tensor values_;                         ///< [N,H]
   std::vector<ClosedSurface::Hit> hits_;  ///< [R*K] of the chunk
   std::vector<int64_t> near_;
 };
@@ -112,17 +121,17 @@ void check_arguments(const RadianceField& field, const ClosestPoint& closest, co
   constexpr const char* kName = "draw_field";
   const int64_t N = closest->num_vertices();
   check_shape(kName, "vertices", surface.vertices, {N, 3}, "[N,3]");
-  check_shape(kName, "features", surface.features, {N, field->config().features}, "[N,H]");
+  check_shape(kName, "values", surface.values, {N, field->config().vertex_values()}, "[N,H]");
   check_shape(kName, "origin", origin, {3}, "[3]");
   check_shape(kName, "direction", direction, {-1, 3}, "[R,3]");
   check_shape(kName, "near", near, {direction.size(0)}, "[R]");
   check_shape(kName, "far", far, {direction.size(0)}, "[R]");
-  for (const Tensor& tensor : {surface.vertices, surface.features, origin, direction, near, far}) {
+  for (const Tensor& tensor : {surface.vertices, surface.values, origin, direction, near, far}) {
     if (tensor.scalar_type() != torch::kFloat32 || !tensor.device().is_cpu())
       fail<UsageError>("{}: everything must be float32 on the CPU, found {} on {}; render_field takes all types", kName,
                        describe(tensor), tensor.device().str());
     if (!tensor.isfinite().all().item<bool>())
-      fail<UsageError>("{}: numbers that are not finite among the vertices, features or rays", kName);
+      fail<UsageError>("{}: numbers that are not finite among the vertices, their values or the rays", kName);
   }
   if (options.samples < 1 || options.rays_at_once < 1)
     fail<UsageError>("{}: {} samples and {} rays at once; both must be at least 1", kName, options.samples,

@@ -147,15 +147,15 @@ RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, co
     rays = draw_rays(batch, views, vertices, context);
   }
   if (!rays.origin.defined()) return no_radiance_loss();
-  Tensor motion;
+  Tensor carried;
   {
     ProfileScope scope(*context.profile, "features");
-    motion = features(batch.dofs);
+    carried = model_->vertex_values(batch.dofs);
   }
   ProfileScope scope(*context.profile, "field");
   const RaySamples samples = sample_cells(rays.near, rays.far, config_.samples, context.generator);
   const RenderedRays seen =
-      render_field(model_->field, viewer_.closest(), {vertices, motion}, rays.origin, rays.direction, samples);
+      render_field(model_->field, viewer_.closest(), {vertices, carried}, rays.origin, rays.direction, samples);
   RadianceLossOptions options;
   options.variance_in_metres = config_.variance_in_metres;
   return radiance_loss(seen, samples, rays.colour, rays.mask, options);
@@ -169,7 +169,7 @@ const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   if (clouds_.size() >= kMostClouds) clouds_.clear();
   const torch::NoGradGuard no_grad;
   const Tensor projection = batch.image_projection[0][view];
-  const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
+  const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
   const GuideImages guide =
       viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
   Tensor pixels = guide.pixels(0);
@@ -215,10 +215,6 @@ void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, St
   terms.isometry = isometry_loss(vertices, edges_);
 }
 
-Tensor HybridStage::features(const Tensor& dof_window) {
-  return model_->motion->forward(last_rows(dof_window, config_.model.motion.window))[0];
-}
-
 std::vector<Picture> HybridStage::pictures() {
   std::vector<Picture> pictures =
       outline_pictures(actor_.mesh->faces, "DeltaNet blue, refined red", [this](const SampleId& sample) {
@@ -231,7 +227,7 @@ std::vector<Picture> HybridStage::pictures() {
     PictureSheet sheet(dataset(), loader_options().image_size);
     for (const SampleId& sample : samples_to_show(split, kPicturesOfSplit)) {
       const Batch batch = sheet.batch(sample, loader_options().window);
-      const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], features(batch.dofs)};
+      const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
       const FieldPicture seen = viewer_.draw(model_->field, around, batch.image_projection[0][0], batch.image.size(2),
                                              batch.image.size(3), config_.stencil, options);
       ShadedImage drawing;

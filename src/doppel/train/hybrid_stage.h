@@ -88,7 +88,6 @@ class HybridStage : public CaptureStage {
   torch::Tensor cloud_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                            StepContext& context);
   void compare_surface(const Batch& batch, const torch::Tensor& vertices, StepContext& context, Terms& terms);
-  torch::Tensor features(const torch::Tensor& dof_window);  ///< [N,H]
 
   TrainedActor& actor_;
   HybridRunConfig config_;

@@ -141,8 +141,7 @@ torch::Tensor TrainedActor::refined(const torch::Tensor& dof_window) {
 FieldPicture TrainedActor::radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height,
                                     int64_t width) {
   torch::NoGradGuard no_grad;
-  const torch::Tensor features = hybrid->motion->forward(last_rows(dof_window, hybrid->config().motion.window))[0];
-  const FieldSurface around{displaced(hybrid->around, dof_window)[0], features};
+  const FieldSurface around{displaced(hybrid->around, dof_window)[0], hybrid->vertex_values(dof_window)};
   return field_viewer->draw(hybrid->field, around, projection, height, width, field_stencil, field_image);
 }
 
@@ -164,13 +163,6 @@ void TrainedActor::require_texture(const std::string& what) const {
   if (!static_texture.defined())
     fail<UsageError>("{} needs a texture, and the template of {} has none; name one in its MTL file (map_Kd)", what,
                      character.name);
-}
-
-torch::Tensor last_rows(const torch::Tensor& dof_window, int window) {
-  if (dof_window.dim() != 3 || dof_window.size(1) < window + 1)
-    fail<UsageError>("a motion window of at least {} frames is needed, found {}", window + 1,
-                     dof_window.dim() == 3 ? dof_window.size(1) : 0);
-  return dof_window.narrow(1, dof_window.size(1) - window - 1, window + 1).contiguous();
 }
 
 torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,

@@ -90,9 +90,6 @@ struct TrainedActor {
   void require_texture(const std::string& what) const;
 };
 
-/// The last F+1 rows of a window. @param dof_window [B,G+1,D], G >= F
-torch::Tensor last_rows(const torch::Tensor& dof_window, int window);
-
 /// What TexNet sees (6.8): the normal maps of the window's poses, skinned only, and the camera.
 /// @param dof_window [B,F+1,D] or longer @param projection [B,3,4] of one camera per item
 /// @return [B,3(F+1)+6,T,T]
