@@ -7,6 +7,7 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/chamfer.h"
 #include "doppel/losses/isometry.h"
+#include "doppel/losses/silhouette.h"
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
@@ -20,6 +21,14 @@ using torch::Tensor;
 
 Tensor random_points(int64_t count, uint64_t seed) {
   return torch::rand({count, 3}, at::detail::createCPUGenerator(seed), torch::kFloat64);
+}
+
+/// The loss where all normals agree.
+Tensor loss_of(const Tensor& vertices, const Tensor& cloud, const Tensor& visible = {}, double threshold = 0.04) {
+  const Tensor up = torch::tensor({{0.0, 0.0, 1.0}}, torch::kFloat64);
+  ChamferOptions options;
+  options.threshold = threshold;
+  return chamfer_loss(vertices, up.expand_as(vertices), {cloud, up.expand_as(cloud)}, visible, options);
 }
 
 /// Every pair looked at.
@@ -36,13 +45,12 @@ TEST(ChamferLoss, EqualsAllPairs) {
   const Tensor vertices = random_points(80, 1), cloud = random_points(150, 2);
   Tensor visible = torch::ones({80}, torch::kBool);
   for (double threshold : {0.04, 0.12, 10.0}) {
-    const ChamferOptions options{threshold};
-    EXPECT_NEAR(chamfer_loss(vertices, cloud, {}, options).item<double>(),
+    EXPECT_NEAR(loss_of(vertices, cloud, {}, threshold).item<double>(),
                 chamfer_by_hand(vertices, cloud, visible, threshold), 1e-12);
   }
   visible.slice(0, 0, 50).fill_(false);
-  EXPECT_NEAR(chamfer_loss(vertices, cloud, visible, {0.12}).item<double>(),
-              chamfer_by_hand(vertices, cloud, visible, 0.12), 1e-12);
+  EXPECT_NEAR(loss_of(vertices, cloud, visible, 0.12).item<double>(), chamfer_by_hand(vertices, cloud, visible, 0.12),
+              1e-12);
 }
 
 // A cloud 1 cm before a plane: both directions 1e-4. Points farther than the threshold count 0, but count.
@@ -50,30 +58,45 @@ TEST(ChamferLoss, OfParallelPlanes) {
   const Tensor plane = random_points(60, 3) * torch::tensor({1.0, 1.0, 0.0}, torch::kFloat64);
   Tensor cloud = plane.clone();
   cloud.select(1, 2) += 0.01;
-  EXPECT_NEAR(chamfer_loss(plane, cloud).item<double>(), 2e-4, 1e-12);
+  EXPECT_NEAR(loss_of(plane, cloud).item<double>(), 2e-4, 1e-12);
   cloud.slice(0, 0, 30).select(1, 2) += 1.0;
-  const double both = chamfer_loss(plane, cloud).item<double>();
+  const double both = loss_of(plane, cloud).item<double>();
   // Nothing of the surface is seen: nothing to compare with.
-  EXPECT_EQ(chamfer_loss(plane, cloud.slice(0, 30), torch::zeros({60}, torch::kBool)).item<double>(), 0.0);
+  EXPECT_EQ(loss_of(plane, cloud.slice(0, 30), torch::zeros({60}, torch::kBool)).item<double>(), 0.0);
   EXPECT_LT(both, 2e-4);
+}
+
+// A sheet of which the cloud shows the side that looks away: what is near, but of the other side, does not pull.
+TEST(ChamferLoss, SidesThatLookAwayDoNotPull) {
+  const Tensor sheet = random_points(60, 3) * torch::tensor({1.0, 1.0, 0.0}, torch::kFloat64);
+  const Tensor cloud = sheet + torch::tensor({0.0, 0.0, 0.01}, torch::kFloat64);
+  const auto normals = [](double angle) {
+    return torch::tensor({{std::sin(angle), 0.0, std::cos(angle)}}, torch::kFloat64).expand({60, 3});
+  };
+  const auto loss = [&](double angle) {
+    return chamfer_loss(sheet, normals(0.0), {cloud, normals(angle)}).item<double>();
+  };
+  EXPECT_NEAR(loss(0.9), 2e-4, 1e-12);
+  EXPECT_EQ(loss(1.2), 0.0);
+  EXPECT_EQ(loss(M_PI), 0.0);
 }
 
 TEST(ChamferLoss, Gradients) {
   const Tensor vertices = random_points(30, 4), cloud = random_points(40, 5);
   const Tensor visible = random_points(30, 6).select(1, 0) > 0.3;
-  EXPECT_TRUE(gradients_match([&](const std::vector<Tensor>& in) { return chamfer_loss(in[0], cloud, visible, {0.3}); },
+  EXPECT_TRUE(gradients_match([&](const std::vector<Tensor>& in) { return loss_of(in[0], cloud, visible, 0.3); },
                               {{"vertices", vertices}}));
 }
 
 TEST(ChamferLoss, WithoutPointsAndRejections) {
   Tensor vertices = random_points(5, 7).requires_grad_();
-  const Tensor loss = chamfer_loss(vertices, torch::zeros({0, 3}, torch::kFloat64));
+  const Tensor loss = loss_of(vertices, torch::zeros({0, 3}, torch::kFloat64));
   loss.backward();
   EXPECT_EQ(loss.item<double>(), 0.0);
   EXPECT_EQ(vertices.grad().abs().max().item<double>(), 0.0);
   const Tensor broken = torch::full({2, 3}, NAN, torch::kFloat64);
-  EXPECT_THAT(message_of<UsageError>([&] { chamfer_loss(vertices, broken); }), testing::HasSubstr("not finite"));
-  EXPECT_THAT(message_of<UsageError>([&] { chamfer_loss(vertices, random_points(3, 1), torch::ones({5})); }),
+  EXPECT_THAT(message_of<UsageError>([&] { loss_of(vertices, broken); }), testing::HasSubstr("not finite"));
+  EXPECT_THAT(message_of<UsageError>([&] { loss_of(vertices, random_points(3, 1), torch::ones({5})); }),
               testing::HasSubstr("visible must be bool [N] = [5]"));
 }
 
@@ -96,15 +119,20 @@ TEST(SeenVertices, AreCornersOfDrawnFacesThatFaceTheCamera) {
       torch::kFloat64);
   const Tensor faces = torch::tensor({{0, 1, 2}, {1, 3, 2}, {3, 2, 4}}, torch::kInt64);
   const Tensor face_id = torch::tensor({{-1, 0}, {0, 2}}, torch::kInt32);
-  const auto seen = [&](double z) {
-    return seen_vertices(face_id, faces, vertices, torch::tensor({0.5, 0.5, z}, torch::kFloat64));
+  const Tensor normals = silhouette_normals(vertices.unsqueeze(0), faces)[0];
+  const auto seen = [&](double z, double least_facing = 0.0) {
+    const Tensor eye = torch::tensor({0.5, 0.5, z}, torch::kFloat64);
+    return seen_vertices(face_id, faces, vertices, normals, eye, least_facing);
   };
   EXPECT_TRUE(seen(3.0)[0].item<bool>() && seen(3.0)[1].item<bool>());
   EXPECT_FALSE(seen(3.0)[4].item<bool>());  // its only face looks away
   EXPECT_FALSE(seen(3.0)[5].item<bool>());
   EXPECT_TRUE(seen(-3.0)[4].item<bool>());
   EXPECT_FALSE(seen(-3.0)[0].item<bool>());
-  EXPECT_FALSE(seen_vertices(torch::full({2, 2}, -1, torch::kInt32), faces, vertices, vertices[0]).any().item<bool>());
+  EXPECT_TRUE(seen(0.1)[0].item<bool>());
+  EXPECT_FALSE(seen(0.1, 0.2)[0].item<bool>());  // at a slant
+  const Tensor nothing = torch::full({2, 2}, -1, torch::kInt32);
+  EXPECT_FALSE(seen_vertices(nothing, faces, vertices, normals, vertices[0]).any().item<bool>());
 }
 
 const MeshTopology& path_of_three() {

@@ -27,11 +27,11 @@ Tensor nearest_rows(const Tensor& points, const Tensor& places) {
   return nearest.to(points.device());
 }
 
-/// Mean of eta over the squared distances of rows.
-Tensor robust_mean(const Tensor& offset, double threshold) {
+/// Mean over pairs of eta, with those left out that `agree` [P] less than the options allow.
+Tensor robust_mean(const Tensor& offset, const Tensor& agree, const ChamferOptions& options) {
   const Tensor squared = offset.square().sum(1);
-  const Tensor near = squared <= threshold * threshold;
-  return torch::where(near, squared, torch::zeros_like(squared)).mean();
+  const Tensor counts = (squared <= options.threshold * options.threshold) & (agree >= options.least_agreement);
+  return torch::where(counts, squared, torch::zeros_like(squared)).mean();
 }
 
 }  // namespace
@@ -43,35 +43,43 @@ Tensor point_cloud(const RenderedRays& rays, const Tensor& origin, const Tensor&
   return (origin + rays.depth.unsqueeze(1) * direction).index_select(0, seen);
 }
 
-Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, const Tensor& vertices, const Tensor& eye) {
+Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, const Tensor& vertices, const Tensor& normals,
+                     const Tensor& eye, double least_facing) {
   const torch::NoGradGuard no_grad;
   const Tensor seen_faces = face_id.masked_select(face_id >= 0).to(torch::kInt64);
   Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
   seen.index_fill_(0, faces.index_select(0, seen_faces).flatten(), true);
-  const auto corner = [&](int k) { return vertices.index_select(0, faces.select(1, k)); };
-  const Tensor normal = torch::cross(corner(1) - corner(0), corner(2) - corner(0), 1);
-  Tensor sum = torch::zeros_like(vertices);
-  for (int k = 0; k < 3; ++k) sum.index_add_(0, faces.select(1, k), normal);
-  return seen & ((sum * (eye - vertices)).sum(1) > 0);
+  const Tensor look = eye - vertices;
+  return seen & ((normals * look).sum(1) > least_facing * look.norm(2, {1}));
 }
 
-Tensor chamfer_loss(const Tensor& vertices, const Tensor& cloud_in, const Tensor& visible,
+Tensor chamfer_loss(const Tensor& vertices, const Tensor& normals, const PointCloud& cloud_in, const Tensor& visible,
                     const ChamferOptions& options) {
   constexpr const char* kName = "chamfer_loss";
   check_shape(kName, "vertices", vertices, {-1, 3}, "[N,3]");
-  check_shape(kName, "cloud", cloud_in, {-1, 3}, "[R,3]");
-  check_same_kind(kName, "cloud", cloud_in, vertices);
+  check_shape(kName, "normals", normals, {vertices.size(0), 3}, "[N,3]");
+  check_shape(kName, "cloud's points", cloud_in.points, {-1, 3}, "[R,3]");
+  check_shape(kName, "cloud's normals", cloud_in.normals, {cloud_in.points.size(0), 3}, "[R,3]");
+  check_same_kind(kName, "cloud", cloud_in.points, vertices);
   if (visible.defined() && (visible.scalar_type() != torch::kBool || visible.sizes() != vertices.sizes().slice(0, 1)))
     fail<UsageError>("{}: visible must be bool [N] = [{}], found {}", kName, vertices.size(0), describe(visible));
-  for (const Tensor& points : {vertices, cloud_in})
+  for (const Tensor& points : {vertices, cloud_in.points})
     if (!points.isfinite().all().item<bool>())
       fail<UsageError>("{}: vertices or cloud have numbers that are not finite; what made them has gone wrong", kName);
-  const Tensor cloud = cloud_in.detach();
+  const Tensor cloud = cloud_in.points.detach();
   // The gradient of an embedding adds up rows far faster than that of an index.
-  const Tensor shown = visible.defined() ? torch::embedding(vertices, visible.nonzero().squeeze(1)) : vertices;
+  Tensor shown = vertices, towards = normals;
+  if (visible.defined()) {
+    const Tensor rows = visible.nonzero().squeeze(1);
+    shown = torch::embedding(vertices, rows);
+    towards = normals.index_select(0, rows);
+  }
   if (shown.size(0) == 0 || cloud.size(0) == 0) return vertices.sum() * 0.0;
-  return robust_mean(torch::embedding(shown, nearest_rows(cloud, shown)) - cloud, options.threshold) +
-         robust_mean(shown - cloud.index_select(0, nearest_rows(shown, cloud)), options.threshold);
+  const Tensor of_points = nearest_rows(cloud, shown), of_vertices = nearest_rows(shown, cloud);
+  const Tensor to_vertices = torch::embedding(shown, of_points) - cloud,
+               to_points = shown - cloud.index_select(0, of_vertices);
+  return robust_mean(to_vertices, (cloud_in.normals * towards.index_select(0, of_points)).sum(1), options) +
+         robust_mean(to_points, (towards * cloud_in.normals.index_select(0, of_vertices)).sum(1), options);
 }
 
 }  // namespace doppel

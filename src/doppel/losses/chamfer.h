@@ -7,8 +7,9 @@
 ///
 /// eta(d^2) is d^2 up to the threshold and 0 beyond, where a point has nothing to do with the surface; such points
 /// still count in the mean. Vertices that the view does not show take no part: the cloud lies on their wrong side, and
-/// where a body part is thin, or a surface goes on inside another, no threshold would keep it off. Letters: N vertices,
-/// R points. Metres.
+/// where a body part is thin, or a surface goes on inside another, no threshold would keep it off. For the same reason
+/// a pair whose normals disagree counts 0, as one beyond the threshold does: at the hem of a skirt the outside, the rim
+/// and the underside are all near. Letters: N vertices, R points. Metres.
 
 #include <torch/torch.h>
 
@@ -25,21 +26,30 @@ torch::Tensor point_cloud(const RenderedRays& rays, const torch::Tensor& origin,
 
 /// Vertices that face a camera and have a face that is drawn. At a rim, where a surface turns away, drawn faces have
 /// corners that belong to the other side: a hem's to the inside of the skirt.
-/// @param face_id int32 [H,W] of a rasterizer, -1 background @param faces int64 [F,3] @param vertices [N,3] that were
-/// drawn @param eye [3] the camera's centre @return bool [N]
+/// @param face_id int32 [H,W] of a rasterizer, -1 background @param faces int64 [F,3]
+/// @param vertices, normals [N,3] as drawn @param eye [3] the camera's centre
+/// @param least_facing cosine between normal and look from which a vertex faces the camera
+/// @return bool [N]
 torch::Tensor seen_vertices(const torch::Tensor& face_id, const torch::Tensor& faces, const torch::Tensor& vertices,
-                            const torch::Tensor& eye);
+                            const torch::Tensor& normals, const torch::Tensor& eye, double least_facing = 0.0);
 
 struct ChamferOptions {
-  double threshold = 0.04;  ///< metres, of eta
+  double threshold = 0.04;       ///< metres, of eta
+  double least_agreement = 0.5;  ///< cosine between the normals of a pair that counts
 };
 
-/// @param vertices [N,3] @param cloud [R,3] @param visible bool [N]; undefined: all
+/// Points that one view saw.
+struct PointCloud {
+  torch::Tensor points;   ///< [R,3]
+  torch::Tensor normals;  ///< [R,3] unit, of the surface there
+};
+
+/// @param vertices [N,3] @param normals [N,3] unit @param visible bool [N]; undefined: all
 /// @return scalar >= 0; a direction without points adds 0
 /// Gradient: to the vertices, with the nearest neighbours kept; the cloud counts as given.
 /// The neighbours are found exactly, by a tree, whatever the device and type.
 /// @throws UsageError naming the argument, with the shape found, or when a number is not finite
-torch::Tensor chamfer_loss(const torch::Tensor& vertices, const torch::Tensor& cloud, const torch::Tensor& visible = {},
-                           const ChamferOptions& options = {});
+torch::Tensor chamfer_loss(const torch::Tensor& vertices, const torch::Tensor& normals, const PointCloud& cloud,
+                           const torch::Tensor& visible = {}, const ChamferOptions& options = {});
 
 }  // namespace doppel

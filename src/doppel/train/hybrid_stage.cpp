@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kStatisticsFrames = 512;
 constexpr int kPicturesOfSplit = 3;
-/// Of at most `cloud_rays` points of 12 bytes each: below 300 MB with the default.
+/// Of at most `cloud_rays` points of 24 bytes each: below 600 MB with the default.
 constexpr std::size_t kMostClouds = 500;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
@@ -55,6 +55,8 @@ HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
   const ConfigReader loss = root.section("loss");
   c.chamfer_weight = loss.get("chamfer", c.chamfer_weight, at_least(0.0));
   c.chamfer.threshold = loss.get("chamfer_threshold", c.chamfer.threshold, at_least(0.0));
+  c.chamfer.least_agreement = loss.get("chamfer_agreement", c.chamfer.least_agreement, between(-1.0, 1.0));
+  c.least_facing = loss.get("least_facing", c.least_facing, between(0.0, 1.0));
   c.least_opacity = loss.get("least_opacity", c.least_opacity, between(0.0, 1.0));
   c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
   c.silhouette = read_silhouette_options(loss);
@@ -161,7 +163,7 @@ RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, co
   return radiance_loss(seen, samples, rays.colour, rays.mask, options);
 }
 
-const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {
+const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   const std::array<std::int64_t, 3> key{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>(),
                                         batch.cameras[0][view].item<std::int64_t>()};
   const auto found = clouds_.find(key);
@@ -188,24 +190,37 @@ const Tensor& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   RenderedRays points;
   points.opacity = seen.opacity;
   points.depth = seen.depth;
-  return clouds_[key] = point_cloud(points, rays.origin, rays.direction, config_.least_opacity);
+  return clouds_[key] = oriented(point_cloud(points, rays.origin, rays.direction, config_.least_opacity),
+                                 around.vertices, rays.origin);
+}
+
+PointCloud HybridStage::oriented(const Tensor& points, const Tensor& vertices, const Tensor& eye) {
+  const Tensor surface = vertices.unsqueeze(0);
+  const ClosestPoints at = viewer_.closest()->forward(surface, points.unsqueeze(0));
+  Tensor normals = viewer_.closest()->interpolate(at, silhouette_normals(surface, viewer_.faces())).squeeze(0);
+  normals = torch::nn::functional::normalize(normals);
+  const Tensor look = torch::nn::functional::normalize(eye - points);
+  const Tensor kept = ((normals * look).sum(1) > config_.least_facing).nonzero().squeeze(1);
+  return {points.index_select(0, kept), normals.index_select(0, kept)};
 }
 
 Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Tensor& vertices, StepContext& context) {
   const std::int64_t turn =
       torch::randint(0, views.size(0), {1}, context.generator, torch::kInt64).item<std::int64_t>();
   const std::int64_t view = views[turn].item<std::int64_t>();
-  Tensor points, visible;
+  const PointCloud* points = nullptr;
+  Tensor normals, visible;
   {
     ProfileScope scope(*context.profile, "cloud");
-    points = cloud(batch, view);
+    points = &cloud(batch, view);
+    normals = silhouette_normals(vertices, viewer_.faces())[0];
     const GuideImages seen = viewer_.guide(vertices[0], batch.image_projection[0][view].unsqueeze(0),
                                            batch.image.size(2), batch.image.size(3), guide_);
-    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0],
-                            camera_placement(batch.image_projection[0][view]).centre);
+    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0].detach(), normals,
+                            camera_placement(batch.image_projection[0][view]).centre, config_.least_facing);
   }
   ProfileScope scope(*context.profile, "chamfer");
-  return chamfer_loss(vertices[0], points, visible, config_.chamfer);
+  return chamfer_loss(vertices[0], normals, *points, visible, config_.chamfer);
 }
 
 void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, StepContext& context, Terms& terms) {

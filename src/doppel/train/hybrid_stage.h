@@ -39,6 +39,7 @@ struct HybridRunConfig {
   double isometry_weight = 7.5e4;  ///< 0.075 for millimetres
   bool variance_in_metres = false;
   double least_opacity = 0.98;  ///< T: rays that saw less give no point
+  double least_facing = 0.2;    ///< cosine between look and normal: where rays graze the surface, depth is vague
   ChamferOptions chamfer;
   SilhouetteOptions silhouette;
 
@@ -83,8 +84,10 @@ class HybridStage : public CaptureStage {
                         StepContext& context);
   RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                           StepContext& context);
-  /// What the field shows of the batch's frame in one view. @return [P,3], kept until the field is trained again
-  const torch::Tensor& cloud(const Batch& batch, std::int64_t view);
+  /// What the field shows of the batch's frame in one view, kept until the field is trained again.
+  const PointCloud& cloud(const Batch& batch, std::int64_t view);
+  /// Points with the normals of the surface nearest to them, without those that `eye` [3] saw at a slant.
+  PointCloud oriented(const torch::Tensor& points, const torch::Tensor& vertices, const torch::Tensor& eye);
   torch::Tensor cloud_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                            StepContext& context);
   void compare_surface(const Batch& batch, const torch::Tensor& vertices, StepContext& context, Terms& terms);
@@ -96,7 +99,7 @@ class HybridStage : public CaptureStage {
   GuideOptions guide_;
   LaplacianGraph laplacian_graph_;
   EdgeLengths edges_;
-  std::map<std::array<std::int64_t, 3>, torch::Tensor> clouds_;  ///< by sequence, frame and camera
+  std::map<std::array<std::int64_t, 3>, PointCloud> clouds_;  ///< by sequence, frame and camera
 };
 
 }  // namespace doppel
