@@ -6,6 +6,8 @@
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/seen_vertices.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
@@ -106,6 +108,28 @@ TEST_F(SurfaceOverlapReference, AShiftOfTheTruthIsTheVertexError) {
   EXPECT_GT(result.Hausdorff_mm.value(), 3.0);
   EXPECT_LT(result.surface_distance_mm.value(), result.Hausdorff_mm.value());
   EXPECT_GT(result.surface_distance_mm.value(), 1.0);
+  EXPECT_LT(result.seen_distance_mm.value(), result.Hausdorff_mm.value());
+  EXPECT_GT(result.seen_distance_mm.value(), 1.0);
+}
+
+// Vertices that look away from all three cameras are put somewhere else: no scan could tell.
+TEST_F(SurfaceOverlapReference, WhatNoCameraSeesCountsOnlyInTheWholeSurface) {
+  const torch::Tensor faces = faces_.to(torch::kInt64);
+  const auto result = evaluate([&](const std::vector<SampleId>& samples) {
+    torch::Tensor surface = truth(samples);
+    for (std::int64_t b = 0; b < surface.size(0); ++b) {
+      torch::Tensor hidden = torch::ones({surface.size(1)}, torch::kBool);
+      for (int c : dataset_->camera_indices({})) {
+        const torch::Tensor eye = camera_placement(projection_tensor({dataset_->camera(c)})[0]).centre;
+        hidden &= ~seen_vertices(torch::arange(faces.size(0), torch::kInt32), faces, surface[b], eye);
+      }
+      EXPECT_TRUE(hidden.any().item<bool>());
+      surface[b] += 0.05 * hidden.unsqueeze(1);
+    }
+    return surface;
+  });
+  EXPECT_LT(result.seen_distance_mm.value(), 0.01);
+  EXPECT_GT(result.surface_distance_mm.value(), 0.1);
 }
 
 TEST_F(SurfaceOverlapReference, SkinningIsThinnerByTheKnownAmount) {
@@ -149,10 +173,9 @@ TEST_F(SurfaceOverlapReference, TheInputCameraIsCountedApart) {
   options.cameras = {"c1"};
   EXPECT_FALSE(evaluate([&](const auto& samples) { return truth(samples); }, options).RVIoU);
   options.cameras = {"c0", "c2"};
-  EXPECT_THAT(support::message_of<UsageError>([&] {
-                evaluate([&](const auto& samples) { return truth(samples); }, options);
-              }),
-              HasSubstr("input camera c1"));
+  EXPECT_THAT(
+      support::message_of<UsageError>([&] { evaluate([&](const auto& samples) { return truth(samples); }, options); }),
+      HasSubstr("input camera c1"));
 }
 
 TEST_F(SurfaceOverlapReference, JsonAndTableSayTheSame) {

@@ -12,6 +12,7 @@
 #include "doppel/eval/surface_metrics.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
+#include "doppel/render/seen_vertices.h"
 
 namespace doppel {
 
@@ -84,22 +85,40 @@ struct Mean {
   double value() const { return sum / static_cast<double>(count); }
 };
 
+/// Which vertices of a surface the cameras of a capture see. @param vertices [N,3] @return bool [N]
+torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, const torch::Tensor& vertices,
+                              const torch::Tensor& faces) {
+  const torch::Tensor corners = faces.to(torch::kInt64);
+  torch::Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
+  for (int index : dataset.camera_indices({})) {
+    const Camera& camera = dataset.camera(index);
+    const torch::Tensor projection = projection_tensor({camera}).contiguous();
+    const RasterImage& image =
+        rasterizer.rasterize_projected(vertices.unsqueeze(0), projection.unsqueeze(0), camera.height, camera.width);
+    seen |= seen_vertices(image.face_id[0], corners, vertices, camera_placement(projection[0]).centre);
+  }
+  return seen;
+}
+
 /// Means over frames of what separates a surface from the true one, metres.
 struct TruthErrors {
-  Mean vertex, hausdorff, surface;
+  Mean vertex, hausdorff, surface, seen_surface;
 
-  /// @param vertices, expected [N,3]
-  void add(const torch::Tensor& vertices, const torch::Tensor& expected, const torch::Tensor& faces) {
+  /// @param vertices, expected [N,3] @param seen bool [N]
+  void add(const torch::Tensor& vertices, const torch::Tensor& expected, const torch::Tensor& faces,
+           const torch::Tensor& seen) {
     vertex.add((vertices - expected).norm(2, 1).mean().item<double>());
     const SurfaceGap gap = surface_gap(vertices, faces, expected, faces);
     hausdorff.add(gap.hausdorff);
     surface.add(gap.mean);
+    if (seen.any().item<bool>()) seen_surface.add(gap.from_a.masked_select(seen).mean().item<double>());
   }
   void write(SurfaceResult& result) const {
     if (vertex.count == 0) return;
     result.vertex_error_mm = 1000.0 * vertex.value();
     result.Hausdorff_mm = 1000.0 * hausdorff.value();
     result.surface_distance_mm = 1000.0 * surface.value();
+    if (seen_surface.count > 0) result.seen_distance_mm = 1000.0 * seen_surface.value();
   }
 };
 
@@ -119,6 +138,7 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"vertex_error_mm", "vertex error", 1, 2, " mm"},
                                {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
                                {"surface_distance_mm", "off the surface", 1, 2, " mm"},
+                               {"seen_distance_mm", "where seen", 1, 2, " mm"},
                                {"noise_mm", "noise", 1, 2, " mm"},
                                {"3DPCK", "3DPCK", 1, 1, " %"},
                                {"AUC", "AUC", 1, 1, " %"},
@@ -164,6 +184,7 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
   if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
   if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
+  if (seen_distance_mm) json["seen_distance_mm"] = *seen_distance_mm;
   json["outside"] = outside;
   json["missing"] = missing;
   for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
@@ -208,7 +229,9 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
     }
     for (std::size_t b = 0; b < part.size(); ++b) {
       const torch::Tensor expected = truth.at(part[b], vertices.size(1));
-      if (expected.defined()) errors.add(vertices[static_cast<std::int64_t>(b)], expected, faces);
+      if (expected.defined())
+        errors.add(vertices[static_cast<std::int64_t>(b)], expected, faces,
+                   seen_by_cameras(dataset, rasterizer, expected, faces));
     }
     progress.advance(static_cast<std::int64_t>(part.size()));
   }

@@ -57,6 +57,9 @@ struct SurfaceResult {
   std::optional<double> vertex_error_mm;      ///< mean distance to the true vertices
   std::optional<double> Hausdorff_mm;         ///< of surface and true surface (surface_metrics.h), mean over frames
   std::optional<double> surface_distance_mm;  ///< mean distance of both surfaces, mean over frames
+  /// Mean distance to the true surface of the vertices that some camera of the capture sees in the truth: all that a
+  /// reconstruction from the pictures could be compared with (Table 6.6).
+  std::optional<double> seen_distance_mm;
 
   nlohmann::ordered_json to_json() const;
 };

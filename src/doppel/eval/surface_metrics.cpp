@@ -59,6 +59,7 @@ SurfaceGap surface_gap(const torch::Tensor& a, const torch::Tensor& a_faces, con
   const torch::Tensor to_b = SurfaceDistance(b, b_faces).distances(a);
   const torch::Tensor to_a = SurfaceDistance(a, a_faces).distances(b);
   SurfaceGap gap;
+  gap.from_a = to_b;
   gap.hausdorff = std::max(to_a.max().item<double>(), to_b.max().item<double>());
   gap.mean = 0.5 * (to_a.mean().item<double>() + to_b.mean().item<double>());
   return gap;

@@ -24,6 +24,7 @@ class SurfaceDistance {
 struct SurfaceGap {
   double hausdorff = 0.0;  ///< the largest distance of a vertex of either mesh to the other surface
   double mean = 0.0;       ///< mean distance of a vertex to the other surface, mean of both directions
+  torch::Tensor from_a;    ///< float64 [N], distance of each vertex of the first mesh to the second surface
 };
 
 /// Distances are exact, but taken at the vertices; between them a surface may be farther by what a face bulges out.

@@ -43,16 +43,6 @@ Tensor point_cloud(const RenderedRays& rays, const Tensor& origin, const Tensor&
   return (origin + rays.depth.unsqueeze(1) * direction).index_select(0, seen);
 }
 
-Tensor seen_vertices(const Tensor& face_id, const Tensor& faces, const Tensor& vertices, const Tensor& normals,
-                     const Tensor& eye, double least_facing) {
-  const torch::NoGradGuard no_grad;
-  const Tensor seen_faces = face_id.masked_select(face_id >= 0).to(torch::kInt64);
-  Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
-  seen.index_fill_(0, faces.index_select(0, seen_faces).flatten(), true);
-  const Tensor look = eye - vertices;
-  return seen & ((normals * look).sum(1) > least_facing * look.norm(2, {1}));
-}
-
 Tensor chamfer_loss(const Tensor& vertices, const Tensor& normals, const PointCloud& cloud_in, const Tensor& visible,
                     const ChamferOptions& options) {
   constexpr const char* kName = "chamfer_loss";

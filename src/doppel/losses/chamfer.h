@@ -24,15 +24,6 @@ namespace doppel {
 torch::Tensor point_cloud(const RenderedRays& rays, const torch::Tensor& origin, const torch::Tensor& direction,
                           double least_opacity = 0.98);
 
-/// Vertices that face a camera and have a face that is drawn. At a rim, where a surface turns away, drawn faces have
-/// corners that belong to the other side: a hem's to the inside of the skirt.
-/// @param face_id int32 [H,W] of a rasterizer, -1 background @param faces int64 [F,3]
-/// @param vertices, normals [N,3] as drawn @param eye [3] the camera's centre
-/// @param least_facing cosine between normal and look from which a vertex faces the camera
-/// @return bool [N]
-torch::Tensor seen_vertices(const torch::Tensor& face_id, const torch::Tensor& faces, const torch::Tensor& vertices,
-                            const torch::Tensor& normals, const torch::Tensor& eye, double least_facing = 0.0);
-
 struct ChamferOptions {
   double threshold = 0.04;       ///< metres, of eta
   double least_agreement = 0.5;  ///< cosine between the normals of a pair that counts

@@ -5,6 +5,7 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/render/projection.h"
+#include "doppel/render/seen_vertices.h"
 #include "doppel/train/picture_sheet.h"
 
 namespace doppel {
@@ -62,6 +63,7 @@ HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
   c.silhouette = read_silhouette_options(loss);
   c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
   c.isometry_weight = loss.get("isometry", c.isometry_weight, at_least(0.0));
+  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
   c.variance_in_metres = loss.get("variance_in_metres", c.variance_in_metres);
   c.plan = HybridPlan::read(root);
   c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.plan.schedule(),
@@ -94,7 +96,7 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
   if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
   if (place.first) clouds_.clear();
   const Tensor zero = torch::zeros({});
-  Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero};
+  Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero, zero};
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
   if (views.size(0) > 0 && place.phase == HybridPhase::field)
     terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0].detach(), context);
@@ -112,7 +114,8 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
           {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight},
           {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight},
           {"laplacian", terms.laplacian, config_.laplacian_weight},
-          {"isometry", terms.isometry, config_.isometry_weight}};
+          {"isometry", terms.isometry, config_.isometry_weight},
+          {"anchor", terms.anchor, config_.anchor_weight}};
 }
 
 HybridStage::PictureRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
@@ -216,7 +219,7 @@ Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Te
     normals = silhouette_normals(vertices, viewer_.faces())[0];
     const GuideImages seen = viewer_.guide(vertices[0], batch.image_projection[0][view].unsqueeze(0),
                                            batch.image.size(2), batch.image.size(3), guide_);
-    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0].detach(), normals,
+    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0],
                             camera_placement(batch.image_projection[0][view]).centre, config_.least_facing);
   }
   ProfileScope scope(*context.profile, "chamfer");
@@ -228,6 +231,8 @@ void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, St
   ProfileScope scope(*context.profile, "smoothness");
   terms.laplacian = laplacian_loss(vertices, actor_.coarse(batch.dofs), laplacian_graph_);
   terms.isometry = isometry_loss(vertices, edges_);
+  if (config_.anchor_weight > 0.0)
+    terms.anchor = (vertices - actor_.displaced(model_->around, batch.dofs).detach()).square().sum(2).mean();
 }
 
 std::vector<Picture> HybridStage::pictures() {

@@ -37,6 +37,9 @@ struct HybridRunConfig {
   double silhouette_weight = 50.0;
   double laplacian_weight = 4000.0;
   double isometry_weight = 7.5e4;  ///< 0.075 for millimetres
+  /// Of the mean squared distance from the mesh that the round began with, square metres: what no camera sees, the
+  /// underside of a skirt say, is held by nothing else, and drifts with the rest.
+  double anchor_weight = 0.0;
   bool variance_in_metres = false;
   double least_opacity = 0.98;  ///< T: rays that saw less give no point
   double least_facing = 0.2;    ///< cosine between look and normal: where rays graze the surface, depth is vague
@@ -71,7 +74,7 @@ class HybridStage : public CaptureStage {
   struct Terms {
     RadianceLoss field;
     SilhouetteLoss silhouette;
-    torch::Tensor chamfer, laplacian, isometry;
+    torch::Tensor chamfer, laplacian, isometry, anchor;
   };
 
   /// Rays of several views with what their pixels show; undefined where no view sees the mesh.
