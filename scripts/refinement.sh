@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # One frame of the synthetic actor: the mesh refined with and without the radiance field's point clouds (Table 6.6), and
 # novel views of the field against a field without a mesh (6.12.5.2).
-#   scripts/refinement.sh [FOLDER]     default: ablations, as scripts/ablations.sh left it; an hour, resumed where it stopped
+#   scripts/refinement.sh [FOLDER]     default: ablations, as scripts/ablations.sh left it; two hours, resumed where it stopped
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
@@ -29,24 +29,27 @@ variant() {
 figure() { grep -o "\"$2\":{[^{]*" "$folder/$1.json" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
 geometry() { echo "$(figure "$1" "$2" seen_distance_mm 2) | $(figure "$1" "$2" surface_distance_mm 2) | $(figure "$1" "$2" Hausdorff_mm 1) | $(figure "$1" "$2" AMVIoU 4)"; }
 cloud() { echo "$(figure "$1" cloud surface_distance_mm 2) | $(figure "$1" cloud noise_mm 2)"; }
-pictures() { echo "$(figure two "$1" PSNR 2) | $(figure two "$1" SSIM 4) | $(figure two "$1" seconds 2)"; }
+pictures() { echo "$(figure three "$1" PSNR 2) | $(figure three "$1" SSIM 4) | $(figure three "$1" seconds 2)"; }
 
-variant without radiance 'radiance.rounds=[{field: 0, refine: 500}]' radiance.loss.chamfer=0
+variant without radiance 'radiance.rounds=[{field: 0, refine: 700}]' radiance.loss.chamfer=0
 variant one radiance 'radiance.rounds=[{field: 1500, refine: 300, variance: 0.01}]'
-variant two radiance,nerf
+variant two radiance 'radiance.rounds=[{field: 1500, refine: 300, variance: 0.01}, {field: 700, refine: 200, variance: 0.1}]'
+variant three radiance,nerf
 
 {
   echo "| Table 6.6 | off the true surface where cameras see it, mm | everywhere, mm | Hausdorff, mm | AMVIoU |"
   echo "|---|---:|---:|---:|---:|"
-  echo "| DDC | $(geometry two deltanet) |"
+  echo "| DDC | $(geometry three deltanet) |"
   echo "| refined without the clouds | $(geometry without refined) |"
   echo "| refined with them, one round | $(geometry one refined) |"
   echo "| two rounds | $(geometry two refined) |"
+  echo "| three rounds | $(geometry three refined) |"
   echo
   echo "| point clouds (Fig. 6.16) | off the true surface, mm | noise, mm |"
   echo "|---|---:|---:|"
   echo "| one round | $(cloud one) |"
   echo "| two rounds | $(cloud two) |"
+  echo "| three rounds | $(cloud three) |"
   echo
   echo "| novel views | PSNR | SSIM | seconds a picture |"
   echo "|---|---:|---:|---:|"
