@@ -12,6 +12,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "doppel/core/vector_width.h"
+
 #if !defined(DOPPEL_ISA)
 #error "lanes.h is for kernel files"
 #endif
@@ -27,13 +29,7 @@ template <int L>
 using Vector = typename LaneTypes<L>::Vector;
 
 /// The widest useful number of lanes for this instruction set.
-#if defined(__AVX512F__)
-constexpr int kWidestLanes = 16;
-#elif defined(__AVX__)
-constexpr int kWidestLanes = 8;
-#else
-constexpr int kWidestLanes = 4;
-#endif
+constexpr int kWidestLanes = kVectorBytes / sizeof(float);
 
 /// Lanes for `count` items that remain: 4, 8 or 16, as few as hold them, at most kWidestLanes.
 inline int lanes_for(int64_t count) {

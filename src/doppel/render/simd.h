@@ -10,19 +10,15 @@
 #include <cstdint>
 #include <cstring>
 
+#include "doppel/core/vector_width.h"
+
 #if defined(__x86_64__) || defined(_M_X64)
 #include <immintrin.h>
 #endif
 
 namespace doppel::kernels::DOPPEL_ISA {
 
-#if defined(__AVX512F__)
-constexpr int kLanes = 16;
-#elif defined(__AVX2__)
-constexpr int kLanes = 8;
-#else
-constexpr int kLanes = 4;
-#endif
+constexpr int kLanes = kVectorBytes / sizeof(float);
 
 typedef float Float4 __attribute__((vector_size(16)));
 typedef float Float __attribute__((vector_size(4 * kLanes)));

@@ -95,18 +95,22 @@ class FirstPass {
  private:
   void find_usual() {
     if (usual_.dofs.empty()) return;
-    std::vector<PosedEvidence> frames;
+    if (frames_.empty()) read_frames();
+    usual_.values = find_usual_values(character_, footage_.landmarks(), footage_.cameras(), usual_.dofs, frames_,
+                                      options_.config.fit);
+    for (TrackedSequence& tracked : tracked_)
+      for (std::vector<double>& dofs : tracked.motion.frames) usual_.put_into(dofs);
+  }
+  /// Once for both fits: they put the usual DoFs' values of their own in the place of those of the poses.
+  void read_frames() {
     for (const TrackedSequence& tracked : tracked_) {
       const auto reader = footage_.read(tracked.sequence.index);
       for (const long frame : spread_frames(tracked.sequence, options_.config.usual_frames)) {
         check_not_stopped(tracked.sequence, frame);
-        frames.push_back({reader->read(frame, false).evidence, tracked.motion.frames[static_cast<std::size_t>(frame)]});
+        frames_.push_back(
+            {reader->read(frame, false).evidence, tracked.motion.frames[static_cast<std::size_t>(frame)]});
       }
     }
-    usual_.values = find_usual_values(character_, footage_.landmarks(), footage_.cameras(), usual_.dofs, frames,
-                                      options_.config.fit);
-    for (TrackedSequence& tracked : tracked_)
-      for (std::vector<double>& dofs : tracked.motion.frames) usual_.put_into(dofs);
   }
   void find_worn() {
     WornTemplate worn(footage_, options_.config.surface);
@@ -121,6 +125,7 @@ class FirstPass {
   Progress& progress_;
   Character character_;
   std::vector<TrackedSequence> tracked_;
+  std::vector<PosedEvidence> frames_;  ///< that the usual values are found from
   UsualPose usual_;
 };
 

@@ -10,17 +10,13 @@
 #include <cstdint>
 #include <cstring>
 
+#include "doppel/core/vector_width.h"
+
 namespace doppel::kernels::DOPPEL_ISA {
 
 namespace {
 
-#if defined(__AVX512F__)
-constexpr int64_t kWidth = 16;
-#elif defined(__AVX2__)
-constexpr int64_t kWidth = 8;
-#else
-constexpr int64_t kWidth = 4;
-#endif
+constexpr int64_t kWidth = kVectorBytes / sizeof(float);
 
 typedef float Vec __attribute__((vector_size(kWidth * sizeof(float))));
 typedef float LooseVec __attribute__((vector_size(kWidth * sizeof(float)), aligned(4), may_alias));

@@ -4,17 +4,13 @@
 
 #include <cstdint>
 
+#include "doppel/core/vector_width.h"
+
 namespace doppel::kernels::DOPPEL_ISA {
 
 namespace {
 
-#if defined(__AVX512F__)
-constexpr int64_t kWidth = 8;
-#elif defined(__AVX2__)
-constexpr int64_t kWidth = 4;
-#else
-constexpr int64_t kWidth = 2;
-#endif
+constexpr int64_t kWidth = kVectorBytes / sizeof(double);
 // A tile of the sum: eight registers.
 constexpr int64_t kAcross = kPanelStep / kWidth < 2 ? 1 : 2, kWide = kAcross * kWidth, kTall = 8 / kAcross;
 static_assert(kPanelStep % kWide == 0 && kPanelStep % kTall == 0);

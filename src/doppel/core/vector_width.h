@@ -1,0 +1,19 @@
+#pragma once
+
+/// For kernel files only (see cpu_dispatch.h): how wide the vectors are of the instruction set a file is compiled for.
+
+#if !defined(DOPPEL_ISA)
+#error "vector_width.h is for kernel files"
+#endif
+
+namespace doppel::kernels::DOPPEL_ISA {
+
+#if defined(__AVX512F__)
+constexpr int kVectorBytes = 64;
+#elif defined(__AVX2__)
+constexpr int kVectorBytes = 32;
+#else
+constexpr int kVectorBytes = 16;
+#endif
+
+}  // namespace doppel::kernels::DOPPEL_ISA
