@@ -31,12 +31,12 @@ variant() {
       "${options[@]}" "${sets[@]}" --out "$folder/$name" >/dev/null
   lost=$(grep -c '"state": "lost"' "$folder/$name/track.json" || true)
   echo "| $description | $(figure "$name" IoU_pose 4) | $(figure "$name" IoU 4) | $(figure "$name" keypoint_error_px 2)" \
-    "| $(figure "$name" MPJPE_mm 1) | $lost |"
+    "| $(figure "$name" MPJPE_mm 1) | $(figure "$name" vertex_error_mm 1) | $lost |"
 }
 
 {
-  echo "| without | IoU, pose | IoU, surface | keypoints, pixels | joints, mm | lost |"
-  echo "|---|---:|---:|---:|---:|---:|"
+  echo "| without | IoU, pose | IoU, surface | keypoints, pixels | joints, mm | vertices, mm | lost |"
+  echo "|---|---:|---:|---:|---:|---:|---:|"
   variant full "nothing"
   variant no-2d "2D keypoints" keypoints.weight=0
   variant no-faces "points of the face" keypoints.faces=false

@@ -239,6 +239,20 @@ TEST(Livecap, WorksWithoutJointsInSpace) {
   for (const TermCost& term : found.pose.terms) EXPECT_NE(term.name, "joints");
 }
 
+TEST(Livecap, WorksWithoutTheTermOfKeypoints) {
+  const Scene scene;
+  LivecapOptions options;
+  options.keypoint_weight = 0.0;
+  LivecapTracker tracker = scene.tracker(options);
+  for (int frame = 0; frame < 6; ++frame) {
+    const std::vector<double> truth = scene.truth(frame);
+    const LivecapFrame found = tracker.track(scene.see(truth));
+    EXPECT_TRUE(found.pose.trusted()) << "frame " << frame;
+    EXPECT_LT(scene.joint_error(found.pose.dofs, truth), 0.04) << "frame " << frame;
+    for (const TermCost& term : found.pose.terms) EXPECT_NE(term.name, "keypoints");
+  }
+}
+
 TEST(Livecap, TermsOfWeightZeroAreOff) {
   const Scene scene;
   LivecapOptions options;

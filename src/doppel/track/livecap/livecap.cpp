@@ -166,12 +166,14 @@ void LivecapTracker::remember(const TrackedFrame& found) {
   segment_begins_ = false;
 }
 
-Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected) const {
+Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected,
+                            double keypoint_weight) const {
   Terms result;
   const LivecapOptions& o = options_;
-  result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
-                                                             per_square_reference_pixel(o.keypoint_weight),
-                                                             kernel(o.keypoint_scale), roles_.detection));
+  if (keypoint_weight > 0.0)
+    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
+                                                               per_square_reference_pixel(keypoint_weight),
+                                                               kernel(o.keypoint_scale), roles_.detection));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
@@ -231,7 +233,7 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
 /// @param expected where the last frames lead, or null
 LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<double> start,
                                         const std::vector<double>* expected) {
-  Terms all = terms(evidence, expected);
+  Terms all = terms(evidence, expected, options_.keypoint_weight);
   if (options_.silhouette_weight > 0.0 && !evidence.frame.front().outline.empty())
     all.push_back(silhouette_term(evidence, start));
   const SolverSummary summary = doppel::fit(model_, std::move(all), start, options_.solver);
@@ -254,17 +256,19 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
 
 /// Of all poses to start from, the last trusted one among them, the one whose fit explains most of what was seen. As
 /// many keypoints must agree with it as a frame needs: where only some of a few do, the others may have led anywhere.
+/// Nothing but keypoints says where the body stands before an outline is near: they lead even where their weight is 0.
 LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();
   int steps = 0;
   SolverOptions solver = options_.solver;
   solver.iterations = options_.start_iterations;
+  const double led = options_.keypoint_weight > 0.0 ? options_.keypoint_weight : LivecapOptions().keypoint_weight;
   auto starts = single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints, evidence.joints,
                                    rigidity_, model_.character().rest_dofs);
   if (!segment_begins_) starts.push_back(history_.last());
   for (std::vector<double>& start : starts) {
-    steps += doppel::fit(model_, terms(evidence, nullptr), start, solver).iterations;
+    steps += doppel::fit(model_, terms(evidence, nullptr, led), start, solver).iterations;
     Fit found = fit(evidence, std::move(start), nullptr);
     steps += found.frame.iterations;
     if (found.cost < best.cost) best = std::move(found);

@@ -68,7 +68,8 @@ class LivecapTracker {
  private:
   struct Evidence;
   struct Fit;
-  std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected) const;
+  std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected,
+                                               double keypoint_weight) const;
   void set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline);
   std::unique_ptr<PoseTerm> silhouette_term(const Evidence& evidence, const std::vector<double>& dofs);
   Fit fit(const Evidence& evidence, std::vector<double> start, const std::vector<double>* expected);
