@@ -2,10 +2,6 @@
 
 /// For kernel files only (see cpu_dispatch.h): how wide the vectors are of the instruction set a file is compiled for.
 
-#if !defined(DOPPEL_ISA)
-#error "vector_width.h is for kernel files"
-#endif
-
 namespace doppel::kernels::DOPPEL_ISA {
 
 #if defined(__AVX512F__)
