@@ -97,6 +97,19 @@ TEST(RadianceField, SeesThePlaceWithinAFace) {
   }
 }
 
+TEST(RadianceField, ColoursDependOnTheDirectionOnlyIfAsked) {
+  RadianceFieldConfig config = small_config();
+  for (const bool dependent : {false, true}) {
+    config.view_dependent = dependent;
+    RadianceField field(config);
+    const Tensor values = torch::ones({2, config.features}), distance = torch::zeros({2});
+    const FieldValues seen = field->forward(values, distance, torch::eye(3).narrow(0, 0, 2));
+    EXPECT_EQ(torch::equal(seen.colour[0], seen.colour[1]), !dependent);
+    EXPECT_TRUE(torch::equal(seen.density[0], seen.density[1]));
+    EXPECT_EQ(field->named_parameters().contains("view_of_direction.weight"), dependent);
+  }
+}
+
 TEST(RadianceField, Gradients) {
   auto generator = at::detail::createCPUGenerator(3);
   const auto random = [&](std::vector<int64_t> shape) { return torch::randn(shape, generator, torch::kFloat64); };

@@ -35,6 +35,7 @@ RadianceFieldConfig RadianceFieldConfig::read(const ConfigReader& reader, const 
   config.width = reader.get("width", config.width, between(1, 8192));
   config.view_width = reader.get("view_width", config.view_width, between(1, 8192));
   config.distance_octaves = reader.get("distance_octaves", config.distance_octaves, between(0, 20));
+  config.view_dependent = reader.get("view_dependent", config.view_dependent);
   config.direction_octaves = reader.get("direction_octaves", config.direction_octaves, between(0, 20));
   config.place_octaves = reader.get("place_octaves", config.place_octaves, between(0, 20));
   config.density_unit = reader.get("density_unit", config.density_unit, between(1e-6, 1e3));
@@ -81,8 +82,9 @@ RadianceFieldImpl::RadianceFieldImpl(const RadianceFieldConfig& config, std::opt
     trunk_->push_back(make_linear(i == 0 ? num_inputs() : config_.width, config_.width, true, draw));
   density_ = register_module("density", make_linear(config_.width, 1, true, draw));
   view_of_hidden_ = register_module("view_of_hidden", make_linear(config_.width, config_.view_width, true, draw));
-  view_of_direction_ = register_module(
-      "view_of_direction", make_linear(encoded(3, config_.direction_octaves), config_.view_width, false, draw));
+  if (config_.view_dependent)
+    view_of_direction_ = register_module(
+        "view_of_direction", make_linear(encoded(3, config_.direction_octaves), config_.view_width, false, draw));
   colour_ = register_module("colour", make_linear(config_.view_width, 3, true, draw));
 }
 
@@ -102,7 +104,10 @@ Tensor RadianceFieldImpl::density(const Tensor& hidden) {
 }
 
 Tensor RadianceFieldImpl::view_term(const Tensor& direction) {
-  return view_of_direction_->forward(positional_encoding(direction, config_.direction_octaves));
+  if (view_of_direction_) return view_of_direction_->forward(positional_encoding(direction, config_.direction_octaves));
+  std::vector<int64_t> shape = direction.sizes().vec();
+  shape.back() = config_.view_width;
+  return torch::zeros(shape, direction.options());
 }
 
 Tensor RadianceFieldImpl::colour(const Tensor& hidden, const Tensor& view_term) {

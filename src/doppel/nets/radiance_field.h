@@ -9,6 +9,9 @@
 /// `place_octaves` vertices also carry their place at rest, and gamma(place of the closest point) is an input: the
 /// field then paints on the rest surface with details of its own, whatever the pose.
 ///
+/// A handful of cameras tells nothing about how colours change with the direction: the view branch then learns each
+/// camera's white balance and guesses a cast for every new view. `view_dependent: false` leaves the direction out.
+///
 /// Letters: P points, H values per vertex (features, and 3 of the place), N vertices, R rays, K samples of a ray.
 /// Metres.
 
@@ -28,6 +31,7 @@ struct RadianceFieldConfig {
   int width = 256;             ///< of the trunk
   int view_width = 128;        ///< of the branch that sees the direction
   int distance_octaves = 10;   ///< of gamma(d)
+  bool view_dependent = true;  ///< false: colours are the same from everywhere
   int direction_octaves = 4;   ///< of gamma(direction)
   int place_octaves = 0;       ///< of gamma(place at rest); 0: no place, as in the thesis
   double density_unit = 0.01;  ///< metres: density = softplus(.) / density_unit
@@ -66,7 +70,8 @@ class RadianceFieldImpl : public torch::nn::Module {
   // The steps of `forward`, for those who do not want all of them for every point.
   torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
   torch::Tensor density(const torch::Tensor& hidden);
-  /// What the view branch adds for directions [...,3] to that of the hidden values. @return [..., view_width]
+  /// What the view branch adds for directions [...,3] to that of the hidden values: 0 where colours do not depend on
+  /// them. @return [..., view_width]
   torch::Tensor view_term(const torch::Tensor& direction);
   torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& view_term);
 
