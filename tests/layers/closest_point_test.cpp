@@ -9,8 +9,8 @@
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
 #include "geometry/meshes.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 #include "support/test_character.h"
 
@@ -19,9 +19,7 @@ namespace {
 
 using Eigen::Vector3d;
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
-using test::random_numbers;
+using namespace test;
 using torch::Tensor;
 
 const TriangleMesh& actor() {

@@ -6,8 +6,8 @@
 #include <Eigen/Geometry>
 
 #include "doppel/layers/surface.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 #include "support/test_character.h"
 
@@ -15,11 +15,7 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
-using test::leaf;
-using test::random_numbers;
-using test::random_transforms;
+using namespace test;
 using torch::Tensor;
 
 const Character& actor() {

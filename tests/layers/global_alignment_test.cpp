@@ -8,17 +8,14 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 
 namespace doppel {
 namespace {
 
-using test::gradients_match;
-using test::is_near;
-using test::leaf;
-using test::random_numbers;
+using namespace test;
 using torch::Tensor;
 
 constexpr int kCameras = 5, kLandmarks = 7;

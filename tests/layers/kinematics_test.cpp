@@ -5,8 +5,8 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 #include "support/test_character.h"
 
@@ -14,21 +14,13 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
-using test::leaf;
-using test::random_numbers;
+using namespace test;
 using torch::Tensor;
-
-const Character& actor() {
-  static const Character character = make_test_character();
-  return character;
-}
 
 /// Poses around the rest pose whose root stands `distance` metres away.
 Tensor random_dofs(int64_t batch, double distance = 0.0, uint64_t seed = 3) {
-  const int64_t D = actor().num_dofs();
-  Tensor dofs = torch::tensor(actor().rest_dofs, torch::kFloat64) + 0.3 * random_numbers({batch, D}, seed);
+  const int64_t D = test_actor().num_dofs();
+  Tensor dofs = torch::tensor(test_actor().rest_dofs, torch::kFloat64) + 0.3 * random_numbers({batch, D}, seed);
   dofs.narrow(1, 0, 3) += distance;
   return dofs;
 }
@@ -42,17 +34,17 @@ Tensor transform_tensor(const Eigen::Affine3d& transform) {
 }
 
 TEST(KinematicsReference, PosesJointsAsTheSkeletonDoes) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = random_dofs(3);
   const Tensor joints = kinematics->joints(dofs), markers = kinematics->markers(dofs);
   for (int b = 0; b < 3; ++b) {
     const double* row = dofs[b].data_ptr<double>();
-    const auto expected = actor().skeleton.pose(std::vector<double>(row, row + dofs.size(1)));
+    const auto expected = test_actor().skeleton.pose(std::vector<double>(row, row + dofs.size(1)));
     for (size_t j = 0; j < expected.size(); ++j) {
       EXPECT_TRUE(is_near(joints[b][j], transform_tensor(expected[j]), 1e-12)) << "joint " << j;
     }
-    for (size_t m = 0; m < actor().skeleton.markers.size(); ++m) {
-      const Marker& marker = actor().skeleton.markers[m];
+    for (size_t m = 0; m < test_actor().skeleton.markers.size(); ++m) {
+      const Marker& marker = test_actor().skeleton.markers[m];
       const Eigen::Vector3d at = expected[marker.joint] * marker.position;
       EXPECT_TRUE(is_near(markers[b][m], torch::tensor({at.x(), at.y(), at.z()}, torch::kFloat64), 1e-12));
     }
@@ -60,8 +52,8 @@ TEST(KinematicsReference, PosesJointsAsTheSkeletonDoes) {
 }
 
 TEST(KinematicsReference, BonesAreIdentitiesInTheRestPose) {
-  Kinematics kinematics(actor());
-  const Tensor rest = torch::tensor(actor().rest_dofs, torch::kFloat64).unsqueeze(0);
+  Kinematics kinematics(test_actor());
+  const Tensor rest = torch::tensor(test_actor().rest_dofs, torch::kFloat64).unsqueeze(0);
   const Tensor bones = kinematics->bones(rest);
   const Tensor identity = torch::eye(4, torch::kFloat64).narrow(0, 0, 3);
   EXPECT_TRUE(is_near(bones, identity.expand_as(bones), 1e-12));
@@ -69,7 +61,7 @@ TEST(KinematicsReference, BonesAreIdentitiesInTheRestPose) {
 }
 
 TEST(KinematicsAgrees, KernelEqualsReference) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   for (int threads : {1, 2, 3}) {
     test::ThreadScope scope(threads);
     for (int64_t batch : {0, 1, 2, 5, 17}) {
@@ -82,13 +74,13 @@ TEST(KinematicsAgrees, KernelEqualsReference) {
 }
 
 TEST(KinematicsAgrees, FarFromTheOriginNothingButTheLastRoundingIsLost) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = random_dofs(4, 7.0).to(torch::kFloat32);
   EXPECT_TRUE(is_near(kinematics->bones(dofs), kinematics->bones(dofs.to(torch::kFloat64)), 1e-7, 6e-8));
 }
 
 TEST(KinematicsAgrees, ReferenceScopeAndFloatReferenceComposeInDoubleToo) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = random_dofs(4, 7.0).to(torch::kFloat32);
   const Tensor kernel = kinematics->joints(dofs);
   ReferenceScope scope;
@@ -98,7 +90,7 @@ TEST(KinematicsAgrees, ReferenceScopeAndFloatReferenceComposeInDoubleToo) {
 }
 
 TEST(KinematicsAgrees, KernelGradientEqualsReference) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   for (int threads : {1, 2, 3}) {
     test::ThreadScope scope(threads);
     for (int64_t batch : {0, 1, 5}) {
@@ -113,7 +105,7 @@ TEST(KinematicsAgrees, KernelGradientEqualsReference) {
 }
 
 TEST(KinematicsGradient, ReferenceEqualsCentralDifferences) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = random_dofs(2);
   EXPECT_TRUE(gradients_match([&](const auto& x) { return kinematics->joints(x[0]); }, {{"dofs", dofs}}));
   EXPECT_TRUE(gradients_match([&](const auto& x) { return kinematics->bones(x[0]); }, {{"dofs", dofs}}));
@@ -121,28 +113,28 @@ TEST(KinematicsGradient, ReferenceEqualsCentralDifferences) {
 }
 
 TEST(KinematicsGradient, ADofThatDrivesNothingHasNone) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = leaf(random_dofs(2), torch::kFloat32);
   kinematics->joints(dofs).sum().backward();
-  const int64_t idle = *actor().skeleton.find_dof("idle");
+  const int64_t idle = *test_actor().skeleton.find_dof("idle");
   EXPECT_EQ(dofs.grad().select(1, idle).abs().max().item<float>(), 0.0f);
   EXPECT_GT(dofs.grad().abs().max().item<float>(), 0.0f);
 }
 
 TEST(KinematicsRejects, AnotherNumberOfDofs) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   EXPECT_THAT(message_of([&] {
                 kinematics->joints(torch::zeros({2, 3}));
               }),
               testing::AllOf(testing::HasSubstr("dofs"), testing::HasSubstr("[2,3]")));
   EXPECT_THAT(message_of([&] {
-                kinematics->joints(torch::zeros({2, actor().num_dofs()}, torch::kInt64));
+                kinematics->joints(torch::zeros({2, test_actor().num_dofs()}, torch::kInt64));
               }),
               testing::HasSubstr("floating-point"));
 }
 
 TEST(KinematicsRejects, ASecondDerivativeOfTheKernel) {
-  Kinematics kinematics(actor());
+  Kinematics kinematics(test_actor());
   const Tensor dofs = leaf(random_dofs(1), torch::kFloat32);
   const Tensor loss = kinematics->joints(dofs).square().sum();
   const Tensor gradient = torch::autograd::grad({loss}, {dofs}, {}, true, /*create_graph=*/true)[0];

@@ -6,8 +6,8 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/rotation_math.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 #include "support/test_character.h"
 
@@ -15,19 +15,13 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
-using test::random_numbers;
+using namespace test;
 using torch::Tensor;
 
-const Character& actor() {
-  static const Character character = make_test_character();
-  return character;
-}
 PoseDofs pose_of(const std::vector<std::string>& patterns = {}) {
-  return PoseDofs(actor().skeleton, patterns, actor().rest_dofs);
+  return PoseDofs(test_actor().skeleton, patterns, test_actor().rest_dofs);
 }
-Tensor rest_dofs() { return torch::tensor(actor().rest_dofs, torch::kFloat64); }
+Tensor rest_dofs() { return torch::tensor(test_actor().rest_dofs, torch::kFloat64); }
 
 const std::vector<std::array<int, 3>> kOrders{{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
 
@@ -84,7 +78,7 @@ TEST(PoseDofs, MeasuresThetaAndItsLimitsInRadiansOfTheJointThatMovesMost) {
   EXPECT_TRUE(is_near(pose.upper().index_select(0, torch::tensor({0, 2})), torch::tensor({0.72, 0.75}), 1e-7));
   EXPECT_EQ(pose.upper()[1].item<double>(), infinity);
   EXPECT_EQ(pose.lower()[1].item<double>(), -infinity);
-  const double rest_flex = actor().rest_dofs[*actor().skeleton.find_dof("flex_1")];
+  const double rest_flex = test_actor().rest_dofs[*test_actor().skeleton.find_dof("flex_1")];
   EXPECT_TRUE(is_near(pose.middle(), torch::tensor({0.0, 0.7 * rest_flex, 0.0}, torch::kFloat64), 1e-12));
 }
 
@@ -97,7 +91,7 @@ TEST(PoseDofs, ReadsBackWhatItWrote) {
   EXPECT_TRUE(is_near(pose.rotation(dofs), rotation, 1e-12));
   EXPECT_TRUE(is_near(pose.position(dofs), position, 1e-12));
   for (const char* given : {"bend", "idle", "stretch", "twist_2"}) {
-    const int64_t d = *actor().skeleton.find_dof(given);
+    const int64_t d = *test_actor().skeleton.find_dof(given);
     EXPECT_TRUE(is_near(dofs.select(1, d), rest_dofs()[d].expand({4}), 0.0, 1e-15)) << given;
   }
 }
@@ -108,7 +102,7 @@ TEST(PoseDofs, PutsTheRootWhereItIsTold) {
   const Tensor rotation = test::random_transforms(1, 1, 0.0, 3).squeeze(1).narrow(-1, 0, 3);
   const auto joints = [&](const Tensor& dofs) {
     const double* row = dofs.data_ptr<double>();
-    return actor().skeleton.pose(std::vector<double>(row, row + dofs.numel()));
+    return test_actor().skeleton.pose(std::vector<double>(row, row + dofs.numel()));
   };
   const auto moved = joints(pose.dofs(theta, rotation, position)), still = joints(pose.root_relative(theta));
   Eigen::Affine3d world_from_root = Eigen::Affine3d::Identity();
@@ -131,16 +125,16 @@ TEST(PoseDofs, GradientEqualsCentralDifferences) {
 
 TEST(PoseDofs, RejectsWhatDoesNotFitTheSkeleton) {
   EXPECT_THAT(message_of<UsageError>([] {
-                PoseDofs(actor().skeleton, {}, {1.0, 2.0});
+                PoseDofs(test_actor().skeleton, {}, {1.0, 2.0});
               }),
               testing::HasSubstr("2 values given"));
   EXPECT_THAT(message_of<UsageError>([] {
                 pose_of().root_relative(torch::zeros({1, 2}));
               }),
               testing::HasSubstr("theta"));
-  Skeleton apart = actor().skeleton;
+  Skeleton apart = test_actor().skeleton;
   apart.joints[5].offset.x() += 0.1;  // the last rotation of the root
-  EXPECT_THAT(message_of<Error>([&] { PoseDofs(apart, {}, actor().rest_dofs); }), testing::HasSubstr("one point"));
+  EXPECT_THAT(message_of<Error>([&] { PoseDofs(apart, {}, test_actor().rest_dofs); }), testing::HasSubstr("one point"));
 }
 
 TEST(RootRotation, StandsUprightAndFacesTheCameraAtTheStart) {

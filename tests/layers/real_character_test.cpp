@@ -2,8 +2,8 @@
 #include <torch/torch.h>
 
 #include "doppel/layers/surface.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/shared_folder.h"
 
 // The numbers of an independent implementation on a real character (millimetres in its files, metres here).

@@ -7,8 +7,8 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 #include "support/test_character.h"
 
@@ -16,11 +16,7 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
-using test::leaf;
-using test::random_numbers;
-using test::random_transforms;
+using namespace test;
 using torch::Tensor;
 
 const SkinningMode kModes[] = {SkinningMode::dual_quaternion, SkinningMode::linear};

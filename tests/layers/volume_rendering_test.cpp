@@ -8,16 +8,15 @@
 #include <limits>
 
 #include "doppel/core/error.h"
-#include "layers/random_transforms.h"
 #include "support/gradient_check.h"
+#include "support/layer_inputs.h"
 #include "support/message_of.h"
 
 namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
+using namespace test;
 using torch::Tensor;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();

@@ -16,8 +16,7 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
+using namespace test;
 using ::testing::HasSubstr;
 using torch::Tensor;
 

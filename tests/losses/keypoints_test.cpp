@@ -12,8 +12,7 @@
 namespace doppel {
 namespace {
 
-using test::gradients_match;
-using test::is_near;
+using namespace test;
 using ::testing::HasSubstr;
 using torch::Tensor;
 

@@ -12,8 +12,7 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
+using namespace test;
 using torch::Tensor;
 
 const Character& actor() {

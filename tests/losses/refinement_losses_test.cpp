@@ -14,8 +14,7 @@ namespace doppel {
 namespace {
 
 using support::message_of;
-using test::gradients_match;
-using test::is_near;
+using namespace test;
 using torch::Tensor;
 
 Tensor random_points(int64_t count, uint64_t seed) {

@@ -17,9 +17,7 @@
 namespace doppel {
 namespace {
 
-using test::gradients_match;
-using test::is_near;
-using test::Mesh;
+using namespace test;
 using torch::Tensor;
 
 /// Signed distance to the outline of a mask, half a pixel at the pixels on either side of it.

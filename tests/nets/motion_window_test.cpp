@@ -8,6 +8,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/kinematics/kinematics.h"
+#include "doppel/layers/transform_math.h"
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
@@ -44,7 +45,7 @@ Tensor joints_of(const Character& character, const Tensor& window) {
 Tensor normalised_joints(const Character& character, const Tensor& window) {
   const MotionWindow motion(character.skeleton);
   const Tensor normaliser = motion.normaliser(window.select(1, window.size(1) - 1));
-  return compose_transforms(normaliser.unsqueeze(1).unsqueeze(1), joints_of(character, window));
+  return compose(normaliser.unsqueeze(1).unsqueeze(1), joints_of(character, window));
 }
 
 double largest(const Tensor& tensor) { return tensor.abs().max().item<double>(); }

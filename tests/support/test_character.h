@@ -206,4 +206,10 @@ inline Character make_test_character(int num_joints = 5, int vertices_around = 8
   return character;
 }
 
+/// The default one, made once.
+inline const Character& test_actor() {
+  static const Character character = make_test_character();
+  return character;
+}
+
 }  // namespace doppel

@@ -1,10 +1,10 @@
 #include "doppel/data/template_check.h"
 
 #include <algorithm>
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/data/mask.h"
+#include "doppel/render/face_tensor.h"
 
 namespace doppel {
 
@@ -12,12 +12,6 @@ namespace {
 
 constexpr int kCheckWidth = 640;      // enough to see a wrong camera, and quick on pictures of any size
 constexpr double kClearlyFits = 0.6;  // a repair that reaches this IoU is worth naming
-
-torch::Tensor face_tensor(const TriangleMesh& mesh) {
-  torch::Tensor faces = torch::empty({mesh.num_faces(), 3}, torch::kInt32);
-  std::memcpy(faces.data_ptr<int>(), mesh.faces.data(), mesh.faces.size() * sizeof(Triangle));
-  return faces;
-}
 
 double mask_iou(const cv::Mat& a, const cv::Mat& b) {
   const int both = cv::countNonZero(a & b), either = cv::countNonZero(a | b);

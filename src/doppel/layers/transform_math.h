@@ -25,10 +25,7 @@ inline torch::Tensor make_transform(const torch::Tensor& rotation, const torch::
 
 /// a_from_b * b_from_c.
 inline torch::Tensor compose(const torch::Tensor& a_from_b, const torch::Tensor& b_from_c) {
-  const torch::Tensor rotation = rotation_of(a_from_b);
-  return make_transform(
-      torch::matmul(rotation, rotation_of(b_from_c)),
-      torch::matmul(rotation, translation_of(b_from_c).unsqueeze(-1)).squeeze(-1) + translation_of(a_from_b));
+  return torch::matmul(rotation_of(a_from_b), b_from_c) + torch::constant_pad_nd(a_from_b.narrow(-1, 3, 1), {3, 0});
 }
 
 /// Transforms points [...,3].

@@ -1,10 +1,10 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <algorithm>
 #include <tuple>
 #include <vector>
 
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/losses/arap.h"
@@ -93,7 +93,7 @@ std::tuple<Tensor, Tensor> backward_cpu(const Tensor& grad, const Tensor& A, con
 }
 
 Tensor call_forward(const Tensor& A, const Tensor& T, at::TensorList graph) {
-  static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();
+  static const auto op = find_op<decltype(forward_cpu)>(kOp);
   return op.call(A, T, graph);
 }
 
@@ -107,9 +107,7 @@ class ArapFunction : public torch::autograd::Function<ArapFunction> {
   }
 
   static variable_list backward(AutogradContext* ctx, const variable_list& grads) {
-    static const auto op = c10::Dispatcher::singleton()
-                               .findSchemaOrThrow("doppel::arap_loss_backward", "")
-                               .typed<decltype(backward_cpu)>();
+    static const auto op = find_op<decltype(backward_cpu)>("doppel::arap_loss_backward");
     const variable_list saved = ctx->get_saved_variables();
     const std::vector<Tensor> graph = ctx->saved_data["graph"].toTensorVector();
     Tensor grad_A, grad_T;

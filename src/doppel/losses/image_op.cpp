@@ -1,10 +1,10 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <vector>
 
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/losses/image_kernel.h"
 #include "doppel/losses/image_terms.h"
@@ -101,11 +101,6 @@ Tensor backward_cpu(const Tensor& upstream, const Tensor& rendered, const Tensor
     kernels::image_loss_backward(p, first, last);
   });
   return gradient;
-}
-
-template <typename Signature>
-auto find_op(const char* name) {
-  return c10::Dispatcher::singleton().findSchemaOrThrow(name, "").typed<Signature>();
 }
 
 class ImageLossFunction : public torch::autograd::Function<ImageLossFunction> {

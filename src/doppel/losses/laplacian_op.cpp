@@ -1,9 +1,9 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <tuple>
 #include <vector>
 
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/losses/laplacian.h"
@@ -56,13 +56,11 @@ std::tuple<Tensor, Tensor> forward_cpu(const Tensor& V_fi_in, const Tensor& V_co
   return {at::full({}, sum * scale, V_fi.options()), gradient};
 }
 
-auto find_op() { return c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>(); }
-
 class LaplacianFunction : public torch::autograd::Function<LaplacianFunction> {
  public:
   static Tensor forward(AutogradContext* ctx, const Tensor& V_fi, const Tensor& V_co,
                         const std::vector<Tensor>& graph) {
-    static const auto op = find_op();
+    static const auto op = find_op<decltype(forward_cpu)>(kOp);
     at::AutoDispatchBelowADInplaceOrView below_autograd;
     auto [loss, gradient] = op.call(V_fi, V_co, graph, V_fi.requires_grad());
     ctx->save_for_backward({gradient});

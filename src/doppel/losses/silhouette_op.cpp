@@ -1,11 +1,11 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 #include <torch/torch.h>
 
 #include <algorithm>
 #include <atomic>
 #include <functional>
 
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/losses/silhouette_kernel.h"
 #include "doppel/losses/silhouette_terms.h"
@@ -107,11 +107,6 @@ std::tuple<Tensor, Tensor> silhouette_cpu(const Tensor& vertices_in, const Tenso
 
 Tensor silhouette_backward_cpu(const Tensor& upstream, const Tensor& gradient) {
   return upstream[0] * gradient[0] + upstream[1] * gradient[1];
-}
-
-template <typename Signature>
-auto find_op(const char* name) {
-  return c10::Dispatcher::singleton().findSchemaOrThrow(name, "").typed<Signature>();
 }
 
 class SilhouetteFunction : public torch::autograd::Function<SilhouetteFunction> {

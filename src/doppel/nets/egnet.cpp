@@ -3,6 +3,7 @@
 #include "doppel/core/error.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/op_support.h"
+#include "doppel/layers/transform_math.h"
 
 namespace doppel {
 
@@ -108,7 +109,7 @@ Tensor EgNetImpl::node_features(const Tensor& dof_window) {
 
   const Tensor normaliser = window_.normaliser(dof_window.select(1, frames - 1));
   const Tensor per_pose = normaliser.unsqueeze(1).expand({-1, frames, -1, -1}).flatten(0, 1).unsqueeze(1);
-  const Tensor bones = compose_transforms(per_pose, bone_transforms(dof_window.flatten(0, 1)));
+  const Tensor bones = compose(per_pose, bone_transforms(dof_window.flatten(0, 1)));
   const Tensor nodes = node_skinning_->blend(bones);  // [B(F+1),K,3,4]
 
   const Tensor rotation = nodes.narrow(-1, 0, 3);

@@ -71,7 +71,7 @@ Tensor MotionGraphNetImpl::network_input(const Tensor& dof_window) {
 
   const Tensor normaliser = window_.normaliser(dof_window.select(1, frames - 1));
   const Tensor per_pose = normaliser.unsqueeze(1).expand({-1, frames, -1, -1}).flatten(0, 1).unsqueeze(1);
-  const Tensor bones = compose_transforms(per_pose, kinematics_->bones(dof_window.flatten(0, 1)));
+  const Tensor bones = compose(per_pose, kinematics_->bones(dof_window.flatten(0, 1)));
   const Tensor& rest = dof_window.scalar_type() == torch::kFloat32 ? rest_float_ : rest_;
   const Tensor posed = skinning_->forward(constant_like(rest, dof_window), bones);  // [B(F+1),N,3]
   return posed.view({-1, frames, num_vertices_, 3}).transpose(1, 2).flatten(2);

@@ -31,11 +31,6 @@ Tensor last_rows(const Tensor& dof_window, int window) {
   return dof_window.narrow(1, dof_window.size(1) - window - 1, window + 1).contiguous();
 }
 
-Tensor compose_transforms(const Tensor& a, const Tensor& b) {
-  const Tensor turned = at::matmul(a.narrow(-1, 0, 3), b);
-  return turned + at::constant_pad_nd(a.narrow(-1, 3, 1), {3, 0});
-}
-
 MotionWindow::MotionWindow(const Skeleton& skeleton)
     : root_(skeleton.root()), offset_(root_pivot(skeleton)), num_dofs_(skeleton.num_dofs()) {}
 

@@ -53,7 +53,4 @@ class MotionWindow {
 /// The last F+1 rows of a window. @param dof_window [B,G+1,D], G >= F
 torch::Tensor last_rows(const torch::Tensor& dof_window, int window);
 
-/// T = target_from_source stacked as [..., 3, 4]; returns a * b.
-torch::Tensor compose_transforms(const torch::Tensor& a, const torch::Tensor& b);
-
 }  // namespace doppel

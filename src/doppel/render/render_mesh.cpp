@@ -4,21 +4,13 @@
 
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
+#include "doppel/render/face_tensor.h"
 
 namespace doppel {
 
 using torch::Tensor;
 
 namespace {
-
-Tensor faces_of(const TriangleMesh& mesh) {
-  Tensor faces = torch::empty({mesh.num_faces(), 3}, torch::kInt32);
-  std::int32_t* out = faces.data_ptr<std::int32_t>();
-  for (const Triangle& face : mesh.faces) {
-    for (const int vertex : face) *out++ = vertex;
-  }
-  return faces;
-}
 
 Tensor corner_uvs_of(const TriangleMesh& mesh) {
   if (mesh.face_uvs.empty()) return {};
@@ -44,7 +36,7 @@ Tensor corner_uvs_of(const TriangleMesh& mesh) {
 }  // namespace
 
 RenderMesh::RenderMesh(const TriangleMesh& mesh)
-    : RenderMesh(faces_of(mesh), corner_uvs_of(mesh), mesh.num_vertices()) {}
+    : RenderMesh(face_tensor(mesh), corner_uvs_of(mesh), mesh.num_vertices()) {}
 
 RenderMesh::RenderMesh(const Tensor& faces_in, const Tensor& corner_uvs_in, std::int64_t vertices)
     : num_vertices(vertices) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "doppel/render/boundary.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/train/overlay.h"
 
 namespace doppel {
@@ -86,11 +87,7 @@ std::vector<Picture> CaptureStage::outline_pictures(
   return pictures;
 }
 
-torch::Tensor face_tensor(const Character& character) {
-  torch::Tensor faces = torch::empty({character.mesh.num_faces(), 3}, torch::kInt32);
-  std::copy_n(character.mesh.faces.data()->data(), faces.numel(), faces.data_ptr<int>());
-  return faces;
-}
+torch::Tensor face_tensor(const Character& character) { return face_tensor(character.mesh); }
 
 SilhouetteTarget silhouette_target(const Batch& batch) {
   return {batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets};

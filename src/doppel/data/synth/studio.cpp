@@ -10,6 +10,7 @@
 
 #include "doppel/data/synth/body_field.h"
 #include "doppel/data/synth/random.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
 
 namespace doppel::synth {
@@ -52,12 +53,6 @@ torch::Tensor intrinsics(const Camera& camera, double scale) {
                        torch::kFloat64)
       .to(torch::kFloat32)
       .view({1, 4});
-}
-
-torch::Tensor face_tensor(const TriangleMesh& mesh) {
-  torch::Tensor faces = torch::empty({mesh.num_faces(), 3}, torch::kInt32);
-  std::copy(mesh.faces.front().data(), mesh.faces.front().data() + 3 * mesh.faces.size(), faces.data_ptr<int>());
-  return faces;
 }
 
 std::array<float, 256> linear_table() {

@@ -21,6 +21,7 @@
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
 
 namespace doppel::synth {
@@ -219,9 +220,7 @@ SynthReport measure(const Actor& actor, const std::vector<Camera>& cameras, cons
   report.faces = c.mesh.num_faces();
   report.nodes = c.num_nodes();
   report.dofs = c.num_dofs();
-  torch::Tensor faces = torch::empty({c.mesh.num_faces(), 3}, torch::kInt32);
-  std::copy(c.mesh.faces.front().data(), c.mesh.faces.front().data() + 3 * c.mesh.faces.size(), faces.data_ptr<int>());
-  Rasterizer rasterizer(faces);
+  Rasterizer rasterizer(face_tensor(c.mesh));
   int counted = 0;
   for (std::size_t f = 0; f < test.truth.size(); ++f) {
     for (int v = 0; v < c.num_vertices(); ++v) {

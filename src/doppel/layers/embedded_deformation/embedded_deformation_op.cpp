@@ -1,5 +1,4 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <algorithm>
 #include <tuple>
@@ -7,6 +6,7 @@
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_kernel.h"
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/reference_scope.h"
 
 namespace doppel {
@@ -185,7 +185,7 @@ std::tuple<Tensor, Tensor, Tensor, Tensor> backward_cpu(const Tensor& grad_in, c
 }
 
 Tensor call_forward(const Tensor& A, const Tensor& T, const Tensor& D, const Tensor& M, at::TensorList graph) {
-  static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();
+  static const auto op = find_op<decltype(forward_cpu)>(kOp);
   return op.call(A, T, optional_of(D), optional_of(M), graph);
 }
 
@@ -204,9 +204,7 @@ class DeformationFunction : public torch::autograd::Function<DeformationFunction
   }
 
   static variable_list backward(AutogradContext* ctx, const variable_list& grads) {
-    static const auto op = c10::Dispatcher::singleton()
-                               .findSchemaOrThrow("doppel::embedded_deformation_backward", "")
-                               .typed<decltype(backward_cpu)>();
+    static const auto op = find_op<decltype(backward_cpu)>("doppel::embedded_deformation_backward");
     const variable_list saved = ctx->get_saved_variables();
     const std::vector<Tensor> graph = ctx->saved_data["graph"].toTensorVector();
     const std::array<bool, 3> wants = {ctx->saved_data["wants_nodes"].toBool(), ctx->saved_data["wants_D"].toBool(),

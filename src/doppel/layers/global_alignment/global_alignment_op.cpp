@@ -1,5 +1,4 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <array>
 #include <cmath>
@@ -8,6 +7,7 @@
 
 #include "doppel/layers/global_alignment/global_alignment.h"
 #include "doppel/layers/global_alignment/global_alignment_checks.h"
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/reference_scope.h"
 
 namespace doppel {
@@ -195,7 +195,7 @@ Tensor backward_cpu(const Tensor& grad_in, const Tensor& points, at::TensorList 
 
 std::tuple<Tensor, Tensor> call_forward(const Tensor& points, at::TensorList rays, const Tensor& prior,
                                         const GlobalAlignmentOptions& o) {
-  static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();
+  static const auto op = find_op<decltype(forward_cpu)>(kOp);
   return op.call(points, rays, prior, o.confidence_threshold, o.binary, o.damping, o.largest_condition);
 }
 
@@ -213,9 +213,7 @@ class AlignmentFunction : public torch::autograd::Function<AlignmentFunction> {
   }
 
   static variable_list backward(AutogradContext* ctx, const variable_list& grads) {
-    static const auto op = c10::Dispatcher::singleton()
-                               .findSchemaOrThrow("doppel::global_alignment_backward", "")
-                               .typed<decltype(backward_cpu)>();
+    static const auto op = find_op<decltype(backward_cpu)>("doppel::global_alignment_backward");
     const variable_list saved = ctx->get_saved_variables();
     const std::vector<double> o = ctx->saved_data["options"].toDoubleVector();
     Tensor grad_points;

@@ -1,10 +1,10 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <vector>
 
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/kinematics/kinematics_kernel.h"
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
 
@@ -75,15 +75,13 @@ Tensor backward_cpu(const Tensor& grad_frames_in, const Tensor& dofs_in, at::Ten
 }
 
 Tensor call_forward(const Tensor& dofs, at::TensorList chain) {
-  static const auto op =
-      c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<Tensor(const Tensor&, at::TensorList)>();
+  static const auto op = find_op<Tensor(const Tensor&, at::TensorList)>(kOp);
   return op.call(dofs, chain);
 }
 
 Tensor call_backward(const Tensor& grad_frames, const Tensor& dofs, at::TensorList chain) {
-  static const auto op = c10::Dispatcher::singleton()
-                             .findSchemaOrThrow("doppel::forward_kinematics_backward", "")
-                             .typed<Tensor(const Tensor&, const Tensor&, at::TensorList)>();
+  static const auto op =
+      find_op<Tensor(const Tensor&, const Tensor&, at::TensorList)>("doppel::forward_kinematics_backward");
   return op.call(grad_frames, dofs, chain);
 }
 

@@ -1,9 +1,9 @@
 #include <ATen/Parallel.h>
-#include <torch/library.h>
 
 #include <algorithm>
 #include <tuple>
 
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/layers/skinning/skinning.h"
@@ -142,14 +142,13 @@ std::tuple<Tensor, Tensor> backward_cpu(const Tensor& grad, const OptionalTensor
 }
 
 Tensor call_forward(const Tensor& points, const Tensor& bones, at::TensorList rows, int64_t mode) {
-  static const auto op = c10::Dispatcher::singleton().findSchemaOrThrow(kOp, "").typed<decltype(forward_cpu)>();
+  static const auto op = find_op<decltype(forward_cpu)>(kOp);
   return op.call(optional_of(points), bones, rows, mode);
 }
 
 std::tuple<Tensor, Tensor> call_backward(const Tensor& grad, const Tensor& points, const Tensor& bones,
                                          at::TensorList rows, int64_t mode, bool wants_points, bool wants_bones) {
-  static const auto op =
-      c10::Dispatcher::singleton().findSchemaOrThrow("doppel::skinning_backward", "").typed<decltype(backward_cpu)>();
+  static const auto op = find_op<decltype(backward_cpu)>("doppel::skinning_backward");
   return op.call(grad, optional_of(points), bones, rows, mode, wants_points, wants_bones);
 }
 

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-/// Seeded inputs for the tests of layers, and helpers to run them at several thread counts.
+/// Seeded inputs for the tests of layers, and helpers to run them at several thread counts and to differentiate them.
 namespace doppel::test {
 
 inline torch::Tensor random_numbers(std::vector<int64_t> shape, uint64_t seed) {
