@@ -238,15 +238,16 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
 
   // On top of it, a radiance field around the mesh.
-  step("train " DOPPEL_SOURCE "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" + at("chain") +
-       " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));
+  step("train " DOPPEL_SOURCE "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +
+       at("chain") + " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));
   const Outcome one = run("evaluate --run " + at("hybrid") + " --split train --frames 5 --cameras 1 --json");
   ASSERT_EQ(one.code, 0) << one.err;
   const nlohmann::json train = nlohmann::json::parse(one.out)["splits"]["train"];
   EXPECT_TRUE(train["refined"].contains("Hausdorff_mm"));
   EXPECT_TRUE(train["cloud"].contains("noise_mm") || train["cloud"].is_null());
   for (const char* method : {"texnet", "radiance", "nerf"}) EXPECT_GT(train[method]["seconds"].get<double>(), 0.0);
-  const std::string drive = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --format png --video-size 48 ";
+  const std::string drive = "animate --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") +
+                            " --format png --video-size 48 ";
   EXPECT_EQ(run(drive + "--renderer radiance --out " + at("none")).code, 2);
   EXPECT_EQ(run(drive + "--run " + at("hybrid") + " --out " + at("none")).code, 2);
   EXPECT_EQ(run(drive + "--renderer radiance --run " + at("chain") + " --out " + at("none")).code, 1);

@@ -22,7 +22,8 @@ struct RecognisedCapture {
 /// The calibration, the character and the poses are looked for in the folder and up to two levels below. Cuts are
 /// taken from `<split>/frames.csv` (columns frame,segment) where there is one.
 /// @return nothing when no sequence is found
-/// @throws Error when a sequence is found but calibration, character or masks are missing, or one of them or the poses ambiguous
+/// @throws Error when a sequence is found but calibration, character or masks are missing, or one of them or the poses
+/// ambiguous
 std::optional<RecognisedCapture> recognise_capture(const std::filesystem::path& folder);
 
 /// `read_capture` when the folder has a capture.yaml (or the path is a file), `recognise_capture` otherwise.

@@ -1,8 +1,8 @@
 #pragma once
 
 /// The pickle inside a `.pth`: a program for a stack machine. Here it runs on a machine that knows only the
-/// instructions and the three functions a mapping from names to tensors is written with; whatever else it asks for is an
-/// error.
+/// instructions and the three functions a mapping from names to tensors is written with; whatever else it asks for is
+/// an error.
 
 #include <cstdint>
 #include <string>

@@ -46,7 +46,8 @@ std::string CaptureStage::batch_description() const {
 
 std::string CaptureStage::identity() const {
   return fmt::format("character {} {}, capture {} with {} training frames and {} cameras", character_.name,
-                     character_.fingerprint(), dataset_.capture().name, chosen_samples(dataset_, options_.split, options_.frames).size(),
+                     character_.fingerprint(), dataset_.capture().name,
+                     chosen_samples(dataset_, options_.split, options_.frames).size(),
                      dataset_.camera_indices(options_.cameras).size());
 }
 

@@ -25,7 +25,7 @@ struct MetricsRecord {
   std::vector<Term> terms;
   double gradient_norm = 0.0;
   std::vector<std::pair<std::string, double>> milliseconds;  ///< per step, by part
-  double memory_mb = 0.0;  ///< `private_megabytes()` when the line was written
+  double memory_mb = 0.0;                                    ///< `private_megabytes()` when the line was written
 
   /// One line of JSON. Everything but `seconds`, `milliseconds` and `memory_mb` is the same in a resumed and an
   /// unbroken run.
