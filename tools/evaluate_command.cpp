@@ -13,6 +13,7 @@
 #include "doppel/eval/image_metrics.h"
 #include "doppel/eval/silhouette_overlap.h"
 #include "doppel/losses/chamfer.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/stage_chain.h"
@@ -125,7 +126,7 @@ ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, cons
 }
 
 Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
-  const torch::Tensor faces = face_tensor(subject.character());
+  const torch::Tensor faces = face_tensor(subject.character().mesh);
   const auto skinned = [&](const std::vector<SampleId>& samples) {
     return subject.surface->skinned(windows(dataset, samples, 0).squeeze(1));
   };

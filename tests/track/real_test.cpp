@@ -16,6 +16,14 @@ namespace {
 /// The test movement of the shared capture, from keypoints and masks alone.
 class RealTracking : public support::SharedFolderTest {
  protected:
+  /// @param frames 0: all
+  static TrackOptions of_testing(const support::TemporaryFolder& folder, long frames = 0) {
+    TrackOptions options;
+    options.out = folder.path();
+    options.sequences = {"testing"};
+    options.limit_frames = frames;
+    return options;
+  }
   /// Those that follow a hand's own bone most.
   static std::vector<int> hand_vertices(const Character& character) {
     std::vector<int> vertices;
@@ -33,9 +41,7 @@ class RealTracking : public support::SharedFolderTest {
 
 TEST_F(RealTracking, FindsTheGivenMotion) {
   const support::TemporaryFolder folder;
-  TrackOptions options;
-  options.out = folder.path();
-  options.sequences = {"testing"};
+  const TrackOptions options = of_testing(folder);
   const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
   const auto report = track_capture(*footage, options);
   const auto& testing = report["sequences"]["testing"];
@@ -52,10 +58,7 @@ TEST_F(RealTracking, FindsTheGivenMotion) {
 /// are from those of the given motion, without each vertex's mean offset, which training learns by itself.
 TEST_F(RealTracking, HandsMoveAsInTheGivenMotion) {
   const support::TemporaryFolder folder;
-  TrackOptions options;
-  options.out = folder.path();
-  options.sequences = {"testing"};
-  options.limit_frames = 20;
+  TrackOptions options = of_testing(folder, 20);
   options.sheet_frames = 0;
   options.config =
       read_track_config(ConfigDocument::load(std::string(DOPPEL_SOURCE_DIR) + "/configs/track/skeletool107.yaml"));
@@ -93,10 +96,7 @@ TEST_F(RealTracking, HandsMoveAsInTheGivenMotion) {
 /// Loose clothes: the pose alone leaves a tenth of the masks open, the bent surface nearly nothing.
 TEST_F(RealTracking, BendsTheSurfaceToTheMasks) {
   const support::TemporaryFolder folder;
-  TrackOptions options;
-  options.out = folder.path();
-  options.sequences = {"testing"};
-  options.limit_frames = 4;
+  TrackOptions options = of_testing(folder, 4);
   options.surface = true;
   const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
   const auto report = track_capture(*footage, options);

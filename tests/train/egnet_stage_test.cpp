@@ -5,6 +5,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/train/trained_actor.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
@@ -102,7 +103,7 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.window);
   const LossTerms terms = stage.loss(batch, context);
   const auto vertices = CharacterSurface(character)->skinned_by_nodes(batch.dofs.select(1, -1).contiguous());
-  const auto expected = silhouette_loss(vertices, face_tensor(character),
+  const auto expected = silhouette_loss(vertices, face_tensor(character.mesh),
                                         SilhouetteTarget{batch.projection, batch.distance, batch.pixel_scale,
                                                          batch.valid, batch.contour, batch.contour_offsets},
                                         c.silhouette);

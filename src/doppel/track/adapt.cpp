@@ -10,6 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/eval/silhouette_overlap.h"
+#include "doppel/render/face_tensor.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/run_folder.h"
@@ -224,7 +225,7 @@ class Adaptation {
     const auto drawn = [&](const std::vector<SampleId>& samples) {
       return surface(trained, seen(trained, samples), deformed);
     };
-    return evaluate_surface(dataset_, split, face_tensor(trained.character), drawn, options, title);
+    return evaluate_surface(dataset_, split, face_tensor(trained.character.mesh), drawn, options, title);
   }
 
   /// Of the pose's landmarks, or of those that ride on the bent graph; mean over frames, reference pixels.

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "doppel/render/boundary.h"
-#include "doppel/render/face_tensor.h"
 #include "doppel/train/overlay.h"
 
 namespace doppel {
@@ -87,8 +86,6 @@ std::vector<Picture> CaptureStage::outline_pictures(
   }
   return pictures;
 }
-
-torch::Tensor face_tensor(const Character& character) { return face_tensor(character.mesh); }
 
 SilhouetteTarget silhouette_target(const Batch& batch) {
   return {batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets};

@@ -51,9 +51,6 @@ class CaptureStage : public Stage {
   Batch last_batch_;
 };
 
-/// Faces of a character as int32 [F,3].
-torch::Tensor face_tensor(const Character& character);
-
 /// The batch's masks as the silhouette loss takes them.
 SilhouetteTarget silhouette_target(const Batch& batch);
 

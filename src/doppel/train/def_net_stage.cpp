@@ -1,6 +1,7 @@
 #include "doppel/train/def_net_stage.h"
 
 #include "doppel/core/error.h"
+#include "doppel/render/face_tensor.h"
 
 namespace doppel {
 
@@ -29,7 +30,7 @@ DefNetStage::DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNet
                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       graph_landmarks_(pose.character, pose.landmarks),
       arap_graph_(pose.character),
-      faces_(face_tensor(pose.character)) {
+      faces_(face_tensor(pose.character.mesh)) {
   if (config.model.input_size != pose.input_size())
     fail<UsageError>("defnet: model.input_size is {}, PoseNet's is {}; both see the same picture",
                      config.model.input_size, pose.input_size());

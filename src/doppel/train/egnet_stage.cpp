@@ -1,5 +1,7 @@
 #include "doppel/train/egnet_stage.h"
 
+#include "doppel/render/face_tensor.h"
+
 namespace doppel {
 
 namespace {
@@ -16,7 +18,7 @@ EgNetStage::EgNetStage(const Dataset& dataset, const Character& character, const
                at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       surface_(character),
       arap_graph_(character),
-      faces_(face_tensor(character)),
+      faces_(face_tensor(character.mesh)),
       noise_(character.skeleton, config.noise) {
   if (!config_.standardise) return;
   const auto [mean, std] =

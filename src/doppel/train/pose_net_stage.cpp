@@ -1,6 +1,7 @@
 #include "doppel/train/pose_net_stage.h"
 
 #include "doppel/losses/limits.h"
+#include "doppel/render/face_tensor.h"
 
 namespace doppel {
 
@@ -85,7 +86,7 @@ PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, c
       landmark_names_(names_of(dataset.landmarks())),
       network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       surface_(character),
-      faces_(face_tensor(character)) {
+      faces_(face_tensor(character.mesh)) {
   network_->backbone()->load_pretrained();
 }
 
