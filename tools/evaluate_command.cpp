@@ -13,6 +13,7 @@
 #include "doppel/eval/image_metrics.h"
 #include "doppel/eval/silhouette_overlap.h"
 #include "doppel/losses/chamfer.h"
+#include "doppel/render/buffers.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/capture_stage.h"
@@ -109,6 +110,24 @@ CloudFunction cloud_function(const Dataset& dataset, TrainedActor& actor) {
   };
 }
 
+constexpr int kFilmedSamples = 3;  // along each side of a camera's pixel
+
+/// Each frame as the camera of the request would film it (RenderedImages::filmed).
+std::vector<torch::Tensor> filmed(const TrainedActor& actor, const torch::Tensor& vertices,
+                                  const torch::Tensor& textures, const torch::Tensor& lighting,
+                                  const ImageRequest& request, const ShadingOptions& options) {
+  std::vector<torch::Tensor> pictures;
+  for (std::size_t b = 0; b < request.samples.size(); ++b) {
+    const auto i = static_cast<std::int64_t>(b);
+    const torch::Tensor texture = textures.size(0) == 1 ? textures : textures.narrow(0, i, 1);
+    const SupersampledImage image =
+        render_supersampled({vertices.narrow(0, i, 1), request.filmed_projection(b), texture, lighting}, *actor.mesh,
+                            request.sides[b], request.sides[b], RenderMode::colour, kFilmedSamples, options);
+    pictures.push_back(at::cat({image.image, image.alpha.unsqueeze(-1)}, -1)[0][0]);
+  }
+  return pictures;
+}
+
 ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, const std::string& method) {
   if (method == "radiance" || method == "nerf") return field_function(dataset, actor, method);
   return [&dataset, &actor, method](const ImageRequest& request) {
@@ -119,9 +138,10 @@ ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, cons
     if (options.lit) lighting = actor.lighting->forward(torch::full({1, 1}, request.camera, torch::kInt64));
     const torch::Tensor texture =
         method == "texnet" ? actor.texture(window, request.projection.select(1, 0)) : actor.static_texture;
-    const ShadedImage drawn = shade(actor.fine(window), texture, lighting, request.projection, *actor.mesh,
-                                    request.size, request.size, options);
-    return RenderedImages{drawn.colour, drawn.mask};
+    const torch::Tensor vertices = actor.fine(window);
+    const ShadedImage drawn =
+        shade(vertices, texture, lighting, request.projection, *actor.mesh, request.size, request.size, options);
+    return RenderedImages{drawn.colour, drawn.mask, filmed(actor, vertices, texture, lighting, request, options)};
   };
 }
 

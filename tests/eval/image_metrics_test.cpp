@@ -159,6 +159,56 @@ TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullPictureOnly
   EXPECT_EQ(evaluate(everywhere).mean.masked.MSE, 0.0);
 }
 
+/// One colour everywhere: sharp, and as filmed half transparent at twice that colour.
+ImageFunction grey(float value, bool filmed) {
+  return [value, filmed](const ImageRequest& request) {
+    const auto count = static_cast<std::int64_t>(request.samples.size());
+    RenderedImages drawn{torch::full({count, request.size, request.size, 3}, value),
+                         torch::ones({count, request.size, request.size}),
+                         {}};
+    if (filmed)
+      for (const int side : request.sides)
+        drawn.filmed.push_back(at::cat({torch::full({side, side, 3}, value), torch::full({side, side, 1}, 0.5f)}, 2));
+    return drawn;
+  };
+}
+
+TEST_F(PhotometricReference, WhatIsFilmedLiesOverTheBackgroundByItsOpacity) {
+  const PhotometricScores mean = evaluate(grey(0.4f, true)).mean;
+  ASSERT_TRUE(mean.filmed.has_value());
+  // No studio: black behind. The sharp drawing of that colour is then the same picture.
+  EXPECT_NEAR(mean.filmed->MSE, mean.masked.MSE, 1e-9);
+  EXPECT_NEAR(mean.filmed->SSIM, mean.masked.SSIM, 1e-9);
+  EXPECT_GT(mean.filmed->MSE, 1.0);
+  EXPECT_FALSE(evaluate(grey(0.4f, false)).mean.filmed.has_value());
+  EXPECT_TRUE(evaluate(grey(0.4f, true)).to_json().at("cameras").at("c1").contains("filmed"));
+}
+
+TEST_F(PhotometricReference, AFilmedProjectionCountsInPixelsOfTheCamera) {
+  evaluate([](const ImageRequest& request) {
+    for (std::size_t b = 0; b < request.samples.size(); ++b) {
+      const CropBox box = dataset_->crop_box(request.samples[b], request.camera);
+      EXPECT_EQ(request.sides[b], box.side);
+      const Camera native = crop_camera(dataset_->camera(request.camera), box, box.side);
+      const torch::Tensor found = request.filmed_projection(b);
+      const auto expected = native.projection();
+      for (int i = 0; i < 12; ++i)
+        EXPECT_NEAR(found.flatten()[i].item<double>(), expected(i / 4, i % 4),
+                    1e-3 * (1 + std::abs(expected(i / 4, i % 4))));
+    }
+    return truth(0)(request);
+  });
+}
+
+TEST_F(PhotometricRejects, FilmedDrawingsOfAnotherSize) {
+  const auto wrong = [](const ImageRequest& request) {
+    RenderedImages drawn = truth(0)(request);
+    for (const int side : request.sides) drawn.filmed.push_back(torch::zeros({side + 1, side + 1, 4}));
+    return drawn;
+  };
+  EXPECT_THAT(message_of<UsageError>([&] { evaluate(wrong); }), HasSubstr("filmed"));
+}
+
 TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
   EvaluationOptions options;
   options.cameras = {"c1"};

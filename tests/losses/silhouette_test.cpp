@@ -192,6 +192,76 @@ TEST(SilhouetteReference, UnitsAndWeights) {
   EXPECT_TRUE(is_near(scaled.data_to_model, loss.data_to_model * 3, 0, 1e-9));
 }
 
+SilhouetteOptions on_outline() {
+  SilhouetteOptions options;
+  options.boundary = SilhouetteBoundary::outline;
+  return options;
+}
+
+/// Drawn a third of a pixel aside: points lie at pixel centres when they are drawn, and there the interpolant of the
+/// distance image has its kinks.
+OutlinePoints outline_off_the_kinks(const Scene& s) {
+  const Tensor moved = s.vertices + torch::tensor({0.006f, 0.007f, 0.005f});
+  return outline_points(moved, s.target.projection, s.mesh.faces, s.target.distance.size(2), s.target.distance.size(3),
+                        s.target.valid);
+}
+
+TEST(SilhouetteOutline, IsZeroOnItsOwnMaskAndGrowsBySquares) {
+  const Scene s(1);
+  const Tensor truth = s.truth.to(torch::kFloat64);
+  const SilhouetteLoss own = silhouette_loss(truth, s.mesh.faces, s.target, on_outline());
+  EXPECT_LT(own.total().item<double>(), 1e-6) << "pixels of the mask's edge are compared with pixels of the drawing's";
+  const auto moved_by = [&](double shift) {
+    const Tensor moved = truth + torch::tensor({0.0, shift, 0.0}, torch::kFloat64);
+    return silhouette_loss(moved, s.mesh.faces, s.target, on_outline());
+  };
+  const SilhouetteLoss near = moved_by(0.05), far = moved_by(0.1);
+  EXPECT_NEAR(far.model_to_data.item<double>() / near.model_to_data.item<double>(), 4, 1);
+  EXPECT_NEAR(far.data_to_model.item<double>() / near.data_to_model.item<double>(), 4, 1);
+}
+
+TEST(SilhouetteOutline, DoesNotDependOnTheSizeOfTheCrop) {
+  const Scene small(1, 96), large(1, 192);
+  Scene coarse = small, fine = large;
+  coarse.target.pixel_scale.fill_(2.0f);
+  fine.target.pixel_scale.fill_(1.0f);
+  const SilhouetteLoss a = silhouette_loss(coarse.vertices, coarse.mesh.faces, coarse.target, on_outline());
+  const SilhouetteLoss b = silhouette_loss(fine.vertices, fine.mesh.faces, fine.target, on_outline());
+  EXPECT_NEAR(a.model_to_data.item<double>() / b.model_to_data.item<double>(), 1, 0.05);
+  EXPECT_NEAR(a.data_to_model.item<double>() / b.data_to_model.item<double>(), 1, 0.15);
+}
+
+TEST(SilhouetteOutline, DescentFillsTheMask) {
+  const Scene s(1);
+  Rasterizer rasterizer(s.mesh.faces);
+  const auto overlap = [&](const Tensor& vertices) {
+    const Tensor drawn = rasterizer.coverage_projected(vertices, s.target.projection, 96, 96) > 0;
+    const Tensor mask = s.target.distance < 0;
+    return (drawn & mask).sum().item<double>() / (drawn | mask).sum().item<double>();
+  };
+  Tensor placement = torch::tensor({0.0f, 0.0f, 0.0f, 1.0f}).requires_grad_();  // a shift and a size
+  torch::optim::Adam adam(std::vector<Tensor>{placement}, torch::optim::AdamOptions(5e-3));
+  const auto placed = [&] { return s.vertices * placement[3] + placement.slice(0, 0, 3); };
+  const double before = overlap(placed().detach());
+  for (int step = 0; step < 150; ++step) {
+    adam.zero_grad();
+    silhouette_loss(placed(), s.mesh.faces, s.target, on_outline()).total().backward();
+    adam.step();
+  }
+  EXPECT_LT(before, 0.8);
+  EXPECT_GT(overlap(placed().detach()), 0.985);
+}
+
+TEST(SilhouetteGradient, OnTheOutlineMatchesCentralDifferences) {
+  const Scene s(2, 64, 9);
+  const OutlinePoints outline = outline_off_the_kinks(s);
+  const auto f = [&](const std::vector<Tensor>& in) {
+    const SilhouetteLoss loss = silhouette_loss(in[0], s.mesh.faces, outline, s.target);
+    return torch::stack({loss.model_to_data, loss.data_to_model});
+  };
+  EXPECT_TRUE(gradients_match(f, {{"vertices", s.vertices.to(torch::kFloat64)}}, {1e-7, 1e-6, 1e-5, 600}));
+}
+
 TEST(SilhouetteGradient, OfTheReferenceMatchesCentralDifferences) {
   const Scene s(2);
   const Tensor boundary = boundary_vertices(s.vertices, s.target.projection, s.mesh.faces, 96, 96);
@@ -207,16 +277,21 @@ TEST(SilhouetteGradient, OfTheReferenceMatchesCentralDifferences) {
 TEST(SilhouetteAgrees, KernelAndReferenceForOneTwoAndThreeThreads) {
   Scene s(3, 75, 11);
   s.target.valid[1][2] = false;
-  for (const bool visible_only : {false, true}) {
+  for (const int variant : {0, 1, 2}) {
     SilhouetteOptions options;
-    options.visible_only = visible_only;
-    options.inset = visible_only ? 0.7 : 0.0;
+    options.visible_only = variant == 1;
+    options.inset = variant == 1 ? 0.7 : 0.0;
     options.data_to_model = 0.5;
     const Tensor vertices = s.vertices.clone().requires_grad_();
+    const OutlinePoints outline = outline_off_the_kinks(s);
+    const auto evaluate = [&] {
+      return variant == 2 ? silhouette_loss(vertices, s.mesh.faces, outline, s.target, options)
+                          : silhouette_loss(vertices, s.mesh.faces, s.target, options);
+    };
     Tensor value, gradient[2];
     {
       const ReferenceScope reference;
-      const SilhouetteLoss loss = silhouette_loss(vertices, s.mesh.faces, s.target, options);
+      const SilhouetteLoss loss = evaluate();
       value = loss.total().detach();
       gradient[0] = gradient_of(loss.model_to_data, vertices);
       gradient[1] = gradient_of(loss.data_to_model, vertices);
@@ -227,7 +302,7 @@ TEST(SilhouetteAgrees, KernelAndReferenceForOneTwoAndThreeThreads) {
     Tensor first;
     for (const int threads : {1, 2, 3}) {
       at::set_num_threads(threads);
-      const SilhouetteLoss loss = silhouette_loss(vertices, s.mesh.faces, s.target, options);
+      const SilhouetteLoss loss = evaluate();
       EXPECT_TRUE(is_near(loss.total(), value, 1e-6, 1e-4));
       const Tensor found[2] = {gradient_of(loss.model_to_data, vertices), gradient_of(loss.data_to_model, vertices)};
       for (int k = 0; k < 2; ++k)

@@ -154,11 +154,115 @@ TEST(EgNetAgrees, OnAnEmptyBatch) {
   EXPECT_EQ(A.sizes(), (std::vector<int64_t>{0, character.num_nodes(), 3}));
 }
 
+/// The character standing at the origin and facing along +z in its rest pose.
+Character standing_upright(Character character) {
+  const auto root = character.skeleton.root();
+  for (int i = 0; i < 3; ++i) character.rest_dofs[root.translation[i]] = 0.0;
+  character.rest_dofs[root.rotation[0]] = 0.0;
+  return character;
+}
+
+Tensor set_gains(EgNet& net, double gain) {
+  torch::NoGradGuard no_grad;
+  torch::manual_seed(5);
+  Tensor gains = net->named_parameters()["inertia_gain"];
+  return gains.copy_(gain * torch::randn_like(gains));
+}
+
+TEST(EgNetInertia, OfAWalkAtOneSpeedIsItsResponseTimesTheWayBack) {
+  const Character character = standing_upright(make_test_character());
+  EgNetConfig config = small_config();
+  config.inertia = 5;
+  config.inertia_modes = 1;
+  EgNet net(character, config);
+  const auto root = character.skeleton.root();
+  Tensor window = torch::tensor(at::ArrayRef<double>(character.rest_dofs), torch::kFloat64).to(torch::kFloat32);
+  window = window.expand({1, 6, -1}).clone();
+  const double speed = 0.03;  // metres a frame, along x
+  for (int frame = 0; frame < 6; ++frame)
+    window[0][frame][root.translation[0]] += speed * frame / root.translation_weight[0];
+  EXPECT_EQ(largest(net->inertia(window)), 0.0) << "a node trails by nothing until it has learnt to";
+
+  const int64_t K = net->num_nodes();
+  const Tensor gains = set_gains(net, 1.0).detach().to(torch::kFloat64).view({2, K});
+  const double rate = std::exp(net->named_parameters()["inertia_decay"][0].item<double>());
+  const double frequency = net->named_parameters()["inertia_frequency"][0].item<double>();
+  Tensor expected = torch::zeros({K}, torch::kFloat64);
+  for (int j = 1; j <= 5; ++j)
+    expected -=
+        speed * j * std::exp(-rate * j) * (gains[0] * std::cos(frequency * j) + gains[1] * std::sin(frequency * j));
+  const Tensor found = net->inertia(window)[0];
+  EXPECT_LT(largest(found.select(1, 0) - expected), 1e-5);
+  EXPECT_LT(largest(found.narrow(1, 1, 2)), 1e-5);
+  EXPECT_GT(largest(found), 0.01);
+}
+
+TEST(EgNetInertia, FollowsTheTruePathWhateverTheNetworkSees) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  config.inertia = 4;
+  EgNet net(character, config);
+  set_gains(net, 0.3);
+  net->eval();
+  const Tensor path = random_windows(character, 3, 5), seen = path + 0.05 * torch::randn_like(path);
+  const Tensor still = path.narrow(1, 4, 1).expand({-1, 5, -1});
+  EXPECT_LT(largest(net->inertia(still)), 1e-5);
+  const auto [A, T] = net->forward(seen, path);
+  const auto [still_A, still_T] = net->forward(seen, still);
+  EXPECT_TRUE(torch::equal(A, still_A));
+  EXPECT_LT(largest(T - still_T - net->inertia(path)), 1e-5);
+  EXPECT_GT(largest(net->inertia(path)), 1e-3);
+  EXPECT_LT(largest(net->inertia(turned_and_moved(character, path, 1.3)) - net->inertia(path)), 1e-4);
+}
+
+TEST(EgNetInertia, LearnsASpringThatItHasNotBeenTold) {
+  const Character character = make_test_character();
+  EgNetConfig config = small_config();
+  config.inertia = 8;
+  EgNet teacher(character, config), pupil(character, config);
+  set_gains(teacher, 0.3);
+  const Tensor windows = random_windows(character, 16, 9);
+  const Tensor target = teacher->inertia(windows).detach();
+  std::vector<Tensor> learnt;
+  for (const auto& item : pupil->named_parameters())
+    if (item.key().find("inertia") == 0) learnt.push_back(item.value());
+  ASSERT_EQ(learnt.size(), 3u);
+  {
+    torch::NoGradGuard no_grad;
+    pupil->named_parameters()["inertia_frequency"].mul_(1.3);
+  }
+  torch::optim::Adam adam(learnt, torch::optim::AdamOptions(1e-2));
+  double first = 0.0, last = 0.0;
+  for (int step = 0; step < 400; ++step) {
+    adam.zero_grad();
+    const Tensor loss = (pupil->inertia(windows) - target).square().mean();
+    loss.backward();
+    adam.step();
+    last = loss.item<double>();
+    if (step == 0) first = last;
+  }
+  EXPECT_LT(last, 0.01 * first);
+}
+
+TEST(EgNetInertia, IsRefusedWhereThereIsNone) {
+  const Character character = make_test_character();
+  EgNet net(character, small_config());
+  EXPECT_THROW(net->inertia(random_windows(character, 1)), UsageError);
+  EgNetConfig config = small_config();
+  config.inertia = 6;
+  EXPECT_EQ(config.past_frames(), 6);
+  EXPECT_THROW(EgNet(character, config)->forward(random_windows(character, 1)), UsageError) << "too short a window";
+  config.inertia = -1;
+  EXPECT_THROW(EgNet(character, config), UsageError);
+}
+
 TEST(EgNetAgrees, AsATraceOnBatchesItHasNotSeen) {
   const Character character = make_test_character();
   EgNetConfig config = small_config();
   config.sagcn.head_scale = 0.3;
+  config.inertia = 2;
   EgNet net(character, config);
+  set_gains(net, 0.3);
   net->eval();
   for (Tensor parameter : net->parameters()) parameter.set_requires_grad(false);  // here they become constants
   const Tensor example = random_windows(character, 2);

@@ -54,6 +54,7 @@ ImageScores& operator+=(ImageScores& sum, const ImageScores& other) {
 PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& other) {
   sum.masked += other.masked;
   sum.full += other.full;
+  if (other.filmed) (sum.filmed ? *sum.filmed : sum.filmed.emplace()) += *other.filmed;
   sum.missing_MSE += other.missing_MSE;
   sum.foreground += other.foreground;
   return sum;
@@ -63,10 +64,33 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
   PhotometricScores mean;
   for (const PhotometricScores& one : all) mean += one;
   const double count = static_cast<double>(all.size());
-  for (double* value : {&mean.masked.MSE, &mean.masked.PSNR, &mean.masked.SSIM, &mean.full.MSE, &mean.full.PSNR,
-                        &mean.full.SSIM, &mean.missing_MSE, &mean.foreground})
-    *value /= count;
+  for (ImageScores* scores : {&mean.masked, &mean.full, mean.filmed ? &*mean.filmed : nullptr})
+    if (scores)
+      for (double* value : {&scores->MSE, &scores->PSNR, &scores->SSIM}) *value /= count;
+  mean.missing_MSE /= count;
+  mean.foreground /= count;
   return mean;
+}
+
+/// What stands behind the person in a crop, RGB: the empty studio, or black.
+cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
+  cv::Mat result = cv::Mat::zeros(size, size, CV_8UC3);
+  if (!studio.empty() && !box.empty()) cv::cvtColor(crop_image(studio, box, size), result, cv::COLOR_BGR2RGB);
+  return result;
+}
+
+/// The drawing as its camera would have filmed it, over the empty studio or black, and then cropped as its picture.
+/// @param filmed float32 [n,n,4] @return RGB
+cv::Mat filmed_picture(const torch::Tensor& filmed, const cv::Mat& studio, const CropBox& box, int size) {
+  if (!filmed.defined() || filmed.sizes() != torch::IntArrayRef({box.side, box.side, 4}))
+    fail<UsageError>("evaluation of images: a filmed drawing must be float [{},{},4], found [{}]", box.side, box.side,
+                     filmed.defined() ? fmt::format("{}", fmt::join(filmed.sizes(), ",")) : "");
+  cv::Mat behind = background_crop(studio, box, box.side);
+  const auto whole = torch::from_blob(behind.data, {box.side, box.side, 3}, torch::kUInt8).to(torch::kFloat32);
+  const torch::Tensor over = filmed.narrow(2, 0, 3) * 255.0 + (1.0 - filmed.narrow(2, 3, 1)) * whole;
+  const torch::Tensor rounded = over.round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
+  const cv::Mat picture(box.side, box.side, CV_8UC3, rounded.data_ptr<std::uint8_t>());
+  return crop_image(picture, {0, 0, box.side}, size);
 }
 
 /// The drawings as 8-bit RGB [B,S,S,3] and coverage 0 or 255 [B,S,S].
@@ -82,7 +106,7 @@ RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request)
         drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
   const torch::Tensor colour = (drawn.colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8);
   return {colour.reshape({B, S, S, 3}).contiguous(),
-          drawn.covered.ne(0).to(torch::kUInt8).mul(255).reshape({B, S, S}).contiguous()};
+          drawn.covered.ne(0).to(torch::kUInt8).mul(255).reshape({B, S, S}).contiguous(), drawn.filmed};
 }
 
 cv::Mat picture_of(const torch::Tensor& images, std::int64_t index, int size, int type) {
@@ -90,28 +114,24 @@ cv::Mat picture_of(const torch::Tensor& images, std::int64_t index, int size, in
   return cv::Mat(size, size, type, image.data_ptr<std::uint8_t>());  // the batch keeps the memory alive
 }
 
+/// Black outside the mask.
+cv::Mat inside(const cv::Mat& picture, const cv::Mat& mask) {
+  cv::Mat result = cv::Mat::zeros(picture.size(), picture.type());
+  picture.copyTo(result, mask);
+  return result;
+}
+
 PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& truth, const cv::Mat& mask,
                         const cv::Mat& background) {
   PhotometricScores scores;
-  cv::Mat over = background.clone(), drawn_person = cv::Mat::zeros(truth.size(), CV_8UC3),
-          true_person = cv::Mat::zeros(truth.size(), CV_8UC3), black_behind = cv::Mat::zeros(truth.size(), CV_8UC3);
+  cv::Mat over = background.clone(), true_person = inside(truth, mask);
   drawn.copyTo(over, covered);
-  drawn.copyTo(black_behind, covered);
-  black_behind.copyTo(drawn_person, mask);
-  truth.copyTo(true_person, mask);
-  scores.masked = compare_images(drawn_person, true_person);
+  scores.masked = compare_images(inside(inside(drawn, covered), mask), true_person);
   scores.full = compare_images(over, truth);
   true_person.setTo(cv::Scalar::all(0), covered);
   scores.missing_MSE = mean_square(true_person, cv::Mat::zeros(truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   return scores;
-}
-
-/// What stands behind the person in a crop, RGB: the empty studio, or black.
-cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
-  cv::Mat result = cv::Mat::zeros(size, size, CV_8UC3);
-  if (!studio.empty() && !box.empty()) cv::cvtColor(crop_image(studio, box, size), result, cv::COLOR_BGR2RGB);
-  return result;
 }
 
 /// Scores of B frames in one camera; frames without a person are left out.
@@ -122,7 +142,9 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
   wanted.images = true;
   const Batch batch = make_batch(dataset, samples, std::vector<std::vector<int>>(samples.size(), {camera}), wanted);
   const int size = dataset.image_size();
-  const ImageRequest request{samples, camera, batch.image_projection, size};
+  std::vector<int> sides;
+  for (const SampleId& sample : samples) sides.push_back(dataset.crop_box(sample, camera).side);
+  const ImageRequest request{samples, camera, batch.image_projection, size, sides};
   const auto start = std::chrono::steady_clock::now();
   const RenderedImages drawn = checked(render(request), request);
   seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -131,21 +153,32 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
     const auto i = static_cast<std::int64_t>(b);
     const cv::Mat person = picture_of(mask, i, size, CV_8UC1);
     if (cv::countNonZero(person) == 0) continue;
+    const cv::Mat picture = picture_of(truth, i, size, CV_8UC3);
+    const CropBox box = dataset.crop_box(samples[b], camera);
     scores.push_back(score(picture_of(drawn.colour, i, size, CV_8UC3), picture_of(drawn.covered, i, size, CV_8UC1),
-                           picture_of(truth, i, size, CV_8UC3), person,
-                           background_crop(studio, dataset.crop_box(samples[b], camera), size)));
+                           picture, person, background_crop(studio, box, size)));
+    if (drawn.filmed.empty()) continue;
+    scores.back().filmed =
+        compare_images(inside(filmed_picture(drawn.filmed.at(b), studio, box, size), person), inside(picture, person));
   }
 }
 
 nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
   nlohmann::ordered_json json = scores.masked.to_json();
   json["full"] = scores.full.to_json();
+  if (scores.filmed) json["filmed"] = scores.filmed->to_json();
   json["missing_MSE"] = scores.missing_MSE;
   json["foreground"] = scores.foreground;
   return json;
 }
 
 }  // namespace
+
+torch::Tensor ImageRequest::filmed_projection(std::size_t b) const {
+  const double scale = static_cast<double>(sides.at(b)) / size;
+  return projection[static_cast<std::int64_t>(b)].unsqueeze(0) *
+         torch::tensor({scale, scale, 1.0}, torch::kFloat32).view({1, 1, 3, 1});
+}
 
 nlohmann::ordered_json ImageScores::to_json() const { return {{"MSE", MSE}, {"PSNR", PSNR}, {"SSIM", SSIM}}; }
 
@@ -220,6 +253,10 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
   json["masked"] = "both pictures black outside the true mask";
   json["full"] = dataset.capture().background.empty() ? "drawing over black, against the picture as filmed"
                                                       : "drawing over the empty studio, against the picture as filmed";
+  json["filmed"] =
+      "drawing averaged over each pixel of the camera, over the same background, resized as the picture was; both "
+      "black "
+      "outside the true mask";
   json["SSIM"] =
       fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the picture, mean over channels",
                   kWindow, kWindow, kSigma);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,18 +40,27 @@ struct ImageRequest {
   int camera = 0;                 ///< index in Dataset::cameras()
   torch::Tensor projection;       ///< float32 [B,1,3,4] crop pixels from world metres
   int size = 0;                   ///< S
+  std::vector<int> sides = {};    ///< [B] of the same crops in pixels of the camera
+
+  /// Of crop b, in pixels of the camera. @return float32 [1,1,3,4]
+  torch::Tensor filmed_projection(std::size_t b) const;
 };
 /// What it gives back.
 struct RenderedImages {
   torch::Tensor colour;   ///< float32 [B,S,S,3] or [B,1,S,S,3], RGB 0..1
   torch::Tensor covered;  ///< bool or uint8 of the same shape without colours
+  /// As the camera would film it, where the renderer can tell: for each frame float32 [n,n,4], n = sides[b], colours
+  /// times the covered part of the pixel, and that part.
+  std::vector<torch::Tensor> filmed = {};
 };
 using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;
 
 /// Of one camera, or their mean.
 struct PhotometricScores {
-  ImageScores masked;        ///< both pictures black outside the true mask
-  ImageScores full;          ///< the drawing over its background, against the picture as filmed
+  ImageScores masked;  ///< both pictures black outside the true mask
+  ImageScores full;    ///< the drawing over its background, against the picture as filmed
+  /// The drawing as filmed, over its background, resized as the picture was; both black outside the true mask.
+  std::optional<ImageScores> filmed;
   double missing_MSE = 0.0;  ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
   double foreground = 0.0;   ///< share of the true mask in the crop: masked.MSE / foreground is the MSE of the person
 };

@@ -283,6 +283,7 @@ std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
         if (result.contains(column.key))
           out += fmt::format("  {} {:.{}f}{}", column.title, column.factor * result.at(column.key).get<double>(),
                              column.digits, column.unit);
+      if (result.contains("filmed")) out += fmt::format("  as filmed {:.2f}", result["filmed"]["MSE"].get<double>());
       out += "  |";
       for (const auto& [camera, value] : result.at("cameras").items())
         out += value.is_number() ? fmt::format("  {}: {:.4f}", camera, value.get<double>())

@@ -63,7 +63,7 @@ void check_target(const Tensor& vertices, const Tensor& faces, const SilhouetteT
     fail<UsageError>("{}: distance must be square, found {}", kOp, describe(target.distance));
   }
   check_flags("valid", target.valid, {batch, cameras});
-  if (options.unit == SilhouetteUnit::image_pixels) {
+  if (options.unit == SilhouetteUnit::image_pixels || options.boundary == SilhouetteBoundary::outline) {
     check_shape(kOp, "pixel_scale", target.pixel_scale, {batch, cameras}, "[B,C]");
   }
   if (!(options.distance_scale > 0) || !(options.contour_radius > 0)) {
@@ -95,6 +95,37 @@ void add_normals(const T* x, const std::int64_t* faces, std::int64_t num_vertice
   }
 }
 
+/// A pixel at the edge of a drawing, or of a mask, has its centre half a pixel inside the outline.
+constexpr double kPixelToOutline = 0.5;
+
+silhouette::ResidualScales residual_scales(const SilhouetteTarget& target, const SilhouetteOptions& options) {
+  const Tensor one = torch::ones(target.valid.sizes());
+  Tensor model_to_data = one, data_to_model = one;
+  // Squared residuals in image pixels, times the length that a crop pixel has in them.
+  if (options.boundary == SilhouetteBoundary::outline)
+    model_to_data = data_to_model = target.pixel_scale.pow(1.5);
+  else if (options.unit == SilhouetteUnit::image_pixels)
+    model_to_data = target.pixel_scale;
+  return {model_to_data / options.distance_scale, data_to_model / options.contour_radius};
+}
+
+SilhouetteLoss evaluate(const Tensor& points, const Tensor& normals, const Tensor& boundary,
+                        const SilhouetteTarget& target, const SilhouetteOptions& options) {
+  const silhouette::ResidualScales scales = residual_scales(target, options);
+  return takes_kernel(points) ? silhouette::fused(points, normals, boundary, target, scales, options)
+                              : silhouette::reference(points, normals, boundary, target, scales, options);
+}
+
+/// Values of vertices at points on faces, with gradients. @param values [B,N,3] @return [V,P,3]
+Tensor on_faces(const Tensor& values, const OutlinePoints& outline) {
+  const std::int64_t views = outline.used.size(0), cameras = views / std::max<std::int64_t>(values.size(0), 1);
+  const Tensor item = at::arange(views, torch::kInt64).div(std::max<std::int64_t>(cameras, 1), "floor");
+  const Tensor rows = outline.corners + (item * values.size(1)).view({-1, 1, 1});
+  // An embedding: its gradient is summed row by row, in order.
+  const Tensor corners = at::embedding(values.reshape({-1, 3}), rows);  // [V,P,3,3]
+  return (corners * outline.barycentrics.to(values.scalar_type()).unsqueeze(-1)).sum(2);
+}
+
 }  // namespace
 
 Tensor silhouette_normals(const Tensor& vertices, const Tensor& faces) {
@@ -118,16 +149,15 @@ Tensor silhouette_normals(const Tensor& vertices, const Tensor& faces) {
   return normals;
 }
 
-Tensor silhouette::residual_scale(const SilhouetteTarget& target, const SilhouetteOptions& options,
-                                  torch::ScalarType dtype) {
-  const Tensor scale = options.unit == SilhouetteUnit::image_pixels ? target.pixel_scale.to(dtype)
-                                                                    : torch::ones(target.valid.sizes(), dtype);
-  return scale / options.distance_scale;
-}
-
 SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, const SilhouetteTarget& target,
                                const SilhouetteOptions& options) {
   check_target(vertices, faces, target, options);
+  if (options.boundary == SilhouetteBoundary::outline) {
+    const OutlinePoints outline =
+        outline_points(vertices.detach().to(torch::kFloat32), target.projection.to(torch::kFloat32), faces,
+                       target.distance.size(2), target.distance.size(3), target.valid);
+    return silhouette_loss(vertices, faces, outline, target, options);
+  }
   BoundaryOptions boundary_options;
   boundary_options.visible_only = options.visible_only;
   const Tensor boundary =
@@ -140,8 +170,25 @@ SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, cons
                                const SilhouetteTarget& target, const SilhouetteOptions& options) {
   check_target(vertices, faces, target, options);
   check_flags("boundary", boundary, {vertices.size(0), target.projection.size(1), vertices.size(1)});
-  return takes_kernel(vertices) ? silhouette::fused(vertices, faces, boundary, target, options)
-                                : silhouette::reference(vertices, faces, boundary, target, options);
+  return evaluate(vertices, silhouette_normals(vertices, faces), boundary, target, options);
+}
+
+SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, const OutlinePoints& outline,
+                               const SilhouetteTarget& target, const SilhouetteOptions& options) {
+  SilhouetteOptions at_centres = options;
+  at_centres.boundary = SilhouetteBoundary::outline;
+  at_centres.inset += kPixelToOutline;
+  check_target(vertices, faces, target, at_centres);
+  const std::int64_t views = target.valid.numel(), size = target.distance.size(3);
+  check_flags("outline.used", outline.used, {views, outline.used.size(1)});
+  // Each view becomes a batch item of its own, with the points for vertices.
+  SilhouetteTarget by_view = target;
+  by_view.projection = target.projection.reshape({views, 1, 3, 4});
+  by_view.distance = target.distance.reshape({views, 1, size, size});
+  by_view.pixel_scale = target.pixel_scale.reshape({views, 1});
+  by_view.valid = target.valid.reshape({views, 1});
+  return evaluate(on_faces(vertices, outline), on_faces(silhouette_normals(vertices, faces), outline),
+                  outline.used.unsqueeze(1), by_view, at_centres);
 }
 
 }  // namespace doppel

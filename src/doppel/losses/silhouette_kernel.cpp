@@ -59,10 +59,10 @@ double pull_to_contour(const CameraInput& in, CameraScratch& scratch) {
     const int nearest = scratch.nearest.find(u, v, in.radius);
     if (nearest < 0) continue;
     BoundaryPoint& point = scratch.points[static_cast<std::size_t>(nearest)];
-    const float ru = (point.u - u) / in.radius, rv = (point.v - v) / in.radius;
+    const float ru = (point.u - u) * in.contour_scale, rv = (point.v - v) * in.contour_scale;
     value += static_cast<double>(ru) * ru + static_cast<double>(rv) * rv;
-    point.gradient[1][0] += 2 * ru / in.radius;
-    point.gradient[1][1] += 2 * rv / in.radius;
+    point.gradient[1][0] += 2 * ru * in.contour_scale;
+    point.gradient[1][1] += 2 * rv * in.contour_scale;
   }
   return value;
 }

@@ -22,6 +22,7 @@ struct CameraInput {
   std::int64_t num_contour;
   float residual_scale;  ///< residual per crop pixel, model to data
   float inset;           ///< crop pixels inside the outline where that residual is 0
+  float contour_scale;   ///< residual per crop pixel, data to model
   float radius;          ///< data to model, crop pixels
   bool model_to_data, data_to_model;
 };

@@ -51,12 +51,14 @@ std::vector<CameraResult> evaluate_cameras(std::int64_t views, const bool* valid
 /// @return both sums [2] and their gradients to the vertices [2,B,N,3]
 std::tuple<Tensor, Tensor> silhouette_cpu(const Tensor& vertices_in, const Tensor& normals_in,
                                           const Tensor& boundary_in, const Tensor& projection_in,
-                                          const Tensor& distance_in, const Tensor& scale_in, const Tensor& valid_in,
+                                          const Tensor& distance_in, const Tensor& scale_in,
+                                          const Tensor& contour_scale_in, const Tensor& valid_in,
                                           const Tensor& contour_in, const Tensor& offsets_in, double model_to_data,
                                           double data_to_model, double radius, double inset) {
   const auto floats = [](const Tensor& t) { return t.to(torch::kFloat32).contiguous(); };
   const Tensor vertices = floats(vertices_in), normals = floats(normals_in), projection = floats(projection_in);
-  const Tensor distance = floats(distance_in), scale = floats(scale_in), contour = floats(contour_in);
+  const Tensor distance = floats(distance_in), scale = floats(scale_in), contour = floats(contour_in),
+               contour_scale = floats(contour_scale_in);
   const Tensor boundary = boundary_in.contiguous(), valid = valid_in.contiguous(), offsets = offsets_in.contiguous();
   const std::int64_t batch = vertices.size(0), num_vertices = vertices.size(1), cameras = projection.size(1),
                      size = distance.size(3);
@@ -80,6 +82,7 @@ std::tuple<Tensor, Tensor> silhouette_cpu(const Tensor& vertices_in, const Tenso
                        first[i + 1] - first[i],
                        scale.data_ptr<float>()[i],
                        static_cast<float>(inset),
+                       contour_scale.data_ptr<float>()[i],
                        static_cast<float>(radius),
                        model_to_data != 0,
                        data_to_model != 0};
@@ -112,12 +115,14 @@ Tensor silhouette_backward_cpu(const Tensor& upstream, const Tensor& gradient) {
 class SilhouetteFunction : public torch::autograd::Function<SilhouetteFunction> {
  public:
   static Tensor forward(AutogradContext* context, const Tensor& vertices, const Tensor& normals, const Tensor& boundary,
-                        const SilhouetteTarget& target, const Tensor& scale, const SilhouetteOptions& options) {
+                        const SilhouetteTarget& target, const ResidualScales& scales,
+                        const SilhouetteOptions& options) {
     static const auto op = find_op<decltype(silhouette_cpu)>("doppel::silhouette_loss");
     at::AutoDispatchBelowADInplaceOrView guard;
-    auto [values, gradient] = op.call(vertices, normals, boundary, target.projection, target.distance, scale,
-                                      target.valid, target.contour, target.contour_offsets, options.model_to_data,
-                                      options.data_to_model, options.contour_radius, options.inset);
+    auto [values, gradient] =
+        op.call(vertices, normals, boundary, target.projection, target.distance, scales.model_to_data,
+                scales.data_to_model, target.valid, target.contour, target.contour_offsets, options.model_to_data,
+                options.data_to_model, options.contour_radius, options.inset);
     context->save_for_backward({gradient});
     return values;
   }
@@ -136,18 +141,17 @@ class SilhouetteFunction : public torch::autograd::Function<SilhouetteFunction> 
 
 }  // namespace
 
-SilhouetteLoss fused(const Tensor& vertices, const Tensor& faces, const Tensor& boundary,
-                     const SilhouetteTarget& target, const SilhouetteOptions& options) {
-  const Tensor scale = residual_scale(target, options, torch::kFloat32);
-  const Tensor normals = silhouette_normals(vertices, faces);
-  const Tensor values = SilhouetteFunction::apply(vertices, normals, boundary, target, scale, options);
+SilhouetteLoss fused(const Tensor& vertices, const Tensor& normals, const Tensor& boundary,
+                     const SilhouetteTarget& target, const ResidualScales& scales, const SilhouetteOptions& options) {
+  const Tensor values = SilhouetteFunction::apply(vertices, normals, boundary, target, scales, options);
   return {values[0], values[1]};
 }
 
 TORCH_LIBRARY_FRAGMENT(doppel, m) {
   m.def(
       "silhouette_loss(Tensor vertices, Tensor normals, Tensor boundary, Tensor projection, Tensor distance, Tensor "
-      "residual_scale, Tensor valid, Tensor contour, Tensor contour_offsets, float model_to_data, float data_to_model, "
+      "residual_scale, Tensor contour_scale, Tensor valid, Tensor contour, Tensor contour_offsets, float "
+      "model_to_data, float data_to_model, "
       "float radius, float inset) -> (Tensor values, Tensor gradient)");
   m.def("silhouette_loss_backward(Tensor upstream, Tensor gradient) -> Tensor");
 }

@@ -70,20 +70,22 @@ Tensor model_to_data(const Tensor& h, const Tensor& normals, const Tensor& use, 
   return torch::where(inside, with_gradient_times(sign, residual.square()), torch::zeros_like(residual));
 }
 
-/// Second sum of 6.8 for one camera. @param pixels [N,2]; @param use bool [N]; @param contour [P,2]
-Tensor data_to_model(const Tensor& pixels, const Tensor& use, const Tensor& contour, double radius) {
+/// Second sum of 6.8 for one camera. @param pixels [N,2]; @param use bool [N]; @param contour [P,2]; @param scale []
+Tensor data_to_model(const Tensor& pixels, const Tensor& use, const Tensor& contour, double radius,
+                     const Tensor& scale) {
   const Tensor candidates = pixels.index({use});
   if (candidates.size(0) == 0 || contour.size(0) == 0) return pixels.new_zeros({});
   const Tensor squared = (contour.unsqueeze(1) - candidates.detach().unsqueeze(0)).square().sum(2);
   const auto [nearest, index] = squared.min(1);
-  const Tensor residual = (candidates.index_select(0, index) - contour) / radius;
+  const Tensor residual = (candidates.index_select(0, index) - contour) * scale;
   return (residual.square().sum(1) * (nearest <= radius * radius)).sum();
 }
 
 }  // namespace
 
-SilhouetteLoss reference(const Tensor& vertices, const Tensor& faces, const Tensor& boundary,
-                         const SilhouetteTarget& target, const SilhouetteOptions& options) {
+SilhouetteLoss reference(const Tensor& vertices, const Tensor& normals, const Tensor& boundary,
+                         const SilhouetteTarget& target, const ResidualScales& scales,
+                         const SilhouetteOptions& options) {
   const auto dtype = vertices.scalar_type();
   const Tensor projection = target.projection.to(dtype), distance = target.distance.to(dtype);
   const Tensor h = homogeneous_pixels(vertices, projection);
@@ -92,21 +94,22 @@ SilhouetteLoss reference(const Tensor& vertices, const Tensor& faces, const Tens
   const Tensor zero = (vertices * 0).sum();
   SilhouetteLoss loss{zero, zero};
   if (options.model_to_data != 0 && distance.size(3) > 2 * kInset) {
-    const Tensor scale = residual_scale(target, options, dtype);
-    const Tensor normals = silhouette_normals(vertices, faces);
+    const Tensor scale = scales.model_to_data.to(dtype);
     loss.model_to_data = model_to_data(h, normals, use, projection, distance, options.inset, scale).sum() *
                          (weight * options.model_to_data);
   }
   if (options.data_to_model != 0) {
     const Tensor pixels = h.index({Ellipsis, Slice(0, 2)}) / h.index({Ellipsis, Slice(2, 3)});
     const std::int64_t cameras = projection.size(1);
+    const Tensor scale = scales.data_to_model.to(dtype);
     const Tensor contour = target.contour.to(dtype), front = use & (component(h, 2) > 0);
     std::vector<Tensor> sums{zero};
     for (std::int64_t i = 0; i < vertices.size(0) * cameras; ++i) {
       const std::int64_t first = target.contour_offsets[i].item<std::int64_t>(),
                          last = target.contour_offsets[i + 1].item<std::int64_t>();
       sums.push_back(data_to_model(pixels[i / cameras][i % cameras], front[i / cameras][i % cameras],
-                                   contour.slice(0, first, last), options.contour_radius));
+                                   contour.slice(0, first, last), options.contour_radius,
+                                   scale[i / cameras][i % cameras]));
     }
     loss.data_to_model = torch::stack(sums).sum() * (weight * options.data_to_model);
   }

@@ -2,19 +2,22 @@
 
 #include "doppel/losses/silhouette.h"
 
-/// The two ways to compute the silhouette loss; arguments already checked, see silhouette_loss.
 namespace doppel::silhouette {
 
-SilhouetteLoss reference(const torch::Tensor& vertices, const torch::Tensor& faces, const torch::Tensor& boundary,
-                         const SilhouetteTarget& target, const SilhouetteOptions& options);
+/// Residual per crop pixel in each view, both [B,C].
+struct ResidualScales {
+  torch::Tensor model_to_data, data_to_model;
+};
 
-SilhouetteLoss fused(const torch::Tensor& vertices, const torch::Tensor& faces, const torch::Tensor& boundary,
-                     const SilhouetteTarget& target, const SilhouetteOptions& options);
+/// The two ways to compute the silhouette loss; arguments already checked, see silhouette_loss. `normals` [B,N,3].
+SilhouetteLoss reference(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
+                         const SilhouetteTarget& target, const ResidualScales& scales,
+                         const SilhouetteOptions& options);
+
+SilhouetteLoss fused(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
+                     const SilhouetteTarget& target, const ResidualScales& scales, const SilhouetteOptions& options);
 
 /// A vertex takes part in the model-to-data sum when it lies this far inside the crop, pixels.
 constexpr double kInset = 2;
-
-/// 1 / (crop pixels that make a residual of 1), [B,C], in the chosen unit.
-torch::Tensor residual_scale(const SilhouetteTarget& target, const SilhouetteOptions& options, torch::ScalarType dtype);
 
 }  // namespace doppel::silhouette

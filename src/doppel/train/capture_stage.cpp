@@ -93,16 +93,26 @@ SilhouetteTarget silhouette_target(const Batch& batch) {
 
 SilhouetteLoss batch_silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces, const Batch& batch,
                                      const SilhouetteOptions& options, Profile& profile) {
+  const SilhouetteTarget target = silhouette_target(batch);
+  const std::int64_t size = batch.distance.size(2);
+  if (options.boundary == SilhouetteBoundary::outline) {
+    OutlinePoints outline;
+    {
+      ProfileScope scope(profile, "boundary");
+      outline = outline_points(vertices.detach(), batch.projection, faces, size, size, batch.valid);
+    }
+    ProfileScope scope(profile, "silhouette");
+    return silhouette_loss(vertices, faces, outline, target, options);
+  }
   torch::Tensor boundary;
   {
     ProfileScope scope(profile, "boundary");
     BoundaryOptions boundary_options;
     boundary_options.visible_only = options.visible_only;
-    boundary = boundary_vertices(vertices.detach(), batch.projection, faces, batch.distance.size(2),
-                                 batch.distance.size(3), batch.valid, boundary_options);
+    boundary = boundary_vertices(vertices.detach(), batch.projection, faces, size, size, batch.valid, boundary_options);
   }
   ProfileScope scope(profile, "silhouette");
-  return silhouette_loss(vertices, faces, boundary, silhouette_target(batch), options);
+  return silhouette_loss(vertices, faces, boundary, target, options);
 }
 
 std::pair<torch::Tensor, torch::Tensor> input_statistics(

@@ -69,7 +69,7 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   {
     ProfileScope scope(profile, "egnet");
     torch::NoGradGuard no_grad;
-    std::tie(A, T) = actor_.deformation(noisy);
+    std::tie(A, T) = actor_.deformation(noisy, batch.dofs);
     coarse = actor_.surface->deformed(batch.dofs.select(1, -1).contiguous(), A, T);
   }
   torch::Tensor D;

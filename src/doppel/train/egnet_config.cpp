@@ -22,7 +22,7 @@ EgNetRunConfig EgNetRunConfig::read(const ConfigDocument& document) {
   c.silhouette = read_silhouette_options(loss);
   c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
   root.finish();
-  c.loader.window = c.model.window;
+  c.loader.window = c.model.past_frames();
   return c;
 }
 

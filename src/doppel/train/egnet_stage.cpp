@@ -32,7 +32,7 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   torch::Tensor A, T, vertices;
   {
     ProfileScope scope(profile, "network");
-    std::tie(A, T) = network_->forward(noise_.apply(batch.dofs, context.generator));
+    std::tie(A, T) = network_->forward(noise_.apply(batch.dofs, context.generator), batch.dofs);
   }
   {
     ProfileScope scope(profile, "layers");
@@ -53,7 +53,7 @@ void EgNetStage::prepare_evaluation() {
   std::vector<torch::Tensor> running;
   for (const auto& item : network_->named_buffers())
     if (item.key().find("running_") != std::string::npos && item.value().defined()) running.push_back(item.value());
-  const torch::Tensor windows = training_windows(kStatisticsFrames, config_.model.window);
+  const torch::Tensor windows = training_windows(kStatisticsFrames, config_.model.past_frames());
   if (windows.size(0) < 2) return;
   for (torch::Tensor& buffer : running) buffer.zero_();
   network_->train();
@@ -63,7 +63,7 @@ void EgNetStage::prepare_evaluation() {
 
 std::vector<Picture> EgNetStage::pictures() {
   return outline_pictures(faces_, "pure skinning blue, EGNet red", [this](const SampleId& sample) {
-    const torch::Tensor window = dataset().dof_window(sample, config_.model.window).unsqueeze(0);
+    const torch::Tensor window = dataset().dof_window(sample, config_.model.past_frames()).unsqueeze(0);
     const auto [A, T] = network_->forward(window);
     const torch::Tensor dofs = window.select(1, -1).contiguous();
     return std::make_pair(surface_->skinned(dofs)[0], surface_->deformed(dofs, A, T)[0]);

@@ -63,7 +63,11 @@ SilhouetteOptions read_silhouette_options(const ConfigReader& loss, const Silhou
   s.data_to_model = loss.get("data_to_model", s.data_to_model, at_least(0.0));
   s.distance_scale = loss.get("distance_scale", s.distance_scale, at_least(1e-6));
   s.contour_radius = loss.get("contour_radius", s.contour_radius, at_least(1e-6));
-  s.inset = loss.get("inset", s.inset, at_least(0.0));
+  s.inset = loss.get("inset", s.inset, between(-50.0, 50.0));
+  const std::vector<std::string> boundaries{"vertices", "outline"};
+  s.boundary = loss.choice("boundary", boundaries, boundaries[static_cast<std::size_t>(s.boundary)]) == "outline"
+                   ? SilhouetteBoundary::outline
+                   : SilhouetteBoundary::vertices;
   s.visible_only = loss.get("visible_only", s.visible_only);
   s.unit = loss.choice("unit", {"crop_pixels", "image_pixels"}, "crop_pixels") == "crop_pixels"
                ? SilhouetteUnit::crop_pixels

@@ -102,16 +102,17 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
 }
 
 int TrainedActor::window() const {
-  int longest = egnet->config().window;
+  int longest = egnet->config().past_frames();
   if (deltanet) longest = std::max(longest, deltanet->config().window);
   if (texnet) longest = std::max(longest, texnet->config().window);
   if (hybrid) longest = std::max(longest, hybrid->config().motion.window);
   return longest;
 }
 
-std::pair<torch::Tensor, torch::Tensor> TrainedActor::deformation(const torch::Tensor& dof_window) {
+std::pair<torch::Tensor, torch::Tensor> TrainedActor::deformation(const torch::Tensor& seen_window,
+                                                                  const torch::Tensor& dof_window) {
   torch::NoGradGuard no_grad;
-  return egnet->forward(last_rows(dof_window, egnet->config().window));
+  return egnet->forward(seen_window, dof_window);
 }
 
 torch::Tensor TrainedActor::coarse(const torch::Tensor& dof_window) {

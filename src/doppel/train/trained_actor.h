@@ -68,7 +68,12 @@ struct TrainedActor {
 
   /// EGNet's deformation. @param dof_window [B,F+1,D], oldest first, at least its window long
   /// @return A, T [B,K,3]
-  std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& dof_window);
+  std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& dof_window) {
+    return deformation(dof_window, dof_window);
+  }
+  /// The same where EGNet's network sees other poses, as in training (EgNet::forward).
+  std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& seen_window,
+                                                      const torch::Tensor& dof_window);
   /// V_co, the posed and coarsely deformed surface (6.4). @return [B,N,3] world metres
   torch::Tensor coarse(const torch::Tensor& dof_window);
   /// V_fi with DeltaNet's displacements (6.14), or V_co where there is no DeltaNet. @return [B,N,3] world metres
