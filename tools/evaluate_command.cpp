@@ -112,20 +112,11 @@ CloudFunction cloud_function(const Dataset& dataset, TrainedActor& actor) {
 
 constexpr int kFilmedSamples = 3;  // along each side of a camera's pixel
 
-/// Each frame as the camera of the request would film it (RenderedImages::filmed).
-std::vector<torch::Tensor> filmed(const TrainedActor& actor, const torch::Tensor& vertices,
-                                  const torch::Tensor& textures, const torch::Tensor& lighting,
-                                  const ImageRequest& request, const ShadingOptions& options) {
-  std::vector<torch::Tensor> pictures;
-  for (std::size_t b = 0; b < request.samples.size(); ++b) {
-    const auto i = static_cast<std::int64_t>(b);
-    const torch::Tensor texture = textures.size(0) == 1 ? textures : textures.narrow(0, i, 1);
-    const SupersampledImage image =
-        render_supersampled({vertices.narrow(0, i, 1), request.filmed_projection(b), texture, lighting}, *actor.mesh,
-                            request.sides[b], request.sides[b], RenderMode::colour, kFilmedSamples, options);
-    pictures.push_back(at::cat({image.image, image.alpha.unsqueeze(-1)}, -1)[0][0]);
-  }
-  return pictures;
+/// One frame as its camera would film it (RenderedImages::filmed).
+torch::Tensor filmed(const RenderScene& scene, const RenderMesh& mesh, int side, const ShadingOptions& options) {
+  const SupersampledImage image =
+      render_supersampled(scene, mesh, side, side, RenderMode::colour, kFilmedSamples, options);
+  return at::cat({image.image, image.alpha.unsqueeze(-1)}, -1)[0][0];
 }
 
 ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, const std::string& method) {
@@ -141,7 +132,13 @@ ImageFunction picture_function(const Dataset& dataset, TrainedActor& actor, cons
     const torch::Tensor vertices = actor.fine(window);
     const ShadedImage drawn =
         shade(vertices, texture, lighting, request.projection, *actor.mesh, request.size, request.size, options);
-    return RenderedImages{drawn.colour, drawn.mask, filmed(actor, vertices, texture, lighting, request, options)};
+    const auto film = [&actor, request, vertices, texture, lighting, options](std::size_t b) {
+      const auto i = static_cast<std::int64_t>(b);
+      const torch::Tensor own = texture.size(0) == 1 ? texture : texture.narrow(0, i, 1);
+      return filmed({vertices.narrow(0, i, 1), request.filmed_projection(b), own, lighting}, *actor.mesh,
+                    request.sides[b], options);
+    };
+    return RenderedImages{drawn.colour, drawn.mask, film};
   };
 }
 

@@ -167,8 +167,9 @@ ImageFunction grey(float value, bool filmed) {
                          torch::ones({count, request.size, request.size}),
                          {}};
     if (filmed)
-      for (const int side : request.sides)
-        drawn.filmed.push_back(at::cat({torch::full({side, side, 3}, value), torch::full({side, side, 1}, 0.5f)}, 2));
+      drawn.filmed = [value, sides = request.sides](std::size_t b) {
+        return at::cat({torch::full({sides[b], sides[b], 3}, value), torch::full({sides[b], sides[b], 1}, 0.5f)}, 2);
+      };
     return drawn;
   };
 }
@@ -203,7 +204,7 @@ TEST_F(PhotometricReference, AFilmedProjectionCountsInPixelsOfTheCamera) {
 TEST_F(PhotometricRejects, FilmedDrawingsOfAnotherSize) {
   const auto wrong = [](const ImageRequest& request) {
     RenderedImages drawn = truth(0)(request);
-    for (const int side : request.sides) drawn.filmed.push_back(torch::zeros({side + 1, side + 1, 4}));
+    drawn.filmed = [sides = request.sides](std::size_t b) { return torch::zeros({sides[b] + 1, sides[b] + 1, 4}); };
     return drawn;
   };
   EXPECT_THAT(message_of<UsageError>([&] { evaluate(wrong); }), HasSubstr("filmed"));

@@ -15,20 +15,8 @@ namespace {
 
 using torch::Tensor;
 
-constexpr std::int64_t kSize = 75;
-
-struct Scene {
-  test::Mesh mesh = test::sphere(16, 0.5f);
-  Tensor vertices = torch::stack({mesh.vertices, mesh.vertices * 0.8 + 0.1});
-  Tensor projection = make_projection();
-
-  static Tensor make_projection() {
-    std::vector<Tensor> cameras;
-    for (const double angle : {0.0, 1.0, 2.5}) cameras.push_back(test::orbit_projection(angle, 3, 150, kSize));
-    const Tensor one = torch::stack(cameras).to(torch::kFloat32);
-    return torch::stack({one, one});
-  }
-};
+using Scene = test::SphereViews;
+constexpr std::int64_t kSize = Scene::kSize;
 
 TEST(BoundaryAgrees, WithTheDefinitionOnTheCoverageMask) {
   const Scene s;

@@ -16,19 +16,9 @@ namespace {
 
 using torch::Tensor;
 
-constexpr std::int64_t kSize = 75;
+constexpr std::int64_t kSize = test::SphereViews::kSize;
 
-struct Scene {
-  test::Mesh mesh = test::sphere(16, 0.5f);
-  Tensor vertices = torch::stack({mesh.vertices, mesh.vertices * 0.8 + 0.1});
-  Tensor projection = make_projection();
-
-  static Tensor make_projection() {
-    std::vector<Tensor> cameras;
-    for (const double angle : {0.0, 1.0, 2.5}) cameras.push_back(test::orbit_projection(angle, 3, 150, kSize));
-    const Tensor one = torch::stack(cameras).to(torch::kFloat32);
-    return torch::stack({one, one});
-  }
+struct Scene : test::SphereViews {
   OutlinePoints points(const Tensor& valid = {}) const {
     return outline_points(vertices, projection, mesh.faces, kSize, kSize, valid);
   }

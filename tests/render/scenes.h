@@ -92,4 +92,19 @@ inline torch::Tensor orbit_projection(double angle, double distance, double foca
   return torch::matmul(k, torch::cat({rotation, t}, 1));
 }
 
+/// Two spheres, each seen by three cameras around it.
+struct SphereViews {
+  static constexpr std::int64_t kSize = 75;  ///< pixels along a side
+  Mesh mesh = sphere(16, 0.5f);
+  torch::Tensor vertices = torch::stack({mesh.vertices, mesh.vertices * 0.8 + 0.1});  ///< [2,N,3]
+  torch::Tensor projection = make_projection();                                       ///< float32 [2,3,3,4]
+
+  static torch::Tensor make_projection() {
+    std::vector<torch::Tensor> cameras;
+    for (const double angle : {0.0, 1.0, 2.5}) cameras.push_back(orbit_projection(angle, 3, 150, kSize));
+    const torch::Tensor one = torch::stack(cameras).to(torch::kFloat32);
+    return torch::stack({one, one});
+  }
+};
+
 }  // namespace doppel::test

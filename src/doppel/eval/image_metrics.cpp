@@ -157,9 +157,9 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
     const CropBox box = dataset.crop_box(samples[b], camera);
     scores.push_back(score(picture_of(drawn.colour, i, size, CV_8UC3), picture_of(drawn.covered, i, size, CV_8UC1),
                            picture, person, background_crop(studio, box, size)));
-    if (drawn.filmed.empty()) continue;
+    if (!drawn.filmed) continue;
     scores.back().filmed =
-        compare_images(inside(filmed_picture(drawn.filmed.at(b), studio, box, size), person), inside(picture, person));
+        compare_images(inside(filmed_picture(drawn.filmed(b), studio, box, size), person), inside(picture, person));
   }
 }
 
@@ -254,9 +254,8 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
   json["full"] = dataset.capture().background.empty() ? "drawing over black, against the picture as filmed"
                                                       : "drawing over the empty studio, against the picture as filmed";
   json["filmed"] =
-      "drawing averaged over each pixel of the camera, over the same background, resized as the picture was; both "
-      "black "
-      "outside the true mask";
+      "drawing averaged over each pixel of the camera, over the same background, resized as the picture was; both black"
+      " outside the true mask";
   json["SSIM"] =
       fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the picture, mean over channels",
                   kWindow, kWindow, kSigma);

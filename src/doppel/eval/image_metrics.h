@@ -49,9 +49,9 @@ struct ImageRequest {
 struct RenderedImages {
   torch::Tensor colour;   ///< float32 [B,S,S,3] or [B,1,S,S,3], RGB 0..1
   torch::Tensor covered;  ///< bool or uint8 of the same shape without colours
-  /// As the camera would film it, where the renderer can tell: for each frame float32 [n,n,4], n = sides[b], colours
-  /// times the covered part of the pixel, and that part.
-  std::vector<torch::Tensor> filmed = {};
+  /// Draws frame b as the camera would film it, where the renderer can tell: float32 [n,n,4], n = sides[b], colours
+  /// times the covered part of the pixel, and that part. Asked for after `colour`, and not counted in its time.
+  std::function<torch::Tensor(std::size_t b)> filmed = nullptr;
 };
 using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;
 
