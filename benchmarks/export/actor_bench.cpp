@@ -1,13 +1,14 @@
 // A playing character: motion window -> EGNet -> DeltaNet -> posed vertices at batch 1, by the library and by the
 // exported file, part by part, against 25 frames a second.
 //
-//   actor_bench [threads=2] [file.character]        without a file a tube of 5,514 vertices and 852 nodes
+//   actor_bench [threads=2] [inertia=0] [file.character]        without a file a tube of 5,514 vertices and 852 nodes
 //
 // Weights are random: what a frame costs does not depend on them.
 
 #include <ATen/Parallel.h>
 #include <torch/torch.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
@@ -26,7 +27,13 @@ using torch::Tensor;
 
 constexpr double kWantedFrames = 25.0;
 
-/// The networks of the paper preset on a character.
+doppel::EgNetConfig egnet_config(int inertia) {
+  doppel::EgNetConfig config = doppel::EgNetConfig::preset("paper");
+  config.inertia = inertia;
+  return config;
+}
+
+/// The networks of the paper preset on a character; inertia: how many past frames EGNet's nodes may trail behind.
 struct Actor {
   doppel::Character character;
   doppel::EgNet egnet;
@@ -34,23 +41,27 @@ struct Actor {
   doppel::CharacterSurface surface;
   doppel::ActorDescription description;
 
-  explicit Actor(doppel::Character given)
+  Actor(doppel::Character given, int inertia)
       : character(std::move(given)),
-        egnet(character, doppel::EgNetConfig::preset("paper")),
+        egnet(character, egnet_config(inertia)),
         deltanet(character, doppel::DeltaNetConfig::preset("paper")),
         surface(character) {
     egnet->eval();
     deltanet->eval();
     description.name = character.name;
-    description.window = egnet->config().window + 1;
+    description.window = std::max(egnet->past_frames(), deltanet->config().window) + 1;
     for (const doppel::Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
     for (const doppel::Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
     description.num_vertices = character.num_vertices();
   }
 
+  /// What DeltaNet takes of a window.
+  Tensor fine_window(const Tensor& window) { return doppel::last_rows(window, deltanet->config().window); }
+
   Tensor frame(const Tensor& window) {
     const auto [A, T] = egnet->forward(window);
-    return deltanet->displaced(surface, window, A, T, deltanet->forward(window));
+    const Tensor last = fine_window(window);
+    return deltanet->displaced(surface, last, A, T, deltanet->forward(last));
   }
 };
 
@@ -63,16 +74,19 @@ struct Part {
 /// Each network with and without what it is fed with, then the frame. What is left of the frame when the networks are
 /// taken away is deformation and skinning.
 std::vector<Part> parts_of(Actor& actor) {
-  return {
-      {"motion window, node features", [&](const Tensor& window) { return actor.egnet->network_input(window); }},
-      {"  + EGNet",
-       [&](const Tensor& window) {
-         const auto [A, T] = actor.egnet->forward(window);
-         return at::cat({A, T}, -1);
-       }},
-      {"motion window, posed template", [&](const Tensor& window) { return actor.deltanet->network_input(window); }},
-      {"  + DeltaNet", [&](const Tensor& window) { return actor.deltanet->forward(window); }},
-      {"frame", [&](const Tensor& window) { return actor.frame(window); }}};
+  return {{"motion window, node features",
+           [&](const Tensor& window) {
+             return actor.egnet->network_input(doppel::last_rows(window, actor.egnet->config().window));
+           }},
+          {"  + EGNet",
+           [&](const Tensor& window) {
+             const auto [A, T] = actor.egnet->forward(window);
+             return at::cat({A, T}, -1);
+           }},
+          {"motion window, posed template",
+           [&](const Tensor& window) { return actor.deltanet->network_input(actor.fine_window(window)); }},
+          {"  + DeltaNet", [&](const Tensor& window) { return actor.deltanet->forward(actor.fine_window(window)); }},
+          {"frame", [&](const Tensor& window) { return actor.frame(window); }}};
 }
 
 void print_shares(const std::vector<doppel::bench::Timing>& times) {
@@ -113,14 +127,15 @@ void run(Actor& actor) {
 int main(int argc, char** argv) {
   doppel::setup_process();
   at::set_num_threads(argc > 1 ? std::atoi(argv[1]) : 2);
-  doppel::Character character = argc > 2 ? doppel::load_character(argv[2]) : doppel::make_test_character(20, 53, 104);
-  if (argc <= 2) {
+  const int inertia = argc > 2 ? std::atoi(argv[2]) : 0;
+  doppel::Character character = argc > 3 ? doppel::load_character(argv[3]) : doppel::make_test_character(20, 53, 104);
+  if (argc <= 3) {
     character.graph = doppel::build_graph(character.mesh, 852, character.options.graph);
     doppel::complete_character(character);
   }
-  std::printf("%d vertices, %d nodes, %d DoFs, window of %d\n", character.num_vertices(), character.num_nodes(),
-              character.num_dofs(), 3);
-  Actor actor(std::move(character));
+  Actor actor(std::move(character), inertia);
+  std::printf("%d vertices, %d nodes, %d DoFs, window of %d\n", actor.character.num_vertices(),
+              actor.character.num_nodes(), actor.character.num_dofs(), actor.description.window);
   run(actor);
   return 0;
 }

@@ -129,7 +129,7 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
   EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
 }
 
-/// An actor with all networks, untrained, TexNet at its smallest.
+/// An actor with all networks, untrained, TexNet at its smallest and under light.
 TrainedActor dressed_actor() {
   TrainedActor actor;
   actor.character = make_test_character();
@@ -141,6 +141,9 @@ TrainedActor dressed_actor() {
   config.size = 256;
   config.levels = 4;
   config.unet.width = 0.1;
+  config.residual = config.lit = config.surface_normals = true;
+  actor.static_texture = torch::full({1, 256, 256, 3}, 0.5);
+  actor.lighting = Lighting(1, std::vector<int>{0});
   actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
   actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
   torch::NoGradGuard no_grad;

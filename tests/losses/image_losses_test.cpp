@@ -47,11 +47,15 @@ Tensor chroma_plain(const Pictures& p) { return chroma_loss(p.rendered, p.covere
 Tensor chroma_wide(const Pictures& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask, {1.7, 4}); }
 Tensor lighting(const Pictures& p) { return lighting_loss(p.rendered, p.covered, p.target, p.mask); }
 Tensor photometric(const Pictures& p) { return photometric_loss(p.rendered, p.covered, p.target, p.mask); }
+Tensor photometric_squares(const Pictures& p) {
+  return photometric_loss(p.rendered, p.covered, p.target, p.mask, {0, true});
+}
 const std::vector<std::pair<std::string, Loss>> kLosses{{"chroma", chroma},
                                                         {"chroma without smoothing", chroma_plain},
                                                         {"chroma, wide smoothing", chroma_wide},
                                                         {"lighting", lighting},
-                                                        {"photometric", photometric}};
+                                                        {"photometric", photometric},
+                                                        {"photometric squares", photometric_squares}};
 
 /// One view of `size` squared in one colour each, everything covered and foreground.
 Pictures plain_pictures(int64_t size, const std::vector<double>& rendered, const std::vector<double>& target) {
@@ -127,6 +131,7 @@ TEST(LightingReference, ByHand) {
 TEST(PhotometricReference, ByHand) {
   Pictures p = plain_pictures(10, {0.5, 0.1, 0.2}, {0.3, 0.2, 0.2});
   expect_both(photometric, p, 255 * (0.2 + 0.1) / 3);
+  expect_both(photometric_squares, p, 0.5 * 255 * 255 * (0.04 + 0.01) / 3);
   p.mask.slice(3, 6, 10).zero_();  // two columns of the rest are eroded, but nothing of what is drawn
   p.covered.slice(2, 0, 5).zero_();
   p.rendered.slice(3, 4, 10).fill_(77.0);

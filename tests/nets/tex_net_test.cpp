@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "doppel/core/error.h"
+#include "doppel/render/sh_lighting.h"
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
@@ -177,6 +178,37 @@ TEST(TexNetReference, ResidualStartsAtTheStaticTexture) {
   EXPECT_GT(largest(white->named_parameters()["unet.up0.bias"].grad()), 1.0);
 }
 
+TexNetConfig lit_config() {
+  TexNetConfig config = small_config();
+  config.residual = true;
+  config.lit = true;
+  return config;
+}
+Tensor some_lighting() { return identity_lighting() + 0.1 * torch::randn({3, kShBasis}, seeded(12)); }
+
+TEST(TexNetReference, LitStartsAtTheStaticTextureUnderLight) {
+  TexNetConfig config = lit_config();
+  config.unet.head_scale = 0.0;
+  const Tensor lighting = identity_lighting();
+  lighting[0][1] = 0.5;   // red from above: y
+  lighting[1][6] = 0.25;  // green: 3 z^2 - 1
+  lighting[2][5] = 0.5;   // blue: yz
+  TexNet net(config, torch::full({32, 32, 3}, 0.4), lighting);
+  Tensor input = random_input(config, 2);
+  input.narrow(1, 6, 3).zero_();  // normals of the newest frame: upwards, but in one column towards (0, 3, 4) / 5
+  input.select(1, 7).fill_(1.0);
+  input.select(1, 7).select(2, 3).fill_(0.6);
+  input.select(1, 8).select(2, 3).fill_(0.8);
+  const Tensor found = net->forward(input, seeded(1));
+  const auto expect = [&](int64_t column, double red, double green, double blue) {
+    const Tensor expected = 0.4 * torch::tensor({red, green, blue}).expand({2, 32, 3});
+    EXPECT_LT(largest(found.select(2, column) - expected), 1e-6) << column;
+  };
+  expect(0, 1.5, 0.75, 1.0);
+  expect(3, 1.3, 1 + 0.25 * (3 * 0.64 - 1), 1 + 0.5 * 0.48);
+  EXPECT_TRUE(torch::equal(net->named_buffers()["lighting"], lighting));
+}
+
 TEST(TexNetAgrees, WithItselfInEvaluationWhateverTheBatchAndGenerator) {
   const TexNetConfig config = small_config();
   TexNet net(config);
@@ -203,9 +235,8 @@ TEST(TexNetAgrees, WithItselfFromTheSameGenerator) {
 }
 
 TEST(TexNetAgrees, AsATraceOnBatchesItHasNotSeen) {
-  TexNetConfig config = small_config();
-  config.residual = true;
-  TexNet net(config, torch::rand({32, 32, 3}, seeded(2)));
+  const TexNetConfig config = lit_config();
+  TexNet net(config, torch::rand({32, 32, 3}, seeded(2)), some_lighting());
   net->eval();
   for (Tensor parameter : net->parameters()) parameter.set_requires_grad(false);
   const auto traced = torch::jit::tracer::trace(
@@ -243,9 +274,8 @@ TEST(TexNetRecovers, ATextureThatFollowsTheNormals) {
 }
 
 TEST(TexNetRecovers, ItsStateFromAnArchive) {
-  TexNetConfig config = small_config();
-  config.residual = true;
-  TexNet net(config, torch::rand({32, 32, 3}, seeded(2)));
+  const TexNetConfig config = lit_config();
+  TexNet net(config, torch::rand({32, 32, 3}, seeded(2)), some_lighting());
   const Tensor input = random_input(config, 2);
   net->forward(input, seeded(1));
   net->eval();
@@ -253,7 +283,7 @@ TEST(TexNetRecovers, ItsStateFromAnArchive) {
   torch::serialize::OutputArchive out;
   net->save(out);
   out.save_to(file);
-  TexNet other(config, torch::zeros({32, 32, 3}), seeded(9));
+  TexNet other(config, torch::zeros({32, 32, 3}), identity_lighting(), seeded(9));
   torch::serialize::InputArchive in;
   in.load_from(file);
   other->load(in);
@@ -279,13 +309,15 @@ TEST(TexNetConfigReference, ReadsThePresetAndChangesOfIt) {
   EXPECT_EQ(paper.unet.leaky_slope, 0.3);
   EXPECT_FALSE(paper.residual);
   EXPECT_EQ(read("size: 256").num_levels(), 8);
-  const TexNetConfig changed =
-      read("size: 512\nlevels: 5\nwidth: 0.5\nupsample: bilinear_conv\ncamera_centre: root_relative\nresidual: true");
+  const TexNetConfig changed = read(
+      "size: 512\nlevels: 5\nwidth: 0.5\nupsample: bilinear_conv\ncamera_centre: root_relative\nresidual: true\n"
+      "lit: true");
   EXPECT_EQ(changed.num_levels(), 5);
   EXPECT_EQ(changed.unet.channels(0), 8);
   EXPECT_EQ(changed.unet.upsample, Upsampling::bilinear_conv);
   EXPECT_EQ(changed.camera_centre, CameraCentre::root_relative);
   EXPECT_TRUE(changed.residual);
+  EXPECT_TRUE(changed.lit);
   EXPECT_LT(changed.unet.head_scale, 1.0);
 }
 
@@ -297,6 +329,7 @@ TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
   EXPECT_THAT(message("upsample: nearest"), HasSubstr("upsample"));
   EXPECT_THAT(message("camera_center: absolute"), HasSubstr("camera_centre"));
   EXPECT_THAT(message("window: -2"), HasSubstr("window"));
+  EXPECT_THAT(message("lit: true"), HasSubstr("residual: true"));
   TexNetConfig config;
   config.size = 300;
   config.window = -1;
@@ -312,6 +345,7 @@ TEST(TexNetRejects, WhatItCannotCompute) {
   TexNetConfig residual = config;
   residual.residual = true;
   EXPECT_THAT(message_of([&] { TexNet missing(residual); }), HasSubstr("static_texture"));
+  EXPECT_THAT(message_of([&] { TexNet dark(lit_config(), torch::zeros({32, 32, 3})); }), HasSubstr("lighting"));
   UNetConfig unet;
   unet.levels = 3;
   EXPECT_THAT(message_of([&] {

@@ -40,7 +40,8 @@ deltanet:
   train: {iterations: 12, learning_rate: 0.002, log_every: 4, checkpoint_every: 5, mean_weights: 0.9}
 texnet:
   data: {batch_size: 2, image_size: 48, pose_noise: 0.01}
-  model: {size: 256, levels: 4, width: 0.1, dropout: 0.5, camera_centre: root_relative}
+  model: {size: 256, levels: 4, width: 0.1, dropout: 0.5, camera_centre: root_relative, residual: true, lit: true, surface_normals: true}
+  loss: {distance: squares}
   train: {iterations: 8, learning_rate: 0.002, log_every: 2, checkpoint_every: 3}
 )";
 
@@ -131,6 +132,16 @@ TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
   EXPECT_GE(texture.min().item<float>(), 0.0f);
   EXPECT_LE(texture.max().item<float>(), 1.0f);
   EXPECT_FALSE(texture.requires_grad());
+}
+
+TEST_F(StageChainRejects, ATextureUnderLightThatNobodyLearnt) {
+  TrainedActor actor = TrainedActor::load(*folder_ / "run");
+  const TexNetConfig config = actor.texnet->config();
+  const at::Generator generator = at::detail::createCPUGenerator(1);
+  actor.lighting = nullptr;
+  EXPECT_THAT(message_of([&] { make_tex_net(actor, config, generator); }), HasSubstr("`lighting`"));
+  actor.static_texture = torch::Tensor();
+  EXPECT_THAT(message_of([&] { make_tex_net(actor, config, generator); }), HasSubstr("texture"));
 }
 
 /// How well the light of the skinned template's pictures is found: an EGNet that does not move anything leaves only
@@ -250,6 +261,8 @@ TEST_F(StageChainRejects, MistakesWithFileAndLine) {
   EXPECT_THAT(message_of([] { chain_of("capture: x\nstage: ddc\ndeltanet: {}\n"); }), HasSubstr("egnet"));
   EXPECT_THAT(message_of([] { chain({"texnet.data.cameras_per_sample=2"}); }), HasSubstr("only 1 is allowed"));
   EXPECT_THAT(message_of([] { chain({"texnet.model.size=300"}); }), HasSubstr("power of two"));
+  EXPECT_THAT(message_of([] { chain({"texnet.model.residual=false"}); }), HasSubstr("residual: true"));
+  EXPECT_THAT(message_of([] { chain({"texnet.loss.distance=square"}); }), HasSubstr("squares"));
   EXPECT_THAT(message_of([] { stage_from("deltnet"); }), HasSubstr("did you mean deltanet?"));
 }
 

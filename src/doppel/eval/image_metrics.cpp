@@ -121,15 +121,16 @@ cv::Mat inside(const cv::Mat& picture, const cv::Mat& mask) {
   return result;
 }
 
+/// @param true_person `truth` inside `mask`
 PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::Mat& truth, const cv::Mat& mask,
-                        const cv::Mat& background) {
+                        const cv::Mat& true_person, const cv::Mat& background) {
   PhotometricScores scores;
-  cv::Mat over = background.clone(), true_person = inside(truth, mask);
+  cv::Mat over = background.clone(), missing = true_person.clone();
   drawn.copyTo(over, covered);
   scores.masked = compare_images(inside(inside(drawn, covered), mask), true_person);
   scores.full = compare_images(over, truth);
-  true_person.setTo(cv::Scalar::all(0), covered);
-  scores.missing_MSE = mean_square(true_person, cv::Mat::zeros(truth.size(), CV_8UC3));
+  missing.setTo(cv::Scalar::all(0), covered);
+  scores.missing_MSE = mean_square(missing, cv::Mat::zeros(truth.size(), CV_8UC3));
   scores.foreground = static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
   return scores;
 }
@@ -153,13 +154,13 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
     const auto i = static_cast<std::int64_t>(b);
     const cv::Mat person = picture_of(mask, i, size, CV_8UC1);
     if (cv::countNonZero(person) == 0) continue;
-    const cv::Mat picture = picture_of(truth, i, size, CV_8UC3);
+    const cv::Mat picture = picture_of(truth, i, size, CV_8UC3), true_person = inside(picture, person);
     const CropBox box = dataset.crop_box(samples[b], camera);
     scores.push_back(score(picture_of(drawn.colour, i, size, CV_8UC3), picture_of(drawn.covered, i, size, CV_8UC1),
-                           picture, person, background_crop(studio, box, size)));
+                           picture, person, true_person, background_crop(studio, box, size)));
     if (!drawn.filmed) continue;
     scores.back().filmed =
-        compare_images(inside(filmed_picture(drawn.filmed(b), studio, box, size), person), inside(picture, person));
+        compare_images(inside(filmed_picture(drawn.filmed(b), studio, box, size), person), true_person);
   }
 }
 

@@ -22,6 +22,10 @@ image_loss::PixelMask photometric_mask(const Tensor& covered, const Tensor& targ
   return mask;
 }
 
+image_loss::Measure photometric_measure(const PhotometricOptions& options) {
+  return options.squares ? image_loss::Measure::squares : image_loss::Measure::absolute;
+}
+
 }  // namespace
 
 Tensor photometric_loss_reference(const Tensor& rendered, const Tensor& covered, const Tensor& target,
@@ -29,7 +33,7 @@ Tensor photometric_loss_reference(const Tensor& rendered, const Tensor& covered,
   image_loss::check_images("photometric_loss", rendered, covered, target, target_mask);
   return image_loss::masked_reference(rendered, target,
                                       photometric_mask(covered, target_mask, options, erode_mask_reference),
-                                      image_loss::Measure::absolute);
+                                      photometric_measure(options));
 }
 
 Tensor photometric_loss(const Tensor& rendered, const Tensor& covered, const Tensor& target, const Tensor& target_mask,
@@ -37,7 +41,7 @@ Tensor photometric_loss(const Tensor& rendered, const Tensor& covered, const Ten
   image_loss::check_images("photometric_loss", rendered, covered, target, target_mask);
   if (!takes_kernel(rendered)) return photometric_loss_reference(rendered, covered, target, target_mask, options);
   return image_loss::fused(rendered, target, photometric_mask(covered, target_mask, options, erode_mask),
-                           image_loss::Measure::absolute);
+                           photometric_measure(options));
 }
 
 }  // namespace doppel

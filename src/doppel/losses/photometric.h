@@ -1,9 +1,10 @@
 #pragma once
 
-/// Photometric loss: absolute differences of colour, for a texture.
+/// Photometric loss: differences of colour, for a texture.
 ///
-///   L = 255 sum over views, pixels of M, {R,G,B} of |r - t| / (3 |M|),   M = erode(mask) and drawing
+///   L = sum over views, pixels of M, {R,G,B} of d(255 (r - t)) / (3 |M|),   M = erode(mask) and drawing
 ///
+/// d(x) = |x|, or with `squares` x^2 / 2. The former finds the median of what a texel was seen as, the latter the mean.
 /// The erosion keeps background out of the texture where the drawing reaches a little beyond the person.
 /// Equation: 6.18
 
@@ -12,7 +13,8 @@
 namespace doppel {
 
 struct PhotometricOptions {
-  int erosion = 2;  ///< pixels taken off the edge of the mask
+  int erosion = 2;       ///< pixels taken off the edge of the mask
+  bool squares = false;  ///< half the squares of the differences instead of their absolute values
 };
 
 /// @param rendered float [B,C,H,W,3], RGB 0..1
@@ -20,7 +22,7 @@ struct PhotometricOptions {
 /// @param target the type of `rendered` [B,C,H,W,3]
 /// @param target_mask bool or uint8 [B,C,H,W]: foreground
 /// @return scalar >= 0; 0 when no pixel counts
-/// Gradients: to `rendered` and `target`; where both are equal the subgradient is 0. No second derivative. Kernel and
+/// Gradients: to `rendered` and `target`; the subgradient of |x| at 0 is 0. No second derivative. Kernel and
 /// reference as in chroma.h.
 /// @throws UsageError with what was found
 torch::Tensor photometric_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,

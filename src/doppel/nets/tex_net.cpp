@@ -4,6 +4,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
+#include "doppel/render/sh_lighting.h"
 
 namespace doppel {
 
@@ -46,6 +47,10 @@ TexNetConfig TexNetConfig::read(const ConfigReader& reader) {
                              ? CameraCentre::absolute
                              : CameraCentre::root_relative;
   config.residual = reader.get("residual", config.residual);
+  config.lit = reader.get("lit", config.lit);
+  if (config.lit && !config.residual)
+    reader.fail_at_key("lit", "light falls on the static texture; it needs `residual: true`");
+  config.surface_normals = reader.get("surface_normals", config.surface_normals);
   if (config.residual) config.unet.head_scale = kResidualHeadScale;
   config.unet = UNetConfig::read(reader, config.unet);
   return config;
@@ -64,6 +69,7 @@ void TexNetConfig::check() const {
   require(levels >= 0 && levels <= std::min(10, log2_of(size)),
           fmt::format("levels must lie between 0 (chosen by the size) and {}, found {}", std::min(10, log2_of(size)),
                       levels));
+  require(residual || !lit, "lit needs residual: light falls on the static texture");
   if (!faults.empty()) fail<UsageError>("the configuration of TexNet cannot be used:{}", faults);
 }
 
@@ -83,7 +89,8 @@ Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindow& moti
   return centre - motion.translation(dofs);
 }
 
-TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture, std::optional<at::Generator> generator)
+TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture, const Tensor& lighting,
+                       std::optional<at::Generator> generator)
     : config_(config) {
   config_.check();
   config_.unet.levels = config_.num_levels();
@@ -92,13 +99,24 @@ TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture,
   check_shape("texnet", "static_texture", static_texture, {config_.size, config_.size, 3}, "[T,T,3]");
   static_texture_ = register_buffer(
       "static_texture", static_texture.detach().to(torch::kFloat32).permute({2, 0, 1}).unsqueeze(0).contiguous());
+  if (!config_.lit) return;
+  check_shape("texnet", "lighting", lighting, {3, kShBasis}, "[3,9]");
+  lighting_ = register_buffer("lighting", lighting.detach().to(torch::kFloat32).clone());
+}
+
+/// What the output is added to, [B,3,T,T] or [1,3,T,T].
+Tensor TexNetImpl::base(const Tensor& input) const {
+  if (!config_.lit) return static_texture_;
+  torch::NoGradGuard no_grad;
+  const Tensor normals = input.narrow(1, 3 * config_.window, 3).permute({0, 2, 3, 1});  // of the last frame
+  return static_texture_ * sh_basis(normals).matmul(lighting_.t()).permute({0, 3, 1, 2});
 }
 
 Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> generator) {
   check_shape("texnet", "input", input, {-1, config_.num_inputs(), config_.size, config_.size}, "[B,3(F+1)+6,T,T]");
   const Tensor raw = at::tanh(unet_->forward(input, std::move(generator)));
   if (!config_.residual) return ((raw + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
-  const Tensor sum = static_texture_ + raw;
+  const Tensor sum = base(input) + raw;
   // The gradient passes the bounds: a texel that has left the range would otherwise never come back.
   const Tensor texture = sum + (sum.clamp(0.0, 1.0) - sum).detach();
   return texture.permute({0, 2, 3, 1}).contiguous();

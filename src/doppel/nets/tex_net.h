@@ -25,6 +25,11 @@ struct TexNetConfig {
   /// Adds the output (-1..1) to the static texture instead of making colours of it. Learns from few frames; the thesis
   /// does without.
   bool residual = false;
+  /// With `residual`: adds to the static texture under the learnt light that its texels' normals receive, so that the
+  /// network is left with what light from far away cannot explain. Not in the thesis.
+  bool lit = false;
+  /// The normals of the last frame are those of the finished surface, folds included, instead of the skinned one's.
+  bool surface_normals = false;
   UNetConfig unet;
 
   /// `paper`: 1024, all channels, transposed convolutions, the camera's place in the world, no static texture.
@@ -53,10 +58,11 @@ torch::Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindo
 
 class TexNetImpl : public torch::nn::Module {
  public:
-  /// @param static_texture [T,T,3] RGB 0..1, for residual: true only; saved with the model
+  /// @param static_texture [T,T,3] RGB 0..1, with `residual` only; saved with the model
+  /// @param lighting [3,9] as `shade` takes it, with `lit` only; saved with the model
   /// @param generator draws the initial weights; by default a fresh one with a fixed seed
   explicit TexNetImpl(const TexNetConfig& config, const torch::Tensor& static_texture = {},
-                      std::optional<at::Generator> generator = std::nullopt);
+                      const torch::Tensor& lighting = {}, std::optional<at::Generator> generator = std::nullopt);
 
   /// @param input [B,3(F+1)+6,T,T] of texnet_input
   /// @param generator of the dropout; needed while training unless dropout is 0
@@ -66,9 +72,12 @@ class TexNetImpl : public torch::nn::Module {
   const TexNetConfig& config() const { return config_; }
 
  private:
+  torch::Tensor base(const torch::Tensor& input) const;
+
   TexNetConfig config_;
   UNet unet_{nullptr};
   torch::Tensor static_texture_;  ///< [1,3,T,T], with residual
+  torch::Tensor lighting_;        ///< [3,9], with lit
 };
 TORCH_MODULE(TexNet);
 

@@ -24,11 +24,10 @@ class LightingImpl : public torch::nn::Module {
   /// says nothing about light from behind what it sees; held to the mean, it takes that from the others.
   torch::Tensor deviation();
 
+  torch::Tensor mean() const;  ///< of the learnt cameras, [1,3,9]
+
   torch::Tensor coefficients;  ///< parameter [C,3,9]
   torch::Tensor trained;       ///< buffer, bool [C]
-
- private:
-  torch::Tensor mean() const;  ///< of the learnt cameras, [1,3,9]
 };
 TORCH_MODULE(Lighting);
 

@@ -23,6 +23,7 @@ TexNetRunConfig TexNetRunConfig::read(const ConfigDocument& document) {
   const ConfigReader loss = root.section("loss");
   c.weight = loss.get("photometric", c.weight, at_least(0.0));
   c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
+  c.loss.squares = loss.choice("distance", {"absolute", "squares"}, "absolute") == "squares";
   c.nearest = loss.get("nearest", c.nearest);
   c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
   root.finish();
@@ -49,7 +50,7 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
     ProfileScope scope(profile, "input");
     torch::NoGradGuard no_grad;
     input = texture_input(actor_, texture_space_, config_.model, noise_.apply(batch.dofs, context.generator),
-                          batch.image_projection.select(1, 0));
+                          batch.image_projection.select(1, 0), vertices);
   }
   {
     ProfileScope scope(profile, "network");
@@ -81,9 +82,10 @@ std::vector<Picture> TexNetStage::pictures() {
       const Batch batch = sheet.batch(sample, window);
       const auto views = batch.cameras.size(1);
       const torch::Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
-      const torch::Tensor texture =
-          network_->forward(texture_input(actor_, texture_space_, config_.model, windows, batch.image_projection[0]));
       const torch::Tensor vertices = actor_.fine(batch.dofs);
+      const torch::Tensor input = texture_input(actor_, texture_space_, config_.model, windows,
+                                                batch.image_projection[0], vertices.expand({views, -1, -1}));
+      const torch::Tensor texture = network_->forward(input);
       const auto draw = [&](const torch::Tensor& with) {
         return shade(vertices, with, {}, batch.image_projection, *actor_.mesh, batch.image.size(2), batch.image.size(3),
                      {false});

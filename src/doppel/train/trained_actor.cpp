@@ -148,7 +148,8 @@ FieldPicture TrainedActor::radiance(const torch::Tensor& dof_window, const torch
 
 torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection) {
   torch::NoGradGuard no_grad;
-  return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection));
+  const torch::Tensor vertices = texnet->config().surface_normals ? fine(dof_window) : torch::Tensor();
+  return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection, vertices));
 }
 
 std::string TrainedActor::digest() const {
@@ -167,12 +168,15 @@ void TrainedActor::require_texture(const std::string& what) const {
 }
 
 torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
-                            const torch::Tensor& dof_window, const torch::Tensor& projection) {
+                            const torch::Tensor& dof_window, const torch::Tensor& projection,
+                            const torch::Tensor& surface) {
   const torch::Tensor window = last_rows(dof_window, config.window);
   const auto frames = window.size(1);
   // Normals do not know where the root stands, so the window's translation need not be taken out.
-  const torch::Tensor posed = actor.surface->skinned(window.flatten(0, 1));
-  const torch::Tensor normals = space.normals(posed).view({-1, 3 * frames, space.size(), space.size()});
+  torch::Tensor posed =
+      actor.surface->skinned(window.flatten(0, 1)).view({-1, frames, actor.character.num_vertices(), 3});
+  if (config.surface_normals) posed = at::cat({posed.narrow(1, 0, frames - 1), surface.unsqueeze(1)}, 1);
+  const torch::Tensor normals = space.normals(posed.flatten(0, 1)).view({-1, 3 * frames, space.size(), space.size()});
   const CameraPlacement camera = camera_placement(projection);
   const torch::Tensor centre = texnet_camera_centre(config, MotionWindow(actor.character.skeleton), camera.centre,
                                                     window.select(1, -1).contiguous());
@@ -181,12 +185,19 @@ torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, cons
 
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator) {
   if (!actor.mesh->has_uvs()) actor.require_texture("texnet");
-  torch::Tensor base;
+  torch::Tensor base, light;
   if (config.residual) {
     actor.require_texture("texnet with model.residual");
     base = resized(actor.static_texture, config.size);
   }
-  return TexNet(config, base, generator);
+  if (config.lit) {
+    if (!actor.lighting)
+      fail<UsageError>(
+          "texnet: model.lit is true and the stage `lighting` has not been trained; train it first, or set "
+          "model.lit to false");
+    light = actor.lighting->mean().squeeze(0);
+  }
+  return TexNet(config, base, light, generator);
 }
 
 }  // namespace doppel

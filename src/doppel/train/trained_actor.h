@@ -97,12 +97,15 @@ struct TrainedActor {
 
 /// What TexNet sees (6.8): the normal maps of the window's poses, skinned only, and the camera.
 /// @param dof_window [B,F+1,D] or longer @param projection [B,3,4] of one camera per item
+/// @param surface [B,N,3] the finished surface of the last frame, whose normals config.surface_normals asks for
 /// @return [B,3(F+1)+6,T,T]
 torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
-                            const torch::Tensor& dof_window, const torch::Tensor& projection);
+                            const torch::Tensor& dof_window, const torch::Tensor& projection,
+                            const torch::Tensor& surface);
 
-/// TexNet for an actor; with `residual` on top of the actor's static texture.
-/// @throws UsageError when the template has no UVs or lacks the texture
+/// TexNet for an actor; with `residual` on top of the actor's static texture, with `lit`
+/// under the mean of the light that its cameras learnt.
+/// @throws UsageError when the template has no UVs, or lacks the texture or the light that are needed
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator);
 
 }  // namespace doppel
