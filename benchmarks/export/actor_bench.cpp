@@ -49,7 +49,7 @@ struct Actor {
     egnet->eval();
     deltanet->eval();
     description.name = character.name;
-    description.window = std::max(egnet->past_frames(), deltanet->config().window) + 1;
+    description.window = std::max(egnet->config().past_frames(), deltanet->config().window) + 1;
     for (const doppel::Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
     for (const doppel::Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
     description.num_vertices = character.num_vertices();
