@@ -9,8 +9,10 @@ namespace {
 
 using torch::jit::Stack;
 
-constexpr double kTraceTolerance = 1e-5;   // metres: what a host may rely on
-constexpr double kColourTolerance = 1e-4;  // of 1
+constexpr double kTraceTolerance = 1e-5;  // metres: what a host may rely on
+// Of 1, a quarter of a step of 8 bits: a vertex of a small face that is off by kTraceTolerance turns its normal by so
+// much.
+constexpr double kColourTolerance = 1e-3;
 
 nlohmann::ordered_json metadata(const Character& character, const ActorDescription& d) {
   nlohmann::ordered_json json = {

@@ -2,6 +2,8 @@
 
 #include <torch/csrc/jit/frontend/tracer.h>
 
+#include <limits>
+
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
@@ -76,9 +78,11 @@ torch::jit::ExtraFilesMap mesh_files(const TriangleMesh& mesh) {
   return files;
 }
 
-bool same_within(const torch::Tensor& found, const torch::Tensor& expected, double tolerance) {
-  if (!found.sizes().equals(expected.sizes()) || found.scalar_type() != expected.scalar_type()) return false;
-  return (found.to(torch::kFloat64) - expected.to(torch::kFloat64)).abs().max().item<double>() <= tolerance;
+/// The largest difference; infinite between tensors of different shapes or types.
+double difference(const torch::Tensor& found, const torch::Tensor& expected) {
+  if (!found.sizes().equals(expected.sizes()) || found.scalar_type() != expected.scalar_type())
+    return std::numeric_limits<double>::infinity();
+  return (found.to(torch::kFloat64) - expected.to(torch::kFloat64)).abs().max().item<double>();
 }
 
 }  // namespace
@@ -108,8 +112,12 @@ void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const
   const torch::jit::IValue found = module_.get_method(name)(unseen);
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const torch::Tensor result = expected.size() == 1 ? found.toTensor() : found.toTuple()->elements()[i].toTensor();
-    if (!same_within(result, expected[i].toTensor(), tolerances.at(i)))
-      fail("exporting: result {} of the traced `{}` differs from the model's on input it has not seen", i + 1, name);
+    const double found_difference = difference(result, expected[i].toTensor());
+    if (!(found_difference <= tolerances.at(i)))
+      fail(
+          "exporting: result {} of the traced `{}` differs from the model's by {:.2g} on input it has not seen; {:.2g} "
+          "is allowed",
+          i + 1, name, found_difference, tolerances.at(i));
   }
 }
 
