@@ -1,7 +1,8 @@
 // A playing character: motion window -> EGNet -> DeltaNet -> posed vertices at batch 1, by the library and by the
 // exported file, part by part, against 25 frames a second.
 //
-//   actor_bench [threads=2] [inertia=0] [file.character]        without a file a tube of 5,514 vertices and 852 nodes
+//   actor_bench [threads=2] [file.character|-] [inertia=0]        without a file, or -: a tube of 5,514 vertices and
+//                                                                852 nodes
 //
 // Weights are random: what a frame costs does not depend on them.
 
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 
 #include "doppel/core/process.h"
 #include "doppel/export/actor_file.h"
@@ -127,9 +129,10 @@ void run(Actor& actor) {
 int main(int argc, char** argv) {
   doppel::setup_process();
   at::set_num_threads(argc > 1 ? std::atoi(argv[1]) : 2);
-  const int inertia = argc > 2 ? std::atoi(argv[2]) : 0;
-  doppel::Character character = argc > 3 ? doppel::load_character(argv[3]) : doppel::make_test_character(20, 53, 104);
-  if (argc <= 3) {
+  const std::string file = argc > 2 ? argv[2] : "-";
+  const int inertia = argc > 3 ? std::atoi(argv[3]) : 0;
+  doppel::Character character = file != "-" ? doppel::load_character(file) : doppel::make_test_character(20, 53, 104);
+  if (file == "-") {
     character.graph = doppel::build_graph(character.mesh, 852, character.options.graph);
     doppel::complete_character(character);
   }

@@ -156,6 +156,24 @@ TrainedActor dressed_actor() {
   return actor;
 }
 
+TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
+  TrainedActor actor = dressed_actor();
+  TexNetConfig config = actor.texnet->config();
+  ASSERT_TRUE(config.surface_normals);
+  const torch::Tensor window =
+      0.3 * torch::randn({2, 3, actor.character.num_dofs()}, at::detail::createCPUGenerator(4));
+  const torch::Tensor projection = torch::eye(4).slice(0, 0, 3).unsqueeze(0).repeat({2, 1, 1});
+  const torch::Tensor surface = actor.fine(window);
+  const auto input = [&] { return texture_input(actor, *actor.texture_space, config, window, projection, surface); };
+  const torch::Tensor finished = input();
+  config.surface_normals = false;
+  const torch::Tensor skinned = input();
+  EXPECT_TRUE(torch::equal(finished.narrow(1, 6, 3), actor.texture_space->normals(surface)));
+  EXPECT_GT((finished.narrow(1, 6, 3) - skinned.narrow(1, 6, 3)).abs().max().item<float>(), 0.01f);
+  EXPECT_TRUE(torch::equal(finished.narrow(1, 0, 6), skinned.narrow(1, 0, 6)));
+  EXPECT_TRUE(torch::equal(finished.narrow(1, 9, 6), skinned.narrow(1, 9, 6)));
+}
+
 TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
   const TemporaryFolder folder;
   TrainedActor actor = dressed_actor();

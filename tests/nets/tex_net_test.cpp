@@ -307,17 +307,18 @@ TEST(TexNetConfigReference, ReadsThePresetAndChangesOfIt) {
   EXPECT_EQ(paper.num_inputs(), 15);
   EXPECT_EQ(paper.unet.norm_epsilon, 1e-3);
   EXPECT_EQ(paper.unet.leaky_slope, 0.3);
-  EXPECT_FALSE(paper.residual);
+  EXPECT_FALSE(paper.residual || paper.lit || paper.surface_normals);
   EXPECT_EQ(read("size: 256").num_levels(), 8);
   const TexNetConfig changed = read(
       "size: 512\nlevels: 5\nwidth: 0.5\nupsample: bilinear_conv\ncamera_centre: root_relative\nresidual: true\n"
-      "lit: true");
+      "lit: true\nsurface_normals: true");
   EXPECT_EQ(changed.num_levels(), 5);
   EXPECT_EQ(changed.unet.channels(0), 8);
   EXPECT_EQ(changed.unet.upsample, Upsampling::bilinear_conv);
   EXPECT_EQ(changed.camera_centre, CameraCentre::root_relative);
   EXPECT_TRUE(changed.residual);
   EXPECT_TRUE(changed.lit);
+  EXPECT_TRUE(changed.surface_normals);
   EXPECT_LT(changed.unet.head_scale, 1.0);
 }
 

@@ -95,9 +95,10 @@ struct TrainedActor {
   void require_texture(const std::string& what) const;
 };
 
-/// What TexNet sees (6.8): the normal maps of the window's poses, skinned only, and the camera.
+/// What TexNet sees (6.8): the normal maps of the window's poses, skinned only but for config.surface_normals, and the
+/// camera.
 /// @param dof_window [B,F+1,D] or longer @param projection [B,3,4] of one camera per item
-/// @param surface [B,N,3] the finished surface of the last frame, whose normals config.surface_normals asks for
+/// @param surface [B,N,3] the finished surface of the last frame, with config.surface_normals; else unused
 /// @return [B,3(F+1)+6,T,T]
 torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
                             const torch::Tensor& dof_window, const torch::Tensor& projection,
