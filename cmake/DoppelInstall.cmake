@@ -1,9 +1,9 @@
 # find_package(Doppel) for the outside world; tests/install builds a consumer against it.
 include(CMakePackageConfigHelpers)
-get_property(rooms GLOBAL PROPERTY DOPPEL_ROOMS)
-install(TARGETS ${rooms} doppel_flags doppel_torch EXPORT DoppelTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+get_property(modules GLOBAL PROPERTY DOPPEL_MODULES)
+install(TARGETS ${modules} doppel_flags doppel_torch EXPORT DoppelTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(TARGETS doppel RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-install(DIRECTORY src/doppel DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY src/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/doppel FILES_MATCHING PATTERN "*.h")
 install(EXPORT DoppelTargets NAMESPACE Doppel:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)
 configure_package_config_file(cmake/DoppelConfig.cmake.in DoppelConfig.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)

@@ -55,7 +55,7 @@ variant() {
   variant no-snap "snapping" surface.snap=false
   variant colours-only "silhouette of the surface, and snapping" surface.silhouette.weight=0 surface.snap=false
   variant no-parts "masks of parts" surface.silhouette.parts=false
-  variant no-clamp "clamp of lonely vertices" surface.lonely_motion=0
+  variant no-clamp "clamp of isolated vertices" surface.max_isolated_motion=0
   variant soft "materials: 2 everywhere" surface.materials=false surface.rigidity=2
   variant stiff "materials: 50 everywhere" surface.materials=false surface.rigidity=50
 } | tee "$folder/table.md"

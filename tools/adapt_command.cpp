@@ -5,25 +5,25 @@
 
 #include "command.h"
 #include "doppel/eval/silhouette_overlap.h"
-#include "doppel/track/adapt.h"
+#include "doppel/train/adapt.h"
 
 namespace doppel::tools {
 
 namespace {
 
-constexpr char kExample[] =
+constexpr char kAdaptExample[] =
     "Example:\n"
     "  doppel prepare clips/park --out prepared/park\n"
     "  doppel adapt --run runs/anna-deepcap --capture prepared/park --out runs/anna-park\n"
     "The studio's run is only read; the new one is used like it. docs/training.md lists the keys of --config.";
 
-struct Arguments {
+struct AdaptArguments {
   std::string config;
   std::vector<std::string> set;
   AdaptOptions options;
 };
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+int run(const AdaptArguments& arguments, const CommonOptions& common) {
   AdaptOptions options = arguments.options;
   options.config =
       AdaptConfig::read(arguments.config.empty() ? ConfigDocument::parse("{}", "the defaults", arguments.set)
@@ -37,8 +37,8 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 
 Command add_adapt(CLI::App& program) {
   CLI::App* app = program.add_subcommand("adapt", "Tune a run that captures from one camera to a clip");
-  app->footer(kExample);
-  auto arguments = std::make_shared<Arguments>();
+  app->footer(kAdaptExample);
+  auto arguments = std::make_shared<AdaptArguments>();
   AdaptOptions& options = arguments->options;
   app->add_option("--run", options.run, "The studio's run: posenet, or the chain deepcap")->required();
   app->add_option("--capture", options.capture, "The clip, prepared: masks and keypoints, no motion needed")

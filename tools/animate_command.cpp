@@ -17,8 +17,9 @@
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
 #include "doppel/geometry/calibration.h"
-#include "doppel/train/trained_actor.h"
-#include "pose_run.h"
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/trained_actor.h"
 
 namespace doppel::tools {
 namespace {
@@ -108,9 +109,9 @@ Motion driven_motion(const AnimateOptions& options, const Character& character, 
   return result.motion;
 }
 
-// ---- the pictures ----
+// ---- the images ----
 
-/// The cameras that a name is looked up among, and the capture's pictures of the empty studio.
+/// The cameras that a name is looked up among, and the capture's images of the empty studio.
 struct Studio {
   std::vector<Camera> cameras;
   std::optional<Dataset> dataset;
@@ -160,19 +161,19 @@ Backdrop backdrop(const AnimateOptions& options, const Studio& studio) {
   if (options.background == "capture") {
     if (!studio.dataset || options.camera == "orbit")
       fail<UsageError>("--background capture needs a camera of a capture: --capture PREPARED --camera NAME");
-    result.picture = studio.dataset->background(studio.dataset->camera_index(options.camera));
+    result.image = studio.dataset->background(studio.dataset->camera_index(options.camera));
     result.name = "the empty studio of camera " + options.camera;
-    if (result.picture.empty())
-      fail<UsageError>("the capture has no pictures of the empty studio (`background` in its capture.yaml)");
+    if (result.image.empty())
+      fail<UsageError>("the capture has no images of the empty studio (`background` in its capture.yaml)");
     return result;
   }
   if (!fs::is_regular_file(options.background)) {
     result.colour = parse_colour(options.background);
     return result;
   }
-  result.picture = cv::imread(options.background, cv::IMREAD_COLOR);
+  result.image = cv::imread(options.background, cv::IMREAD_COLOR);
   result.name = options.background;
-  if (result.picture.empty()) fail_at({options.background, 0}, "this is not a picture that can be read");
+  if (result.image.empty()) fail_at({options.background, 0}, "this is not an image that can be read");
   return result;
 }
 
@@ -180,18 +181,18 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   FilmOptions film;
   film.frames_per_second = fps;
   film.video = options.wants("mp4");
-  film.pictures = options.wants("png");
+  film.images = options.wants("png");
   const std::string usual = options.camera == "orbit" ? "soft" : "flat";
   film.light = (options.light.empty() ? usual : options.light) == "soft" ? Light::soft : Light::flat;
   film.backdrop = backdrop(options, studio);
   return film;
 }
 
-/// @throws UsageError for a run that takes pictures, with what to do with it instead
+/// @throws UsageError for a run that takes images, with what to do with it instead
 void refuse_pose_run(const char* option, const std::string& path) {
   if (captures_poses(path))
     fail<UsageError>(
-        "{} {}: a run that takes pictures of a person and no motion; `doppel track --method deepcap` captures with it",
+        "{} {}: a run that takes images of a person and no motion; `doppel track --method deepcap` captures with it",
         option, path);
 }
 
@@ -246,7 +247,7 @@ void perform(const Performer& performer, const Motion& motion,
   TrainedActor* actor = performer.trained.get();
   if (!actor) return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers);
   animate(
-      performer.character, motion, actor->window() + 1,
+      performer.character, motion, actor->past_frames(),
       [actor](const torch::Tensor& windows) { return actor->refined(windows); }, writers);
 }
 
@@ -312,13 +313,13 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
       ->check(CLI::Range(0.1, 1000.0));
 }
 
-void add_picture_options(CLI::App& app, AnimateOptions& options) {
+void add_image_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--camera", options.camera,
                  "orbit, the NAME of a camera of --capture or --calibration, or a calibration file with one camera")
       ->capture_default_str();
-  app.add_option("--capture", options.capture, "A prepared capture, for its cameras and pictures of the empty studio");
+  app.add_option("--capture", options.capture, "A prepared capture, for its cameras and images of the empty studio");
   app.add_option("--calibration", options.calibration, "A calibration file, Skeletool or OpenCV");
-  app.add_option("--background", options.background, "A picture, a colour (#rrggbb or a word), or `capture`");
+  app.add_option("--background", options.background, "An image, a colour (#rrggbb or a word), or `capture`");
   app.add_option("--light", options.light, "soft, or flat: the texture as it is (default: soft for orbit, else flat)")
       ->check(CLI::IsMember({"soft", "flat"}));
   app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
@@ -332,11 +333,11 @@ void add_picture_options(CLI::App& app, AnimateOptions& options) {
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app =
-      program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, pictures, video");
+      program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
   app->add_option("--character", options->character, "The .character file (with --run: that of the run)");
   add_motion_options(*app, *options);
   app->add_option("--model", options->model, "An actor file of `doppel export`; without it: pure skinning");
-  app->add_option("--renderer", options->renderer, "What pictures show: the mesh, or the radiance field around it")
+  app->add_option("--renderer", options->renderer, "What images show: the mesh, or the radiance field around it")
       ->check(CLI::IsMember({"mesh", "radiance"}))
       ->capture_default_str();
   app->add_option("--run", options->run, "With --renderer radiance: the run that trained it");
@@ -348,7 +349,7 @@ Command add_animate(CLI::App& program) {
   app->add_option("--bone-rule", options->bone_rule, "Which joint carries a bone: exact or prefix")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
-  add_picture_options(*app, *options);
+  add_image_options(*app, *options);
   app->footer(
       "Examples:\n"
       "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format npy,mp4 "

@@ -5,7 +5,7 @@
 #include "character_report.h"
 #include "doppel/character/labels.h"
 #include "doppel/core/error.h"
-#include "doppel/data/vertex_labels.h"
+#include "doppel/capture/vertex_labels.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/surface.h"
 
@@ -58,17 +58,17 @@ int run_label(const LabelOptions& options, const CommonOptions& common) {
 Command add_character_label(CLI::App& character) {
   auto options = std::make_shared<LabelOptions>();
   CLI::App* app = character.add_subcommand(
-      "label", "Find what every vertex is made of, from label pictures of several views: a majority vote");
+      "label", "Find what every vertex is made of, from label images of several views: a majority vote");
   app->fallthrough();
   app->add_option("character", options->character, "The .character file")->required();
-  app->add_option("--calibration", options->calibration, "Cameras of the label pictures")->required();
-  app->add_option("--images", options->images, "Folder of label pictures, each called like its camera (007.png)")
+  app->add_option("--calibration", options->calibration, "Cameras of the label images")->required();
+  app->add_option("--images", options->images, "Folder of label images, each called like its camera (007.png)")
       ->required();
   app->add_option("--legend", options->legend,
                   "YAML: label name: grey value or [red, green, blue] (default: grey values are labels 0..20)");
   CLI::Option* motion =
-      app->add_option("--motion", options->motion, "Motion with the pose of the pictures (default: the rest pose)");
-  app->add_option("--frame", options->frame, "Frame of --motion that the pictures show")
+      app->add_option("--motion", options->motion, "Motion with the pose of the images (default: the rest pose)");
+  app->add_option("--frame", options->frame, "Frame of --motion that the images show")
       ->check(CLI::NonNegativeNumber)
       ->needs(motion)
       ->capture_default_str();

@@ -9,7 +9,7 @@
 #include "command.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/train/run_folder.h"
+#include "doppel/actor/run_folder.h"
 
 namespace doppel::tools {
 
@@ -18,12 +18,12 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr char kExample[] =
+constexpr char kCompareExample[] =
     "Example:\n"
     "  doppel compare runs/anna runs/anna-without-light --split test\n"
     "Shows what `doppel evaluate` left in the runs' evaluation.json.";
 
-struct Arguments {
+struct CompareArguments {
   std::vector<std::string> runs;
   std::string split = "test";
 };
@@ -81,7 +81,7 @@ std::string markdown(const Json& runs) {
   return out;
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+int run(const CompareArguments& arguments, const CommonOptions& common) {
   Json runs;
   for (const std::string& path : arguments.runs) {
     const fs::path folder = fs::absolute(path).lexically_normal();
@@ -97,8 +97,8 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 
 Command add_compare(CLI::App& program) {
   CLI::App* app = program.add_subcommand("compare", "Put the evaluations of several runs into one table (Markdown)");
-  app->footer(kExample);
-  auto arguments = std::make_shared<Arguments>();
+  app->footer(kCompareExample);
+  auto arguments = std::make_shared<CompareArguments>();
   app->add_option("runs", arguments->runs, "Folders of runs")->required();
   app->add_option("--split", arguments->split, "train or test")->capture_default_str();
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};

@@ -7,14 +7,14 @@
 #include "doppel/core/error.h"
 #include "doppel/export/actor_file.h"
 #include "doppel/export/pose_file.h"
-#include "doppel/train/trained_actor.h"
-#include "doppel/train/trained_pose.h"
-#include "pose_run.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/actor/trained_pose.h"
 
 namespace doppel::tools {
 namespace {
 
-struct Arguments {
+struct ExportArguments {
   std::string run, capture, out;
   bool geometry_only = false, pose_only = false;
 };
@@ -22,7 +22,7 @@ struct Arguments {
 ActorDescription describe(const TrainedActor& trained) {
   ActorDescription description;
   description.name = trained.character.name;
-  description.window = trained.window() + 1;
+  description.past_frames = trained.past_frames();
   for (const Dof& dof : trained.character.skeleton.dofs) description.dof_names.push_back(dof.name);
   for (const Joint& joint : trained.character.skeleton.joints) description.joint_names.push_back(joint.name);
   description.num_vertices = trained.character.num_vertices();
@@ -41,11 +41,11 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
 }
 
 /// Where the file goes that was not given a name.
-std::filesystem::path out_path(const Arguments& arguments, const char* name) {
+std::filesystem::path out_path(const ExportArguments& arguments, const char* name) {
   return arguments.out.empty() ? std::filesystem::path(arguments.run) / name : std::filesystem::path(arguments.out);
 }
 
-void export_actor(const Arguments& arguments, const std::optional<std::filesystem::path>& capture,
+void export_actor(const ExportArguments& arguments, const std::optional<std::filesystem::path>& capture,
                   const CommonOptions& common) {
   if (arguments.pose_only)
     fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
@@ -63,11 +63,11 @@ void export_actor(const Arguments& arguments, const std::optional<std::filesyste
     std::cout << nlohmann::ordered_json{{"actor", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
   else
     std::cout << "actor " << out.string() << ": " << trained.character.num_vertices() << " vertices from windows of "
-              << trained.window() + 1 << " poses, " << bytes / 1000 << " kB, up to "
+              << trained.past_frames() + 1 << " poses, " << bytes / 1000 << " kB, up to "
               << (trained.texnet ? "texnet" : trained.geometry_name()) << "\n";
 }
 
-void export_pose(const Arguments& arguments, const std::optional<std::filesystem::path>& capture,
+void export_pose(const ExportArguments& arguments, const std::optional<std::filesystem::path>& capture,
                  const CommonOptions& common) {
   if (arguments.geometry_only)
     fail<UsageError>(
@@ -83,11 +83,11 @@ void export_pose(const Arguments& arguments, const std::optional<std::filesystem
   else
     std::cout << "pose " << out.string() << ": " << trained.character.num_dofs() << " DoFs, "
               << trained.landmarks.size() << " landmarks, " << trained.character.num_vertices()
-              << " vertices from pictures of " << trained.input_size() << " x " << trained.input_size() << ", "
+              << " vertices from images of " << trained.input_size() << " x " << trained.input_size() << ", "
               << bytes / 1000 << " kB, up to " << (trained.defnet ? "defnet" : "posenet") << "\n";
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+int run(const ExportArguments& arguments, const CommonOptions& common) {
   const auto capture =
       arguments.capture.empty() ? std::nullopt : std::make_optional<std::filesystem::path>(arguments.capture);
   if (captures_poses(arguments.run))
@@ -100,9 +100,9 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_export(CLI::App& program) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ExportArguments>();
   CLI::App* app = program.add_subcommand(
-      "export", "Write a trained actor, or what captures a person from pictures, as one TorchScript file");
+      "export", "Write a trained actor, or what captures a person from images, as one TorchScript file");
   app->add_option("--run", arguments->run, "Folder of a run")->required();
   app->add_option("--capture", arguments->capture, "Prepared capture, if it has moved since the training");
   app->add_option("--out", arguments->out, "The file to write (default: RUN/actor.pt, or RUN/pose.pt)");
@@ -111,7 +111,7 @@ Command add_export(CLI::App& program) {
   app->footer(
       "Examples:\n"
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
-      "  doppel export --run runs/anna-deepcap --out pose.pt       # picture, keypoints -> pose, landmarks, vertices");
+      "  doppel export --run runs/anna-deepcap --out pose.pt       # image, keypoints -> pose, landmarks, vertices");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

@@ -9,8 +9,8 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/data/capture.h"
-#include "doppel/data/capture_layouts.h"
+#include "doppel/capture/capture.h"
+#include "doppel/capture/capture_layouts.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/geometry/topology.h"
 

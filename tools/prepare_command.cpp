@@ -7,31 +7,31 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/data/capture_layouts.h"
-#include "doppel/data/prepare.h"
+#include "doppel/capture/capture_layouts.h"
+#include "doppel/capture/prepare.h"
 
 namespace doppel::tools {
 
 namespace {
 
-constexpr char kExample[] =
+constexpr char kPrepareExample[] =
     "Example:\n"
     "  doppel prepare recordings/anna --out prepared/anna\n"
     "CAPTURE is a folder with a capture.yaml (docs/capture.md), or one in the layout of DynaCap, ASH or TriHuman.";
 
-struct Arguments {
+struct PrepareArguments {
   std::string capture;
   PrepareOptions options;
 };
 
-void add_options(CLI::App& app, Arguments& arguments) {
+void add_options(CLI::App& app, PrepareArguments& arguments) {
   PrepareOptions& options = arguments.options;
   app.add_option("capture", arguments.capture, "Capture folder, or its capture.yaml")->required();
   app.add_option("--out", options.out, "Folder to prepare into (default: CAPTURE/prepared)");
   app.add_option("--mask-size", options.mask_size, "Side of the cropped masks, pixels")->capture_default_str();
-  app.add_option("--image-size", options.image_size, "Side of the cropped pictures, pixels")->capture_default_str();
+  app.add_option("--image-size", options.image_size, "Side of the cropped images, pixels")->capture_default_str();
   app.add_option("--margin", options.margin, "Margin around the person, of the longer side")->capture_default_str();
-  app.add_option("--jpeg-quality", options.jpeg_quality, "Of the cropped pictures (0: lossless PNG)")
+  app.add_option("--jpeg-quality", options.jpeg_quality, "Of the cropped images (0: lossless PNG)")
       ->capture_default_str();
   app.add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
       ->capture_default_str();
@@ -43,7 +43,7 @@ std::filesystem::path default_out(const std::filesystem::path& capture) {
   return (std::filesystem::is_directory(capture) ? capture : capture.parent_path()) / "prepared";
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+int run(const PrepareArguments& arguments, const CommonOptions& common) {
   PrepareOptions options = arguments.options;
   if (options.out.empty()) options.out = default_out(arguments.capture);
   options.threads = resolve_threads(common.threads);
@@ -61,8 +61,8 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 
 Command add_prepare(CLI::App& program) {
   CLI::App* app = program.add_subcommand("prepare", "Turn a capture into a store that training reads");
-  app->footer(kExample);
-  auto arguments = std::make_shared<Arguments>();
+  app->footer(kPrepareExample);
+  auto arguments = std::make_shared<PrepareArguments>();
   add_options(*app, *arguments);
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

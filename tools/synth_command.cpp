@@ -5,7 +5,7 @@
 
 #include "command.h"
 #include "doppel/core/error.h"
-#include "doppel/data/synth/synth.h"
+#include "doppel/synth/synth.h"
 
 namespace doppel::tools {
 

@@ -1,4 +1,5 @@
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <filesystem>
 #include <memory>
@@ -11,7 +12,9 @@
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
 #include "doppel/track/live/live_run.h"
+#include "doppel/track/live/posenet_joints.h"
 #include "doppel/track/livecap/livecap_capture.h"
+#include "doppel/track/method_trackers.h"
 #include "doppel/track/track_capture.h"
 
 namespace doppel::tools {
@@ -20,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kExample[] =
+constexpr char kTrackExample[] =
     "Example:\n"
     "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
     "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
@@ -31,7 +34,7 @@ constexpr char kExample[] =
     "two\n"
     "cameras. Its sequences need no motion: the capture.yaml that is written names the tracked ones.";
 
-struct Arguments {
+struct TrackArguments {
   std::string capture, method = "multiview", config, camera;
   std::vector<std::string> set;
   TrackTask task;
@@ -45,81 +48,77 @@ struct Arguments {
   bool live() const { return !source.empty(); }
 };
 
-ConfigDocument config_document(const Arguments& arguments) {
+ConfigDocument config_document(const TrackArguments& arguments) {
   if (arguments.config.empty()) return ConfigDocument::parse("{}", "the defaults", arguments.set);
   return ConfigDocument::load(arguments.config, arguments.set);
 }
 
-void print_live(const nlohmann::ordered_json& live) {
-  const auto& times = live["milliseconds"];
-  fmt::print("  {} pictures of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
-             live["pictures"].get<long>(), live["source"].get<std::string>(), live["dropped"].get<long>(),
-             live["frames_per_second"].get<double>(), live["latency_ms"]["mean"].get<double>(),
-             live["latency_ms"]["largest"].get<double>());
+void print_live(const LiveFigures& live) {
+  fmt::print("  {} images of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
+             live.images, live.source, live.dropped, live.frames_per_second, live.latency_ms, live.largest_latency_ms);
   fmt::print("  milliseconds a frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
-             times["capture"].get<double>(), times["preprocess"].get<double>(), times["detect"].get<double>(),
-             times["pose"].get<double>(), times["surface"].get<double>());
+             live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
 }
 
-void print_table(const nlohmann::ordered_json& report) {
+void print_livecap(const LivecapSummary& livecap) {
+  fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
+             livecap.overlap);
+  fmt::print("  {:.1f} frames/s with reading; milliseconds a frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
+             livecap.frames_per_second, livecap.read_ms, livecap.pose_ms, livecap.surface_ms);
+}
+
+void print_table(const TrackReport& report) {
   fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14} {:>9}\n", "sequence", "frames", "lost", "recovered", "keypoints (px)",
              "frames/s");
-  for (const auto& [name, sequence] : report["sequences"].items()) {
-    fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14.2f} {:>9.1f}\n", name, sequence["frames"].get<long>(),
-               sequence["lost_frames"].size(), sequence["recovered"].get<int>(),
-               sequence["keypoint_error_px"].get<double>(), sequence["frames_per_second"].get<double>());
-    if (sequence.contains("against_given_motion"))
-      fmt::print("  against the motion that was given: landmarks {:.1f} mm apart on average\n",
-                 sequence["against_given_motion"]["MPJPE_mm"].get<double>());
-    if (sequence.contains("surface"))
-      fmt::print("  IoU with the masks: {:.4f} of the pose alone, {:.4f} of the bent surface, {:.1f} frames/s\n",
-                 sequence["surface"]["IoU_pose"].get<double>(), sequence["surface"]["IoU"].get<double>(),
-                 sequence["surface"]["frames_per_second"].get<double>());
-    if (sequence.contains("livecap")) {
-      const auto& figures = sequence["livecap"];
-      const auto& times = figures["milliseconds"];
-      fmt::print("  IoU with the masks: {:.4f} of the pose alone, {:.4f} of the surface\n",
-                 figures["IoU_pose"].get<double>(), figures["IoU"].get<double>());
-      fmt::print("  {:.1f} frames/s with reading; milliseconds a frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
-                 figures["frames_per_second"].get<double>(), times["read"].get<double>(), times["pose"].get<double>(),
-                 times["surface"].get<double>());
+  for (const SequenceReport& sequence : report.sequences) {
+    const TrackedSequence& tracked = sequence.tracked;
+    const std::vector<long> lost = sequence.lost_frames();
+    fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14.2f} {:>9.1f}\n", tracked.sequence.name, tracked.frames.size(),
+               lost.size(), tracked.count(FrameState::recovered), sequence.keypoint_error(),
+               sequence.frames_per_second());
+    if (sequence.difference)
+      fmt::print("  against the given motion: landmarks {:.1f} mm apart on average\n", sequence.difference->mean_mm);
+    if (tracked.surface) {
+      const SurfaceSummary surface = summarise(*tracked.surface);
+      fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",
+                 surface.posed_overlap, surface.overlap, surface.frames_per_second);
     }
-    if (sequence.contains("live")) print_live(sequence["live"]);
-    if (!sequence["lost_frames"].empty())
-      fmt::print("  not to be trusted, and interpolated: frames {}\n", sequence["lost_frames"].dump());
+    if (sequence.livecap) print_livecap(summarise_livecap(sequence));
+    if (sequence.live) print_live(*sequence.live);
+    if (!lost.empty()) fmt::print("  lost frames, interpolated from their neighbours: {}\n", fmt::join(lost, ", "));
   }
 }
 
-fs::path default_out(const fs::path& capture) {
+fs::path default_track_out(const fs::path& capture) {
   return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
 }
 
-TrackViewOptions view_options(const Arguments& arguments) {
+TrackViewOptions view_options(const TrackArguments& arguments) {
   TrackViewOptions options;
   options.texture = read_texture(arguments.texture);
   return options;
 }
 
-std::unique_ptr<Preview> preview_of(const Arguments& arguments, const Camera& camera, const Character& character,
+std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const Camera& camera, const Character& character,
                                     double frames_per_second) {
   if (arguments.preview.empty()) return nullptr;
   return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
 }
 
-void learn_empty_scene(const Arguments& arguments, FrameSource& source, LiveView& view) {
+void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, LiveView& view) {
   if (arguments.empty_frames == 0) return;
-  log::info("learning the empty scene from {} pictures: nobody may be seen yet", arguments.empty_frames);
-  std::vector<cv::Mat> pictures;
-  while (static_cast<int>(pictures.size()) < arguments.empty_frames) {
-    const auto picture = source.next();
-    if (!picture) break;
-    pictures.push_back(picture->picture);
+  log::info("learning the empty scene from {} images: nobody may be seen yet", arguments.empty_frames);
+  std::vector<cv::Mat> images;
+  while (static_cast<int>(images.size()) < arguments.empty_frames) {
+    const auto image = source.next();
+    if (!image) break;
+    images.push_back(image->image);
   }
-  view.learn_empty_scene(pictures);
+  view.learn_empty_scene(images);
 }
 
-/// Both methods that need one camera, on pictures as they come.
-nlohmann::ordered_json track_source(const Arguments& arguments) {
+/// Both methods that need one camera, on images as they come.
+TrackReport track_source(const TrackArguments& arguments) {
   const bool deepcap = arguments.method == "deepcap";
   const auto source = open_source(arguments.source, arguments.playing);
   const LivecapConfig config = deepcap ? LivecapConfig() : read_livecap_config(config_document(arguments));
@@ -132,7 +131,9 @@ nlohmann::ordered_json track_source(const Arguments& arguments) {
   std::optional<TrainedPose> trained;
   if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
   if (trained && !deepcap) view.find_joints_by(joints_of_posenet(view, *trained));
-  const auto solver = deepcap ? make_deepcap_solver(view, *trained) : make_livecap_solver(view, config);
+  const auto tracker =
+      deepcap ? make_deepcap_tracker(*trained, view.character(), view.landmarks(), view.camera(), LostFrames::hold)
+              : make_livecap_tracker(view.character(), view.landmarks(), view.camera(), config);
   const auto preview = preview_of(arguments, view.camera(), view.character(), source->frames_per_second());
   learn_empty_scene(arguments, *source, view);
   LiveRunOptions options;
@@ -140,10 +141,10 @@ nlohmann::ordered_json track_source(const Arguments& arguments) {
   options.method = arguments.method;
   options.filter = !deepcap && config.filter;
   options.smoothing = deepcap ? 0.0 : config.smoothing;
-  return track_live(*source, view, *solver, options, preview.get());
+  return track_live(*source, view, *tracker, options, preview.get());
 }
 
-nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
+TrackReport track_with_one_camera(const TrackArguments& arguments) {
   const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
                                       arguments.sheet_frames};
   const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
@@ -152,21 +153,21 @@ nlohmann::ordered_json track_with_one_camera(const Arguments& arguments) {
   return track_livecap(*footage, options, preview.get());
 }
 
-nlohmann::ordered_json track_with_networks(const Arguments& arguments) {
+TrackReport track_with_networks(const TrackArguments& arguments) {
   DeepcapOptions options = arguments.deepcap;
   static_cast<TrackTask&>(options) = arguments.task;
   options.view = view_options(arguments);
   return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
 }
 
-nlohmann::ordered_json track_with_all_cameras(const Arguments& arguments) {
+TrackReport track_with_all_cameras(const TrackArguments& arguments) {
   const TrackOptions options{arguments.task, read_track_config(config_document(arguments)), arguments.surface,
                              arguments.sheet_frames};
   return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
 }
 
 /// What does not go together.
-void check(const Arguments& arguments) {
+void check(const TrackArguments& arguments) {
   const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
   if ((livecap || deepcap) && arguments.surface)
     fail<UsageError>(
@@ -191,16 +192,16 @@ void check(const Arguments& arguments) {
     fail<UsageError>("--texture is drawn in the preview: give --preview too");
 }
 
-int run(Arguments arguments, const CommonOptions& common) {
+int run(TrackArguments arguments, const CommonOptions& common) {
   check(arguments);
   TrackTask& task = arguments.task;
-  if (task.out.empty()) task.out = default_out(arguments.capture);
-  const nlohmann::ordered_json report = arguments.live()                ? track_source(arguments)
+  if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  const TrackReport report = arguments.live()                ? track_source(arguments)
                                         : arguments.method == "livecap" ? track_with_one_camera(arguments)
                                         : arguments.method == "deepcap" ? track_with_networks(arguments)
                                                                         : track_with_all_cameras(arguments);
   if (common.json)
-    fmt::print("{}\n", report.dump(2));
+    fmt::print("{}\n", to_json(report).dump(2));
   else
     print_table(report);
   if (arguments.live())
@@ -214,8 +215,8 @@ int run(Arguments arguments, const CommonOptions& common) {
 
 Command add_track(CLI::App& program) {
   CLI::App* app = program.add_subcommand("track", "Find the person's pose in every frame from keypoints and masks");
-  app->footer(kExample);
-  auto arguments = std::make_shared<Arguments>();
+  app->footer(kTrackExample);
+  auto arguments = std::make_shared<TrackArguments>();
   TrackTask& task = arguments->task;
   app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
   app->add_option("--method", arguments->method,
@@ -242,12 +243,12 @@ Command add_track(CLI::App& program) {
   app->add_option("--smoothing", deepcap.smoothing, "deepcap: sigma over five frames, in frames (0: none)")
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();
-  app->add_flag("!--no-film", deepcap.film, "deepcap: without SEQUENCE.mp4, the surface over the pictures");
+  app->add_flag("!--no-film", deepcap.film, "deepcap: without SEQUENCE.mp4, the surface over the images");
   app->add_option(
       "--source", arguments->source,
-      "livecap, deepcap: pictures as they come instead of the capture's: a camera (0, 1, ...), a video or a "
-      "folder of pictures; the capture says what stands around them");
-  app->add_option("--empty-frames", arguments->empty_frames, "The first pictures of the source show the empty scene")
+      "livecap, deepcap: images as they come instead of the capture's: a camera (0, 1, ...), a video or a "
+      "folder of images; the capture says what stands around them");
+  app->add_option("--empty-frames", arguments->empty_frames, "The first images of the source show the empty scene")
       ->check(CLI::Range(0, 1000));
   app->add_flag("--live", arguments->playing.live,
                 "A file as the source comes at its own rate, and may be dropped from");
@@ -257,12 +258,12 @@ Command add_track(CLI::App& program) {
   const CLI::Option* preview =
       app->add_option(
              "--preview", arguments->preview,
-             "Show the surface over the picture and from the side: in a window (keys a, d turn; q ends), or into "
+             "Show the surface over the image and from the side: in a window (keys a, d turn; q ends), or into "
              "an .mp4 file where there is no screen")
           ->expected(0, 1)
           ->type_name("[FILE.mp4]");
   app->add_option("--texture", arguments->texture,
-                  "A picture that the surface wears in the preview, or in deepcap's film");
+                  "An image that the surface wears in the preview, or in deepcap's film");
   return {app, [arguments, preview](const CommonOptions& common) {
             if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
             return run(*arguments, common);

@@ -10,6 +10,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
 #include "doppel/train/stage_chain.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel::tools {
 
@@ -17,13 +18,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kExample[] =
+constexpr char kTrainExample[] =
     "Example:\n"
     "  doppel train configs/small/egnet.yaml --set capture=prepared/anna --out runs/anna\n"
     "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna-ddc --stages deltanet,texnet\n"
     "The same command resumes a run that was stopped or killed. docs/training.md lists the keys of CONFIG.";
 
-struct Arguments {
+struct TrainArguments {
   std::string config, out;
   std::vector<std::string> overrides, stages;
   bool resume = false, overwrite = false;
@@ -58,19 +59,19 @@ void print_summaries(const std::vector<StageSummary>& summaries, const fs::path&
       if (single)
         document.update(to_json(summary));
       else
-        document["stages"][name_of(stage)] = to_json(summary);
+        document["stages"][stage] = to_json(summary);
     document["report"] = report.string();
     std::printf("%s\n", document.dump().c_str());
     return;
   }
   std::printf("run     %s\n", out.c_str());
   for (const auto& [stage, summary] : summaries)
-    std::printf("%-9s %ld steps (%s) in %s, loss %.5g\n", name_of(stage).c_str(), static_cast<long>(summary.step),
+    std::printf("%-9s %ld steps (%s) in %s, loss %.5g\n", stage.c_str(), static_cast<long>(summary.step),
                 word_for(summary.reason), format_duration(summary.seconds).c_str(), summary.loss);
   std::printf("report  %s\n", report.c_str());
 }
 
-int run(const Arguments& arguments, const CommonOptions& common) {
+int run(const TrainArguments& arguments, const CommonOptions& common) {
   if (arguments.resume && arguments.overwrite) fail<UsageError>("--resume and --overwrite exclude each other");
   std::vector<std::string> overrides = absolute_capture(arguments.overrides);
   const fs::path capture = StageChain::read(ConfigDocument::load(arguments.config, overrides)).capture();
@@ -78,14 +79,14 @@ int run(const Arguments& arguments, const CommonOptions& common) {
   overrides.push_back("capture=" + capture.string());
   const StageChain chain = StageChain::read(ConfigDocument::load(arguments.config, overrides));
   ChainOptions options;
-  for (const std::string& name : arguments.stages) options.stages.push_back(stage_from(name));
+  for (const std::string& name : arguments.stages) options.stages.push_back(stage_entry(name).name);
   options.mode = arguments.resume ? RunMode::resume : arguments.overwrite ? RunMode::overwrite : RunMode::automatic;
   const fs::path out = arguments.out.empty() ? fs::path("runs") / chain.name() : fs::path(arguments.out);
   const auto summaries = train_stages(chain, out, options);
   print_summaries(summaries, out, chain.single(), common.json);
   if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
   log::warn("stopped at step {} of {}; the same command goes on from there", summaries.back().summary.step,
-            name_of(summaries.back().stage));
+            summaries.back().stage);
   return 1;
 }
 
@@ -93,8 +94,8 @@ int run(const Arguments& arguments, const CommonOptions& common) {
 
 Command add_train(CLI::App& program) {
   CLI::App* app = program.add_subcommand("train", "Train an actor, stage by stage, on a prepared capture");
-  app->footer(kExample);
-  auto arguments = std::make_shared<Arguments>();
+  app->footer(kTrainExample);
+  auto arguments = std::make_shared<TrainArguments>();
   app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/egnet.yaml")->required();
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
   app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the stage's or chain's name)");

@@ -51,14 +51,14 @@ struct Actor {
     egnet->eval();
     deltanet->eval();
     description.name = character.name;
-    description.window = std::max(egnet->config().past_frames(), deltanet->config().window) + 1;
+    description.past_frames = std::max(egnet->config().history(), deltanet->config().past_frames);
     for (const doppel::Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
     for (const doppel::Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
     description.num_vertices = character.num_vertices();
   }
 
   /// What DeltaNet takes of a window.
-  Tensor fine_window(const Tensor& window) { return doppel::last_rows(window, deltanet->config().window); }
+  Tensor fine_window(const Tensor& window) { return doppel::last_rows(window, deltanet->config().past_frames); }
 
   Tensor frame(const Tensor& window) {
     const auto [A, T] = egnet->forward(window);
@@ -78,7 +78,7 @@ struct Part {
 std::vector<Part> parts_of(Actor& actor) {
   return {{"motion window, node features",
            [&](const Tensor& window) {
-             return actor.egnet->network_input(doppel::last_rows(window, actor.egnet->config().window));
+             return actor.egnet->network_input(doppel::last_rows(window, actor.egnet->config().past_frames));
            }},
           {"  + EGNet",
            [&](const Tensor& window) {
@@ -104,7 +104,7 @@ double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs
 void run(Actor& actor) {
   const torch::NoGradGuard no_grad;
   const Tensor rest = torch::tensor(at::ArrayRef<double>(actor.character.rest_dofs), torch::kFloat32);
-  const Tensor window = rest + 0.1 * torch::randn({1, actor.description.window, actor.character.num_dofs()},
+  const Tensor window = rest + 0.1 * torch::randn({1, actor.description.past_frames + 1, actor.character.num_dofs()},
                                                   at::detail::createCPUGenerator(1));
   const doppel::support::TemporaryFolder folder;
   std::vector<doppel::bench::Candidate> ours, exported;
@@ -138,7 +138,7 @@ int main(int argc, char** argv) {
   }
   Actor actor(std::move(character), inertia);
   std::printf("%d vertices, %d nodes, %d DoFs, window of %d\n", actor.character.num_vertices(),
-              actor.character.num_nodes(), actor.character.num_dofs(), actor.description.window);
+              actor.character.num_nodes(), actor.character.num_dofs(), actor.description.past_frames + 1);
   run(actor);
   return 0;
 }

@@ -1,4 +1,4 @@
-// The losses between pictures and the Laplacian loss, value and gradient: fused kernels against plain tensor
+// The losses between images and the Laplacian loss, value and gradient: fused kernels against plain tensor
 // operations.
 //   image_losses_bench [threads=2]
 
@@ -47,7 +47,7 @@ Tensor disc(int64_t batch, int64_t cameras, int64_t size, double radius) {
 
 void time_images(int64_t batch, int64_t cameras, int64_t size) {
   const std::string what = ", forward + backward, " + std::to_string(batch) + " x " + std::to_string(cameras) +
-                           " pictures of " + std::to_string(size) + "^2";
+                           " images of " + std::to_string(size) + "^2";
   const Tensor rendered = torch::rand({batch, cameras, size, size, 3}).requires_grad_();
   const Tensor target = torch::rand({batch, cameras, size, size, 3});
   const Tensor covered = disc(batch, cameras, size, 0.31 * size);

@@ -1,4 +1,4 @@
-/// The radiance field: what the parts of a training step of 1,000 rays cost, a picture's rays drawn in one pass against
+/// The radiance field: what the parts of a training step of 1,000 rays cost, an image's rays drawn in one pass against
 /// the same by the modules that training uses, and against a field without a mesh (the same networks, 64 coarse and 128
 /// fine samples).
 ///   radiance_bench [threads = 2]
@@ -75,7 +75,7 @@ int run(int threads) {
     const torch::NoGradGuard no_grad;
     plain->render(origin, direction);
   };
-  compare("a picture's rays",
+  compare("an image's rays",
           {{"in one pass", [&] { in_one_pass(); }},
            {"by the modules", [&] { by_modules(); }},
            {"without a mesh", without_mesh}},

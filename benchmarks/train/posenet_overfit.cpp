@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "doppel/data/prepare.h"
-#include "doppel/data/synth/synth.h"
+#include "doppel/capture/prepare.h"
+#include "doppel/synth/synth.h"
 #include "doppel/eval/pose_metrics.h"
 #include "doppel/train/pose_net_stage.h"
 
@@ -44,7 +44,7 @@ doppel::PoseNetRunConfig configuration(const fs::path& capture) {
       "  - {iterations: 300, learning_rate: 3e-4}\n  - {iterations: 200, learning_rate: 1e-4}\n"
       "  - {iterations: 100000, learning_rate: 3e-5}\n";
   doppel::PoseNetRunConfig config = doppel::PoseNetRunConfig::read(doppel::ConfigDocument::parse(text, "overfit.yaml"));
-  config.loader.augment = false;  // one picture of each frame
+  config.loader.augment = false;  // one image of each frame
   return config;
 }
 

@@ -11,7 +11,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::bvh_test {
 namespace {
 
 using support::message_of;
@@ -251,4 +251,4 @@ TEST(BvhRejects, AHundredThousandJointsWithinEachOtherWithoutRunningOutOfStack) 
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::bvh_test

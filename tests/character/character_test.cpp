@@ -10,7 +10,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::character_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -249,4 +249,4 @@ TEST(CharacterInCodeRejects, CountsThatDisagreeInCode) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::character_test

@@ -9,7 +9,7 @@
 #include "doppel/core/error.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::embedded_graph_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -198,4 +198,4 @@ TEST(EmbeddedGraphRejects, ImpossibleInput) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::embedded_graph_test

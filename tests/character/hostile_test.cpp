@@ -10,7 +10,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::hostile_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -86,4 +86,4 @@ TEST_F(HostileRejects, Characters) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::hostile_test

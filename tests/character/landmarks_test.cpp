@@ -9,7 +9,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::landmarks_test {
 namespace {
 
 using support::message_of;
@@ -120,4 +120,4 @@ TEST_F(RealLandmarks, ThoseOfThePublishedCapture) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::landmarks_test

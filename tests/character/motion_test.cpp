@@ -9,7 +9,7 @@
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::motion_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -104,4 +104,4 @@ TEST_F(MotionRejects, EachFaultWithItsLineAndReason) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::motion_test

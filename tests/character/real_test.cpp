@@ -6,7 +6,7 @@
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::real_character_test {
 namespace {
 
 /// A real, published character against the numbers of an independent implementation.
@@ -154,4 +154,4 @@ TEST_F(RealOracle, RootOrder) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::real_character_test

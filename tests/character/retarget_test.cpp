@@ -12,7 +12,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::retarget_test {
 namespace {
 
 using support::message_of;
@@ -293,4 +293,4 @@ TEST(JointMapReference, CommonNamesAreRecognised) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::retarget_test

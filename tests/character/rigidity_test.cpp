@@ -6,7 +6,7 @@
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::rigidity_test {
 namespace {
 
 using ::testing::DoubleEq;
@@ -86,4 +86,4 @@ TEST_F(SegmentationRejects, EachFaultWithItsLineAndReason) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::rigidity_test

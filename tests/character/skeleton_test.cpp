@@ -8,7 +8,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::skeleton_test {
 namespace {
 
 using support::replaced;
@@ -305,4 +305,4 @@ TEST_F(SkeletonRejects, EachFaultWithItsLineAndReason) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::skeleton_test

@@ -7,7 +7,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::skinning_weights_test {
 namespace {
 
 using ::testing::DoubleEq;
@@ -122,4 +122,4 @@ TEST_F(SkinRejects, EachFaultWithItsLineAndReason) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::skinning_weights_test

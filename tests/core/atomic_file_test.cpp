@@ -11,7 +11,7 @@
 #include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::atomic_file_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -100,4 +100,4 @@ TEST(ReadFileRejects, MissingFoldersAndTooLargeOnes) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::atomic_file_test

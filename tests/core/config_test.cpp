@@ -7,7 +7,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::config_test {
 namespace {
 
 using support::message_of;
@@ -15,6 +15,7 @@ using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
@@ -214,5 +215,20 @@ TEST(NearestWord, FindsSlipsAndLeavesStrangersAlone) {
   EXPECT_EQ(nearest_word("x", {}), std::nullopt);
 }
 
+TEST(ConfigReference, AKeyIsReadUnderTheNameItHadBefore) {
+  const ConfigDocument document = ConfigDocument::parse("solver: {smallest_gain: 0.25}\n", "old.yaml");
+  const ConfigReader solver = document.root().section("solver");
+  solver.renamed("smallest_gain", "function_tolerance");
+  EXPECT_EQ(solver.get<double>("function_tolerance"), 0.25);
+  document.root().finish();
+  EXPECT_THAT(document.resolved(), AllOf(HasSubstr("function_tolerance: 0.25"), Not(HasSubstr("smallest_gain"))));
+}
+
+TEST(ConfigRejects, BothNamesOfAKey) {
+  const ConfigDocument document = ConfigDocument::parse("new_name: 2\nold_name: 1\n", "both.yaml");
+  EXPECT_THAT(message_of<FileError>([&] { document.root().renamed("old_name", "new_name"); }),
+              AllOf(HasSubstr("both.yaml:2"), HasSubstr("now called new_name")));
+}
+
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::config_test

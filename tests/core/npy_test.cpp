@@ -8,7 +8,7 @@
 #include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::npy_test {
 namespace {
 
 using support::TemporaryFolder;
@@ -81,4 +81,4 @@ TEST(NpyRejects, HeadersThatPromiseTheMoonOrSomethingElse) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::npy_test

@@ -16,7 +16,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
 
-namespace doppel {
+namespace doppel::process_test {
 namespace {
 
 using ::testing::ExitedWithCode;
@@ -165,4 +165,4 @@ TEST(ErrorReference, PlacesComeFirst) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::process_test

@@ -7,7 +7,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::text_reader_test {
 namespace {
 
 using support::message_of;
@@ -124,4 +124,4 @@ TEST(TextReaderReference, PathsOfOtherSystems) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::text_reader_test

@@ -1,3 +1,4 @@
+#include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
 
 #include <gtest/gtest.h>
@@ -5,11 +6,11 @@
 #include <fstream>
 #include <set>
 
-#include "data/capture_fixture.h"
+#include "capture/capture_fixture.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 
-namespace doppel {
+namespace doppel::loader_test {
 namespace {
 
 using test_capture::CaptureFixture;
@@ -45,14 +46,14 @@ using LoaderAgrees = LoaderData;
 using LoaderRecovers = LoaderData;
 using LoaderRejects = LoaderData;
 
-bool same_pictures(const Batch& a, const Batch& b) {
+bool same_images(const Batch& a, const Batch& b) {
   if (!a.image.defined()) return !b.image.defined();
   return torch::equal(a.image, b.image) && torch::equal(a.image_mask, b.image_mask) &&
          torch::equal(a.image_projection, b.image_projection);
 }
 
 bool same(const Batch& a, const Batch& b) {
-  return same_pictures(a, b) && torch::equal(a.frames, b.frames) && torch::equal(a.sequence, b.sequence) &&
+  return same_images(a, b) && torch::equal(a.frames, b.frames) && torch::equal(a.sequence, b.sequence) &&
          torch::equal(a.dofs, b.dofs) && torch::equal(a.cameras, b.cameras) &&
          torch::equal(a.projection, b.projection) && torch::equal(a.distance, b.distance) &&
          torch::equal(a.pixel_scale, b.pixel_scale) && torch::equal(a.valid, b.valid) &&
@@ -144,6 +145,12 @@ TEST_F(LoaderReference, HistoryNeverCrossesACut) {
   expect_rows(7, {5, 6, 7});
 }
 
+/// [3,N] -> [N,4]
+torch::Tensor homogeneous_of(Eigen::Matrix3Xf vertices) {
+  const torch::Tensor rows = torch::from_blob(vertices.data(), {vertices.cols(), 3}).clone();
+  return torch::cat({rows, torch::ones({rows.size(0), 1})}, 1);
+}
+
 // The silhouette's own numbers must agree with the character: projected vertices lie inside the outline or on it.
 TEST_F(LoaderReference, ProjectionAndDistanceFitTogether) {
   Loader loader(*dataset_, options());
@@ -151,8 +158,8 @@ TEST_F(LoaderReference, ProjectionAndDistanceFitTogether) {
   TemplateChecker checker(fixture_->character);
   for (int b = 0; b < 5; ++b) {
     const auto& rows = dataset_->sequences()[0].motion.frames;
-    const torch::Tensor vertices = checker.skin(rows[batch.frames[b].item<std::int64_t>()]);
-    const torch::Tensor homogeneous = torch::cat({vertices, torch::ones({vertices.size(0), 1})}, 1);
+    const Eigen::Matrix3Xf vertices = checker.skin(rows[batch.frames[b].item<std::int64_t>()]);
+    const torch::Tensor homogeneous = homogeneous_of(vertices);
     for (int c = 0; c < 2; ++c) {
       const torch::Tensor seen = torch::matmul(homogeneous, batch.projection[b][c].t());
       const torch::Tensor pixel = (seen.slice(1, 0, 2) / seen.slice(1, 2, 3)).floor().to(torch::kInt64);
@@ -197,7 +204,7 @@ TEST_F(LoaderAgrees, WithAnyNumberOfWorkersPrefetchAndCache) {
       }
 }
 
-TEST_F(LoaderAgrees, PicturesWithAnyNumberOfWorkersAndCache) {
+TEST_F(LoaderAgrees, ImagesWithAnyNumberOfWorkersAndCache) {
   LoaderOptions chosen = options();
   chosen.images = true;
   chosen.image_size = 40;
@@ -205,7 +212,7 @@ TEST_F(LoaderAgrees, PicturesWithAnyNumberOfWorkersAndCache) {
   Loader plain(*dataset_, chosen);
   for (int i = 0; i < 8; ++i) expected.push_back(plain.next());
   for (const int workers : {1, 3})
-    for (const int cache_mb : {0, 1, 1024}) {  // 1 MB holds some of the pictures
+    for (const int cache_mb : {0, 1, 1024}) {  // 1 MB holds some of the images
       chosen.workers = workers;
       chosen.cache_mb = cache_mb;
       Loader loader(*dataset_, chosen);
@@ -214,7 +221,7 @@ TEST_F(LoaderAgrees, PicturesWithAnyNumberOfWorkersAndCache) {
     }
 }
 
-TEST_F(LoaderReference, PicturesCarryColourMaskAndCamera) {
+TEST_F(LoaderReference, ImagesCarryColourMaskAndCamera) {
   LoaderOptions chosen = options();
   EXPECT_FALSE(Loader(*dataset_, chosen).next().image.defined());
   chosen.images = true;
@@ -226,8 +233,8 @@ TEST_F(LoaderReference, PicturesCarryColourMaskAndCamera) {
   TemplateChecker checker(fixture_->character);
   for (int b = 0; b < 5; ++b) {
     const long frame = batch.frames[b].item<std::int64_t>();
-    const torch::Tensor vertices = checker.skin(dataset_->sequences()[0].motion.frames[frame]);
-    const torch::Tensor homogeneous = torch::cat({vertices, torch::ones({vertices.size(0), 1})}, 1);
+    const Eigen::Matrix3Xf vertices = checker.skin(dataset_->sequences()[0].motion.frames[frame]);
+    const torch::Tensor homogeneous = homogeneous_of(vertices);
     for (int c = 0; c < 2; ++c) {
       cv::Mat stored = dataset_->crop_image({0, frame}, static_cast<int>(batch.cameras[b][c].item<std::int64_t>()));
       const torch::Tensor bgr = torch::from_blob(stored.data, {48, 48, 3}, torch::kUInt8);
@@ -244,7 +251,7 @@ TEST_F(LoaderReference, PicturesCarryColourMaskAndCamera) {
   }
 }
 
-TEST_F(LoaderReference, SmallerPicturesShowTheSameWindow) {
+TEST_F(LoaderReference, SmallerImagesShowTheSameWindow) {
   BatchOptions chosen;
   chosen.images = true;
   const Batch whole = make_batch(*dataset_, {{0, 3}}, {{1}}, chosen);
@@ -257,7 +264,7 @@ TEST_F(LoaderReference, SmallerPicturesShowTheSameWindow) {
   EXPECT_NEAR(small.item<float>() * 4.0f, area.item<float>(), 0.1f * area.item<float>());
 }
 
-TEST_F(LoaderRejects, PicturesLargerThanTheStoredOnes) {
+TEST_F(LoaderRejects, ImagesLargerThanTheStoredOnes) {
   LoaderOptions chosen = options();
   chosen.images = true;
   for (const int size : {49, -1}) {
@@ -267,8 +274,8 @@ TEST_F(LoaderRejects, PicturesLargerThanTheStoredOnes) {
   }
 }
 
-// Beyond the camera's picture masks are continued for the distance transform, but a picture has nobody there.
-TEST(DatasetReference, NobodyBeyondThePicture) {
+// Beyond the camera's image masks are continued for the distance transform, but an image has nobody there.
+TEST(DatasetReference, NobodyBeyondTheImage) {
   const CaptureFixture fixture(test_capture::Options{1, 3, 2, true});
   fixture.prepare();
   const std::string key = record_key("training", "0", 1);
@@ -289,7 +296,7 @@ TEST(DatasetReference, NobodyBeyondThePicture) {
   EXPECT_EQ(at(47, 36), 0);
 }
 
-TEST(DatasetReference, EmptyViewsHaveBlackPictures) {
+TEST(DatasetReference, EmptyViewsHaveBlackImages) {
   const CaptureFixture fixture(test_capture::Options{1, 3, 2, true});
   fixture.prepare();
   const std::string key = record_key("training", "0", 1);
@@ -313,30 +320,30 @@ class BackgroundCapture : public ::testing::Test {
   BackgroundCapture() : fixture_(test_capture::Options{2, 3, 2, true}) {
     std::filesystem::create_directories(fixture_.root() / "background");
     for (int camera = 0; camera < 2; ++camera) {
-      picture_[camera].create(test_capture::kHeight, test_capture::kWidth, CV_8UC3);
-      cv::randu(picture_[camera], 0, 255);
-      write(camera, picture_[camera]);
+      image_[camera].create(test_capture::kHeight, test_capture::kWidth, CV_8UC3);
+      cv::randu(image_[camera], 0, 255);
+      write(camera, image_[camera]);
     }
     fixture_.write_yaml("background: background/{camera:03}.png\n" + fixture_.yaml(""));
     fixture_.prepare();
   }
-  void write(int camera, const cv::Mat& picture) const { cv::imwrite(path(camera).string(), picture); }
+  void write(int camera, const cv::Mat& image) const { cv::imwrite(path(camera).string(), image); }
   std::filesystem::path path(int camera) const {
     return fixture_.root() / "background" / ("00" + std::to_string(camera) + ".png");
   }
   CaptureFixture fixture_;
-  cv::Mat picture_[2];
+  cv::Mat image_[2];
 };
 using BackgroundReference = BackgroundCapture;
 using BackgroundRejects = BackgroundCapture;
 
-TEST_F(BackgroundReference, ThePictureOfEachCamera) {
+TEST_F(BackgroundReference, TheImageOfEachCamera) {
   const Dataset dataset = Dataset::open(fixture_.out());
   for (int camera = 0; camera < 2; ++camera)
-    EXPECT_EQ(cv::norm(dataset.background(camera), picture_[camera], cv::NORM_INF), 0.0);
+    EXPECT_EQ(cv::norm(dataset.background(camera), image_[camera], cv::NORM_INF), 0.0);
 }
 
-TEST_F(LoaderReference, NoBackgroundWithoutPictures) { EXPECT_TRUE(dataset_->background(0).empty()); }
+TEST_F(LoaderReference, NoBackgroundWithoutImages) { EXPECT_TRUE(dataset_->background(0).empty()); }
 
 TEST_F(BackgroundRejects, MissingAndOtherSizes) {
   const Dataset dataset = Dataset::open(fixture_.out());
@@ -390,7 +397,7 @@ TEST_F(LoaderRejects, OptionsThatMakeNoSense) {
   rejects([](LoaderOptions& o) { o.cameras = {"7"}; });
   rejects([](LoaderOptions& o) { o.workers = -1; });
   rejects([](LoaderOptions& o) { o.prefetch = 0; });
-  rejects([](LoaderOptions& o) { o.window = -1; });
+  rejects([](LoaderOptions& o) { o.past_frames = -1; });
   rejects([](LoaderOptions& o) { o.cameras_per_sample = -1; });
 }
 
@@ -437,4 +444,4 @@ TEST(DatasetRejects, FoldersThatAreNotPrepared) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::loader_test

@@ -4,11 +4,12 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "data/keypoint_fixture.h"
+#include "capture/keypoint_fixture.h"
 #include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
 
-namespace doppel {
+namespace doppel::person_crop_test {
 namespace {
 
 using namespace test_capture;
@@ -37,24 +38,24 @@ TEST(PersonWindows, FollowTheKeypointsThenTheMask) {
 }
 
 /// A red disc of radius 30 around (70, 60) on green.
-PersonPicture disc() {
-  PersonPicture picture;
-  picture.rgb = cv::Mat(160, 200, CV_8UC3, cv::Scalar(20, 200, 30));
-  cv::circle(picture.rgb, {70, 60}, 30, cv::Scalar(180, 60, 40), cv::FILLED);
-  picture.foreground = cv::Mat::zeros(picture.rgb.size(), CV_8U);
-  cv::circle(picture.foreground, {70, 60}, 30, 255, cv::FILLED);
-  return picture;
+PersonImage disc() {
+  PersonImage image;
+  image.rgb = cv::Mat(160, 200, CV_8UC3, cv::Scalar(20, 200, 30));
+  cv::circle(image.rgb, {70, 60}, 30, cv::Scalar(180, 60, 40), cv::FILLED);
+  image.foreground = cv::Mat::zeros(image.rgb.size(), CV_8U);
+  cv::circle(image.foreground, {70, 60}, 30, 255, cv::FILLED);
+  return image;
 }
 
-torch::Tensor written(const PersonPicture& picture, const PersonWindow& window, const Photometry& change, int pixels) {
+torch::Tensor written(const PersonImage& image, const PersonWindow& window, const Photometry& change, int pixels) {
   torch::Tensor result = torch::empty({3, pixels, pixels});
-  write_person(picture, window, change, pixels, result.data_ptr<float>());
+  write_person(image, window, change, pixels, result.data_ptr<float>());
   return result;
 }
 
-TEST(PersonPictures, AreBlackAroundThePersonAndNormalised) {
-  const PersonPicture picture = disc();
-  const torch::Tensor result = written(picture, {30.5, 20.5, 80}, {}, 40);  // the disc's middle is the window's
+TEST(PersonImages, AreBlackAroundThePersonAndNormalised) {
+  const PersonImage image = disc();
+  const torch::Tensor result = written(image, {30.5, 20.5, 80}, {}, 40);  // the disc's middle is the window's
   const float colour[3]{180, 60, 40};
   for (int k = 0; k < 3; ++k) {
     const float deviation[3]{0.229f, 0.224f, 0.225f};
@@ -71,9 +72,9 @@ TEST(PersonPictures, AreBlackAroundThePersonAndNormalised) {
     EXPECT_NEAR((red.sum(1 - along) * places).sum().item<float>() / red.sum().item<float>(), 20.0f, 0.03f);
 }
 
-TEST(PersonPictures, PartsOfAPictureSeeTheSame) {
-  const PersonPicture whole = disc();
-  PersonPicture part = whole;
+TEST(PersonImages, PartsOfAImageSeeTheSame) {
+  const PersonImage whole = disc();
+  PersonImage part = whole;
   const cv::Rect box(30, 20, 90, 90);
   part.rgb = whole.rgb(box).clone();
   part.foreground = whole.foreground(box).clone();
@@ -88,11 +89,11 @@ TEST(PersonPictures, PartsOfAPictureSeeTheSame) {
   EXPECT_LT((written(whole, window, {}, 64) - written(part, window, {}, 64)).abs().mean().item<float>(), 0.05f);
 }
 
-TEST(PersonPictures, ColoursChangeAsAsked) {
-  const PersonPicture picture = disc();
+TEST(PersonImages, ColoursChangeAsAsked) {
+  const PersonImage image = disc();
   const PersonWindow window{40.5, 30.5, 60};
   const auto middle = [&](const Photometry& change) {
-    const torch::Tensor result = written(picture, window, change, 31);
+    const torch::Tensor result = written(image, window, change, 31);
     std::array<double, 3> colour;
     const double deviation[3]{0.229, 0.224, 0.225};
     for (int k = 0; k < 3; ++k) {
@@ -118,7 +119,7 @@ TEST(PersonPictures, ColoursChangeAsAsked) {
   EXPECT_NEAR(middle(change)[2], 60, 0.1);
 }
 
-TEST(PersonPictures, DrawsStayInTheirRanges) {
+TEST(PersonImages, DrawsStayInTheirRanges) {
   SplitMix random(3);
   double least = 2.0, most = 0.0;
   for (int i = 0; i < 2000; ++i) {
@@ -139,21 +140,21 @@ TEST(PersonPictures, DrawsStayInTheirRanges) {
   EXPECT_GT(most, 1.19);
 }
 
-TEST(PersonPictures, OfOneWholePicture) {
-  const PersonPicture picture = disc();
+TEST(PersonImages, OfOneWholeImage) {
+  const PersonImage image = disc();
   cv::Mat bgr;
-  cv::cvtColor(picture.rgb, bgr, cv::COLOR_RGB2BGR);
+  cv::cvtColor(image.rgb, bgr, cv::COLOR_RGB2BGR);
   Camera camera = ring_camera(0, 3);
   camera.width = 200;
   camera.height = 160;
-  const PersonInput input = person_input(bgr, picture.foreground, {}, camera, 48);
+  const PersonInput input = person_input(bgr, image.foreground, {}, camera, 48);
   EXPECT_TRUE(input.valid);
-  EXPECT_EQ(input.picture.sizes(), (std::vector<std::int64_t>{3, 48, 48}));
-  EXPECT_GT(input.picture[0][24][24].item<float>(), 0.5f);
+  EXPECT_EQ(input.image.sizes(), (std::vector<std::int64_t>{3, 48, 48}));
+  EXPECT_GT(input.image[0][24][24].item<float>(), 0.5f);
   EXPECT_EQ(input.camera.width, 48);
   const PersonInput nobody = person_input(bgr, cv::Mat::zeros(160, 200, CV_8U), {}, camera, 48);
   EXPECT_FALSE(nobody.valid);
-  EXPECT_FLOAT_EQ(nobody.picture[1].max().item<float>(), kBlack[1]);
+  EXPECT_FLOAT_EQ(nobody.image[1].max().item<float>(), kBlack[1]);
   EXPECT_THROW(person_input(bgr, cv::Mat::zeros(16, 20, CV_8U), {}, camera, 48), UsageError);
 }
 
@@ -261,4 +262,4 @@ TEST_F(PersonBatches, RefuseSizesThatMakeNoSense) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::person_crop_test

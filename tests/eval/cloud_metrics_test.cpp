@@ -11,7 +11,7 @@
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::cloud_metrics_test {
 namespace {
 
 using support::message_of;
@@ -97,4 +97,4 @@ TEST_F(CloudMetrics, WithoutAPointThereIsNothingToSay) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::cloud_metrics_test

@@ -7,12 +7,13 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::image_metrics_test {
 namespace {
 
 using support::message_of;
@@ -26,7 +27,7 @@ cv::Mat noise(int width, int height, std::uint64_t seed) {
   return image;
 }
 
-TEST(ImageScoresReference, PlainPictures) {
+TEST(ImageScoresReference, PlainImages) {
   const ImageScores scores = compare_images(plain(100), plain(110));
   EXPECT_DOUBLE_EQ(scores.MSE, 100.0);
   EXPECT_NEAR(scores.PSNR, 10 * std::log10(255.0 * 255.0 / 100.0), 1e-12);
@@ -34,7 +35,7 @@ TEST(ImageScoresReference, PlainPictures) {
   EXPECT_NEAR(scores.SSIM, (2 * 100 * 110 + c1) / (100 * 100 + 110 * 110 + c1), 1e-9);
 }
 
-TEST(ImageScoresReference, EqualPictures) {
+TEST(ImageScoresReference, EqualImages) {
   const cv::Mat image = noise(31, 22, 1);
   const ImageScores scores = compare_images(image, image.clone());
   EXPECT_EQ(scores.MSE, 0.0);
@@ -48,7 +49,7 @@ TEST(ImageScoresReference, OneChannelOff) {
   EXPECT_DOUBLE_EQ(compare_images(plain(50), image).MSE, 12.0);
 }
 
-// A picture of 11 x 11 has one window; its sums are written out here.
+// An image of 11 x 11 has one window; its sums are written out here.
 TEST(ImageScoresReference, SsimOfOneWindowByHand) {
   const cv::Mat a = noise(11, 11, 1), b = noise(11, 11, 2) / 2 + a / 2;
   double ssim = 0.0;
@@ -74,7 +75,7 @@ TEST(ImageScoresReference, SsimOfOneWindowByHand) {
   EXPECT_NEAR(structural_similarity(b, a), ssim, 1e-9);
 }
 
-TEST(ImageScoresRejects, PicturesThatDoNotFit) {
+TEST(ImageScoresRejects, ImagesThatDoNotFit) {
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 20), plain(1, 21)); }), HasSubstr("20x20"));
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 10), plain(1, 10)); }), HasSubstr("at least 11"));
   const cv::Mat grey(20, 20, CV_8UC1, cv::Scalar(1));
@@ -150,7 +151,7 @@ TEST_F(PhotometricReference, PixelsThatAreNotDrawnAreTheMissingPart) {
   EXPECT_LT(mean.masked.MSE - mean.missing_MSE, 100.0 * mean.foreground);
 }
 
-TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullPictureOnly) {
+TEST_F(PhotometricReference, WhatIsDrawnOutsideTheMaskCountsInTheFullImageOnly) {
   const auto everywhere = [](const ImageRequest& request) {
     RenderedImages drawn = truth(0)(request);
     drawn.covered.fill_(1);
@@ -177,7 +178,7 @@ ImageFunction grey(float value, bool filmed) {
 TEST_F(PhotometricReference, WhatIsFilmedLiesOverTheBackgroundByItsOpacity) {
   const PhotometricScores mean = evaluate(grey(0.4f, true)).mean;
   ASSERT_TRUE(mean.filmed.has_value());
-  // No studio: black behind. The sharp drawing of that colour is then the same picture.
+  // No studio: black behind. The sharp drawing of that colour is then the same image.
   EXPECT_NEAR(mean.filmed->MSE, mean.masked.MSE, 1e-9);
   EXPECT_NEAR(mean.filmed->SSIM, mean.masked.SSIM, 1e-9);
   EXPECT_GT(mean.filmed->MSE, 1.0);
@@ -230,7 +231,7 @@ TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
 }
 
 TEST_F(PhotometricReference, TheEmptyStudioStandsBehindTheDrawing) {
-  // The studio of the small capture has one colour; beside the person the pictures then agree up to compression.
+  // The studio of the small capture has one colour; beside the person the images then agree up to compression.
   Capture capture = read_capture(dataset_->folder());
   const std::filesystem::path studios = folder_->path() / "studio";
   std::filesystem::create_directories(studios);
@@ -260,4 +261,4 @@ TEST_F(PhotometricRejects, DrawingsOfAnotherSize) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::image_metrics_test

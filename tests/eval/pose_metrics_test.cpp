@@ -8,7 +8,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::pose_metrics_test {
 namespace {
 
 using support::message_of;
@@ -143,4 +143,4 @@ TEST(CommonJoints, AreFoundUnderAnySpelling) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::pose_metrics_test

@@ -12,13 +12,13 @@
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::silhouette_overlap_test {
 namespace {
 
 using support::TemporaryFolder;
 using ::testing::HasSubstr;
 
-/// A filled rectangle in a picture of 40 x 30.
+/// A filled rectangle in an image of 40 x 30.
 std::vector<std::uint8_t> rectangle(int x0, int y0, int x1, int y1, std::uint8_t value) {
   std::vector<std::uint8_t> pixels(40 * 30, 0);
   for (int y = y0; y < y1; ++y)
@@ -211,4 +211,4 @@ TEST_F(SurfaceOverlapRejects, TruthOfAnotherCharacter) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::silhouette_overlap_test

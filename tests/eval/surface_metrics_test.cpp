@@ -9,7 +9,7 @@
 #include "doppel/core/error.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::surface_metrics_test {
 namespace {
 
 using support::message_of;
@@ -104,4 +104,4 @@ TEST(SurfaceDistanceRejects, WhatIsNoMesh) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::surface_metrics_test

@@ -12,11 +12,11 @@
 #include "doppel/export/animation.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/egnet.h"
-#include "doppel/train/trained_actor.h"
+#include "doppel/actor/trained_actor.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::actor_test {
 namespace {
 
 using support::TemporaryFolder;
@@ -34,7 +34,7 @@ struct Actor {
     for (torch::Tensor& p : net->parameters()) p.copy_(0.2 * torch::randn(p.sizes(), generator));
     net->eval();
     description.name = character.name;
-    description.window = net->config().window + 1;
+    description.past_frames = net->config().past_frames;
     for (const Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
     for (const Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
     description.num_vertices = character.num_vertices();
@@ -179,7 +179,7 @@ TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
   TrainedActor actor = dressed_actor();
   ActorDescription description;
   description.name = "dressed";
-  description.window = actor.window() + 1;
+  description.past_frames = actor.past_frames();
   for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor.character.num_vertices();
   description.texture_size = 256;
@@ -267,7 +267,7 @@ TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
   EXPECT_EQ(array.shape, (std::vector<std::int64_t>{20, character.num_vertices(), 3}));
 
   CharacterSurface surface(character);
-  const torch::Tensor last = surface->skinned(motion_window(motion, 19, 1));
+  const torch::Tensor last = surface->skinned(motion_window(motion, 19, 0));
   const std::vector<float> all = array.as<float>();
   const std::vector<float> expected(last.data_ptr<float>(), last.data_ptr<float>() + last.numel());
   EXPECT_LT(largest_difference({all.end() - last.numel(), all.end()}, expected), 1e-7);
@@ -279,7 +279,7 @@ TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
 
 TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
   const Motion motion = test_motion(4, 5);
-  const torch::Tensor window = motion_window(motion, 1, 3);
+  const torch::Tensor window = motion_window(motion, 1, 2);
   EXPECT_TRUE(torch::equal(window[0], window[1]));
   EXPECT_FLOAT_EQ(window[2][2].item<float>(), static_cast<float>(motion.frames[1][2]));
 }
@@ -292,4 +292,4 @@ TEST(AnimationRejects, AMotionOfAnotherSkeleton) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::actor_test

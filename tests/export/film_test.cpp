@@ -13,7 +13,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::film_test {
 namespace {
 
 using support::message_of;
@@ -58,7 +58,7 @@ Camera front_camera(double distance = 4.0, int width = 60, int height = 80) {
 cv::Mat film(std::unique_ptr<CameraPath> path, FilmOptions options) {
   const TemporaryFolder folder;
   options.video = false;
-  options.pictures = true;
+  options.images = true;
   const std::string name = path->name();
   const auto writer = make_film_writer(folder.path(), actor(), std::move(path), options);
   writer->write({rest_vertices().data(), torch::zeros({1, actor().num_dofs()})});
@@ -69,15 +69,15 @@ cv::Mat film(std::unique_ptr<CameraPath> path, FilmOptions options) {
 TEST(FilmReference, FlatLightShowsTheTextureOverTheBackdropPixelByPixel) {
   FilmOptions options;
   options.light = Light::flat;
-  options.backdrop.picture = cv::Mat(160, 120, CV_8UC3);
+  options.backdrop.image = cv::Mat(160, 120, CV_8UC3);
   for (int y = 0; y < 160; ++y)
-    for (int x = 0; x < 120; ++x) options.backdrop.picture.at<cv::Vec3b>(y, x) = cv::Vec3b(uchar(x), uchar(y), 7);
-  const cv::Mat picture = film(make_calibrated_path({front_camera()}, "front", 0), options);
-  ASSERT_EQ(picture.size(), cv::Size(60, 80));
+    for (int x = 0; x < 120; ++x) options.backdrop.image.at<cv::Vec3b>(y, x) = cv::Vec3b(uchar(x), uchar(y), 7);
+  const cv::Mat image = film(make_calibrated_path({front_camera()}, "front", 0), options);
+  ASSERT_EQ(image.size(), cv::Size(60, 80));
   const Eigen::Vector2d at = front_camera().project(middle());
-  const cv::Vec3b centre = picture.at<cv::Vec3b>(static_cast<int>(at.y()), static_cast<int>(at.x()));
+  const cv::Vec3b centre = image.at<cv::Vec3b>(static_cast<int>(at.y()), static_cast<int>(at.x()));
   EXPECT_LE(std::abs(centre[0] - 20) + std::abs(centre[1] - 60) + std::abs(centre[2] - 200), 3);
-  const cv::Vec3b corner = picture.at<cv::Vec3b>(70, 3);  // the mean of pixels 140, 141 and 6, 7 of the backdrop
+  const cv::Vec3b corner = image.at<cv::Vec3b>(70, 3);  // the mean of pixels 140, 141 and 6, 7 of the backdrop
   EXPECT_LE(std::abs(corner[0] - 6.5) + std::abs(corner[1] - 140.5) + std::abs(corner[2] - 7), 2.5);
 }
 
@@ -86,7 +86,7 @@ TEST(FilmReference, ADynamicTextureIsMadeForTheFramesPoseAndCamera) {
   const TemporaryFolder folder;
   CharacterSurface surface(actor());
   ActorDescription description;
-  description.window = 1;
+  description.past_frames = 0;
   for (const Dof& dof : actor().skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor().num_vertices();
   description.texture_size = 16;
@@ -101,9 +101,9 @@ TEST(FilmReference, ADynamicTextureIsMadeForTheFramesPoseAndCamera) {
   FilmOptions options;
   options.actor = &file;
   options.light = Light::soft;  // of no effect on it
-  const cv::Mat picture = film(make_calibrated_path({front_camera()}, "front", 0), options);
+  const cv::Mat image = film(make_calibrated_path({front_camera()}, "front", 0), options);
   const Eigen::Vector2d at = front_camera().project(middle());
-  const cv::Vec3b centre = picture.at<cv::Vec3b>(static_cast<int>(at.y()), static_cast<int>(at.x()));
+  const cv::Vec3b centre = image.at<cv::Vec3b>(static_cast<int>(at.y()), static_cast<int>(at.x()));
   EXPECT_NEAR(centre[2], 255 * 1.2 * 80 / 1000, 1);
   EXPECT_NEAR(centre[1], 127.5, 1);
   EXPECT_EQ(centre[0], 0);
@@ -113,14 +113,14 @@ TEST(FilmReference, SoftLightComesFromTheRightOfTheCamera) {
   FilmOptions options;
   options.backdrop.colour = {0, 0, 0};
   const Camera camera = front_camera(4.0, 240, 320);
-  const cv::Mat picture = film(make_calibrated_path({camera}, "front", 0), options);
+  const cv::Mat image = film(make_calibrated_path({camera}, "front", 0), options);
   const int y = static_cast<int>(camera.project(middle()).y());
-  int left = 0, right = picture.cols - 1;
-  while (picture.at<cv::Vec3b>(y, left)[2] == 0) ++left;
-  while (picture.at<cv::Vec3b>(y, right)[2] == 0) --right;
+  int left = 0, right = image.cols - 1;
+  while (image.at<cv::Vec3b>(y, left)[2] == 0) ++left;
+  while (image.at<cv::Vec3b>(y, right)[2] == 0) --right;
   ASSERT_GT(right, left + 4);
   // Not the outermost pixels: they are half backdrop.
-  EXPECT_GT(picture.at<cv::Vec3b>(y, right - 1)[2], 1.1 * picture.at<cv::Vec3b>(y, left + 1)[2]);
+  EXPECT_GT(image.at<cv::Vec3b>(y, right - 1)[2], 1.1 * image.at<cv::Vec3b>(y, left + 1)[2]);
 }
 
 TEST(FilmReference, TheOrbitComesRoundAndKeepsTheActorInTheMiddle) {
@@ -202,7 +202,7 @@ TEST(FilmRejects, CamerasBackdropsAndColoursThatDoNotFit) {
   EXPECT_THAT(message_of<UsageError>([&] { make_calibrated_path({front_camera()}, "fromt", 0); }),
               AllOf(HasSubstr("'fromt'"), HasSubstr("did you mean front")));
   Backdrop backdrop;
-  backdrop.picture = cv::Mat(100, 100, CV_8UC3, cv::Scalar(1, 2, 3));
+  backdrop.image = cv::Mat(100, 100, CV_8UC3, cv::Scalar(1, 2, 3));
   backdrop.name = "wall.png";
   EXPECT_THAT(message_of<UsageError>([&] { fit_backdrop(backdrop, 60, 80, false); }),
               AllOf(HasSubstr("wall.png"), HasSubstr("100 x 100"), HasSubstr("60 x 80")));
@@ -214,4 +214,4 @@ TEST(FilmRejects, CamerasBackdropsAndColoursThatDoNotFit) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::film_test

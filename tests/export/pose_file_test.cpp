@@ -15,7 +15,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::pose_file_test {
 namespace {
 
 using support::message_of;
@@ -63,11 +63,11 @@ struct Seen {
   }
 };
 
-/// The library's own way from a picture to a person.
-CapturedPerson captured_by(TrainedPose& trained, const Tensor& picture, const Seen& seen) {
+/// The library's own way from an image to a person.
+CapturedPerson captured_by(TrainedPose& trained, const Tensor& rgb, const Seen& seen) {
   const torch::NoGradGuard no_grad;
   const auto colours = [](const float(&c)[3]) { return torch::tensor({c[0], c[1], c[2]}).view({3, 1, 1}); };
-  const Tensor image = (picture - colours(kInputMean)) / colours(kInputDeviation);
+  const Tensor image = (rgb - colours(kInputMean)) / colours(kInputDeviation);
   const Tensor translation = seen.camera.translation.unsqueeze(-1);
   const Tensor projection = torch::matmul(seen.camera.intrinsics, torch::cat({seen.camera.rotation, translation}, -1));
   const Tensor centre = -torch::matmul(seen.camera.rotation.transpose(1, 2), translation).squeeze(-1);
@@ -84,11 +84,11 @@ double difference(const Tensor& a, const Tensor& b) {
   return a.sizes().equals(b.sizes()) ? (a - b).abs().max().item<double>() : 1e9;
 }
 
-Tensor random_pictures(std::int64_t batch, int side = kInput) {
+Tensor random_images(std::int64_t batch, int side = kInput) {
   return torch::rand({batch, 3, side, side}, at::detail::createCPUGenerator(3));
 }
 
-TEST(PoseFileAgrees, WithTheLibraryOnUnseenPicturesAndBatches) {
+TEST(PoseFileAgrees, WithTheLibraryOnUnseenImagesAndBatches) {
   for (const bool with_defnet : {true, false}) {
     const TemporaryFolder folder;
     TrainedPose trained = make_trained(with_defnet);
@@ -99,17 +99,17 @@ TEST(PoseFileAgrees, WithTheLibraryOnUnseenPicturesAndBatches) {
     const auto landmarks = static_cast<std::int64_t>(trained.landmarks.size());
     EXPECT_EQ(file.description().landmark_names.size(), trained.landmarks.size());
     for (const int batch : {1, 2, 5}) {
-      const Tensor picture = random_pictures(batch);
+      const Tensor image = random_images(batch);
       const Seen seen(batch, landmarks);
-      const CapturedPerson found = file.placed(picture, seen.camera, seen.keypoints),
-                           expected = captured_by(trained, picture, seen);
+      const CapturedPerson found = file.placed(image, seen.camera, seen.keypoints),
+                           expected = captured_by(trained, image, seen);
       EXPECT_TRUE(expected.valid.all().item<bool>());
       EXPECT_TRUE(torch::equal(found.valid, expected.valid));
       EXPECT_LT(difference(found.dofs, expected.dofs), 1e-4) << batch;  // up to some metres of translation
       EXPECT_LT(difference(found.landmarks, expected.landmarks), 1e-5) << batch;
       EXPECT_LT(difference(found.vertices, expected.vertices), 1e-5) << batch;
       // Without keypoints: the same person, moved to the origin.
-      const CapturedPerson at_origin = file.forward(picture, seen.camera.rotation);
+      const CapturedPerson at_origin = file.forward(image, seen.camera.rotation);
       const Tensor moved = expected.landmarks - expected.landmarks.narrow(1, 0, 1);
       EXPECT_LT(difference(at_origin.landmarks - at_origin.landmarks.narrow(1, 0, 1), moved), 1e-5);
       EXPECT_LT(trained.pose->position(at_origin.dofs).abs().max().item<double>(), 1e-5);
@@ -124,9 +124,9 @@ TEST(PoseFileAgrees, DefNetBendsAndPoseNetAloneSkins) {
   trained.defnet = nullptr;
   write_pose_file(folder / "skinned.pt", trained);
   const Seen seen(1, static_cast<std::int64_t>(trained.landmarks.size()));
-  const Tensor picture = random_pictures(1);
-  const CapturedPerson bent = PoseFile::load(folder / "bent.pt").forward(picture, seen.camera.rotation),
-                       skinned = PoseFile::load(folder / "skinned.pt").forward(picture, seen.camera.rotation);
+  const Tensor image = random_images(1);
+  const CapturedPerson bent = PoseFile::load(folder / "bent.pt").forward(image, seen.camera.rotation),
+                       skinned = PoseFile::load(folder / "skinned.pt").forward(image, seen.camera.rotation);
   EXPECT_TRUE(torch::equal(bent.dofs, skinned.dofs));
   EXPECT_GT(difference(bent.vertices, skinned.vertices), 1e-3);
   EXPECT_LT(std::filesystem::file_size(folder / "skinned.pt"), 0.7 * std::filesystem::file_size(folder / "bent.pt"));
@@ -152,7 +152,7 @@ TEST(PoseFileRejects, WhatIsNotAPoseFileAndOtherShapes) {
   TrainedPose trained = make_trained(false);
   write_pose_file(folder / "pose.pt", trained);
   EXPECT_THAT(message_of<FileError>([&] { ActorFile::load(folder / "pose.pt"); }),
-              HasSubstr("is a pose file, which takes pictures"));
+              HasSubstr("is a pose file, which takes images"));
   const PoseFile file = PoseFile::load(folder / "pose.pt");
   const Tensor rotation = torch::eye(3).unsqueeze(0);
   EXPECT_THAT(message_of([&] { file.forward(torch::zeros({1, 3, 64, 64}), rotation); }), HasSubstr("[1, 3, 70, 70]"));
@@ -172,11 +172,11 @@ TEST(PoseFileRejects, WhatIsNotAPoseFileAndOtherShapes) {
   EXPECT_THAT(message_of<FileError>([&] { PoseFile::load(folder / "other.pt"); }), HasSubstr("not a Doppel pose file"));
 }
 
-/// A picture and what is known of it, as the hosts read them. The network's window is the whole picture, twice as large
+/// An image and what is known of it, as the hosts read them. The network's window is the whole image, twice as large
 /// as the network's input.
 struct HostInput {
   cv::Mat bgr = cv::Mat(2 * kInput, 2 * kInput, CV_8UC3);
-  Tensor picture;  ///< [1,3,kInput,kInput] what the network is to see
+  Tensor image;  ///< [1,3,kInput,kInput] what the network is to see
   Seen seen;
 
   /// @param file the exported file, which tells where the landmarks are
@@ -184,10 +184,10 @@ struct HostInput {
       : seen(1, static_cast<std::int64_t>(trained.landmarks.size())) {
     cv::RNG random(5);
     random.fill(bgr, cv::RNG::UNIFORM, 1, 256);
-    cv::imwrite((folder / "picture.ppm").string(), bgr);
+    cv::imwrite((folder / "image.ppm").string(), bgr);
     const Tensor bytes = torch::from_blob(bgr.data, {1, bgr.rows, bgr.cols, 3}, torch::kUInt8).flip(3);
-    picture = torch::avg_pool2d(bytes.permute({0, 3, 1, 2}).to(torch::kFloat32) / 255, 2);
-    look_at(file.forward(picture, seen.camera.rotation).landmarks);
+    image = torch::avg_pool2d(bytes.permute({0, 3, 1, 2}).to(torch::kFloat32) / 255, 2);
+    look_at(file.forward(image, seen.camera.rotation).landmarks);
     // A fifth of the longer side around these: 0 to 140.
     seen.keypoints[0][0] = torch::tensor({20.f, 120.f, 1.f});
     seen.keypoints[0][1] = torch::tensor({120.f, 20.f, 1.f});
@@ -195,7 +195,7 @@ struct HostInput {
     write_atomically(folder / "empty.txt", "");
   }
 
-  /// Zooms until landmarks [1,M,3] about the origin fill the middle of the picture, and sees them there.
+  /// Zooms until landmarks [1,M,3] about the origin fill the middle of the image, and sees them there.
   void look_at(const Tensor& landmarks) {
     const Tensor in_camera = turn_points(seen.camera.rotation, landmarks) + seen.camera.translation.unsqueeze(1);
     const Tensor rays = (in_camera.slice(2, 0, 2) / in_camera.slice(2, 2, 3))[0];
@@ -227,7 +227,7 @@ struct HostInput {
 /// Runs a host. @return its exit code
 int run_host(const std::string& host, const TemporaryFolder& folder, const std::string& view, const std::string& out) {
   std::string command = host;
-  for (const std::string& name : {std::string("pose.pt"), std::string("picture.ppm"), view, out})
+  for (const std::string& name : {std::string("pose.pt"), std::string("image.ppm"), view, out})
     command += " '" + (folder / name).string() + "'";
   return std::system((command + " >/dev/null").c_str());
 }
@@ -255,7 +255,7 @@ TEST(PoseFileAgrees, WithThePythonAndTheCppHost) {
   write_pose_file(folder / "pose.pt", trained);
   const PoseFile file = PoseFile::load(folder / "pose.pt");
   const HostInput input(trained, file, folder);
-  const CapturedPerson expected = file.placed(input.picture, input.seen.camera, input.seen.keypoints);
+  const CapturedPerson expected = file.placed(input.image, input.seen.camera, input.seen.keypoints);
 
   ASSERT_EQ(run_host(POSE_HOST, folder, "view.txt", "host"), 0);
   expect_captured(folder, "host", expected);
@@ -280,4 +280,4 @@ TEST(PoseFileAgrees, WithThePythonAndTheCppHost) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::pose_file_test

@@ -12,7 +12,7 @@
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::calibration_test {
 namespace {
 
 using support::replaced;
@@ -249,4 +249,4 @@ TEST(CalibrationRejects, WhatCannotBeWritten) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::calibration_test

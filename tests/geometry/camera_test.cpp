@@ -13,7 +13,7 @@
 
 #include "doppel/core/error.h"
 
-namespace doppel {
+namespace doppel::camera_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -117,4 +117,4 @@ TEST(CameraRejects, Faults) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::camera_test

@@ -10,7 +10,7 @@
 #include "geometry/meshes.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::closed_surface_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -151,4 +151,4 @@ TEST(FacesAcrossEdges, NameWhatIsOpenOrTangled) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::closed_surface_test

@@ -9,7 +9,7 @@
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::mesh_test {
 namespace {
 
 using support::replaced;
@@ -154,7 +154,7 @@ TEST(ObjRejects, BrokenTextures) {
   const TemporaryFolder folder;
   write_obj(folder / "sheet.obj", textured_sheet(), 1);
   const std::string png = read_file(folder / "sheet.png");
-  support::write_bytes(folder / "sheet.png", "no picture");
+  support::write_bytes(folder / "sheet.png", "no image");
   EXPECT_THAT(support::expect_rejects_or_reads("", [&] { read_obj(folder / "sheet.obj", 1); }),
               HasSubstr("cannot be decoded"));
   std::filesystem::remove(folder / "sheet.png");
@@ -196,4 +196,4 @@ TEST(MeshReference, NormalsOfASphereAndOfLoneVertices) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::mesh_test

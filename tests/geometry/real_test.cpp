@@ -7,7 +7,7 @@
 #include "doppel/geometry/topology.h"
 #include "support/shared_folder.h"
 
-namespace doppel {
+namespace doppel::real_geometry_test {
 namespace {
 
 class RealGeometry : public support::SharedFolderTest {};
@@ -64,4 +64,4 @@ TEST_F(RealGeometry, TheTemplateDecimatesToAGraph) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::real_geometry_test

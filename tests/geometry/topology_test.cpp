@@ -11,7 +11,7 @@
 #include "doppel/core/error.h"
 #include "geometry/meshes.h"
 
-namespace doppel {
+namespace doppel::topology_test {
 namespace {
 
 using support::make_sheet;
@@ -226,4 +226,4 @@ TEST(DecimateRejects, WhatCannotBeDecimated) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::topology_test

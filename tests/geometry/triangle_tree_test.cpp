@@ -11,7 +11,7 @@
 #include "geometry/meshes.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::triangle_tree_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -152,4 +152,4 @@ TEST(TriangleTree, RejectsWhatIsNoMesh) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::triangle_tree_test

@@ -14,7 +14,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::closest_point_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -207,4 +207,4 @@ TEST(ClosestPointRejects, OpenMeshesAndNumbersThatAreNone) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::closest_point_test

@@ -11,7 +11,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::embedded_deformation_test {
 namespace {
 
 using support::message_of;
@@ -263,4 +263,4 @@ TEST(EmbeddedDeformationRejects, ASecondDerivativeOfTheKernel) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::embedded_deformation_test

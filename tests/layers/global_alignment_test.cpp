@@ -12,7 +12,7 @@
 #include "support/layer_inputs.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::global_alignment_test {
 namespace {
 
 using namespace test;
@@ -284,4 +284,4 @@ TEST(GlobalAlignmentRejects, ASecondDerivativeOfTheLoops) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::global_alignment_test

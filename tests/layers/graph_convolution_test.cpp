@@ -12,7 +12,7 @@
 #include "support/message_of.h"
 #include "support/shared_folder.h"
 
-namespace doppel {
+namespace doppel::graph_convolution_test {
 namespace {
 
 using support::message_of;
@@ -320,4 +320,4 @@ TEST_F(RealGraphConvolution, OutputsMatch) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::graph_convolution_test

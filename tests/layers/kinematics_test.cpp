@@ -10,7 +10,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::kinematics_test {
 namespace {
 
 using support::message_of;
@@ -142,4 +142,4 @@ TEST(KinematicsRejects, ASecondDerivativeOfTheKernel) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::kinematics_test

@@ -13,7 +13,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::landmarks_test {
 namespace {
 
 using namespace test;
@@ -125,4 +125,4 @@ TEST(GraphLandmarks, KernelEqualsReference) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::landmarks_test

@@ -6,7 +6,7 @@
 #include <condition_variable>
 #include <mutex>
 
-namespace doppel {
+namespace doppel::parallel_test {
 namespace {
 
 /// Counts who has arrived; `meet` is true once `expected` are there at the same time.
@@ -42,4 +42,4 @@ TEST(ParallelReference, TwoThreadsWorkAtTheSameTime) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::parallel_test

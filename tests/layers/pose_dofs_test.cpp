@@ -11,7 +11,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::pose_dofs_test {
 namespace {
 
 using support::message_of;
@@ -164,4 +164,4 @@ TEST(RootRotation, GradientEqualsCentralDifferencesAllTheWayRound) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::pose_dofs_test

@@ -8,7 +8,7 @@
 
 // The numbers of an independent implementation on a real character (millimetres in its files, metres here).
 
-namespace doppel {
+namespace doppel::real_character_test {
 namespace {
 
 using test::is_near;
@@ -158,4 +158,4 @@ TEST_F(RealEmbeddedDeformation, SinglePrecisionHoldsOnPosesFurtherAway) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::real_character_test

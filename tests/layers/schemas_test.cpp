@@ -5,7 +5,7 @@
 #include "doppel/layers/surface.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::schemas_test {
 namespace {
 
 // Static archives drop object files that only register; the ops stand beside the functions that call them, so whoever
@@ -24,4 +24,4 @@ TEST(LayersReference, EveryOpIsInTheDispatcher) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::schemas_test

@@ -12,7 +12,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::skinning_test {
 namespace {
 
 using support::message_of;
@@ -243,4 +243,4 @@ TEST(SkinningRejects, ASecondDerivativeOfTheKernel) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::skinning_test

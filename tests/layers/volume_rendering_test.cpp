@@ -12,7 +12,7 @@
 #include "support/layer_inputs.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::volume_rendering_test {
 namespace {
 
 using support::message_of;
@@ -189,4 +189,4 @@ TEST(VolumeRendering, RejectsWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::volume_rendering_test

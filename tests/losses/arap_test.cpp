@@ -10,7 +10,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::arap_test {
 namespace {
 
 using support::message_of;
@@ -104,4 +104,4 @@ TEST(ArapRejects, BadShapesAndEdges) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::arap_test

@@ -12,7 +12,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::image_losses_test {
 namespace {
 
 using support::message_of;
@@ -20,15 +20,15 @@ using namespace test;
 using ::testing::HasSubstr;
 using torch::Tensor;
 
-/// Two pictures with a disc drawn and a rectangle of foreground, in [B,C,H,W,3].
-struct Pictures {
+/// Two images with a disc drawn and a rectangle of foreground, in [B,C,H,W,3].
+struct Images {
   Tensor rendered, covered, target, mask;
 };
 
-Pictures pictures(int64_t B, int64_t C, int64_t H, int64_t W, uint64_t seed = 3,
+Images images(int64_t B, int64_t C, int64_t H, int64_t W, uint64_t seed = 3,
                   torch::ScalarType type = torch::kFloat64) {
   auto generator = at::detail::createCPUGenerator(seed);
-  Pictures p;
+  Images p;
   const Tensor y = torch::arange(H, torch::kFloat64).view({H, 1}) - 0.5 * H,
                x = torch::arange(W, torch::kFloat64) - 0.45 * W;
   p.covered = (x.square() + y.square() < 0.16 * H * W).expand({B, C, H, W}).contiguous();
@@ -41,13 +41,13 @@ Pictures pictures(int64_t B, int64_t C, int64_t H, int64_t W, uint64_t seed = 3,
   return p;
 }
 
-using Loss = Tensor (*)(const Pictures&);
-Tensor chroma(const Pictures& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask); }
-Tensor chroma_plain(const Pictures& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask, {0.0, 1}); }
-Tensor chroma_wide(const Pictures& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask, {1.7, 4}); }
-Tensor lighting(const Pictures& p) { return lighting_loss(p.rendered, p.covered, p.target, p.mask); }
-Tensor photometric(const Pictures& p) { return photometric_loss(p.rendered, p.covered, p.target, p.mask); }
-Tensor photometric_squares(const Pictures& p) {
+using Loss = Tensor (*)(const Images&);
+Tensor chroma(const Images& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask); }
+Tensor chroma_plain(const Images& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask, {0.0, 1}); }
+Tensor chroma_wide(const Images& p) { return chroma_loss(p.rendered, p.covered, p.target, p.mask, {1.7, 4}); }
+Tensor lighting(const Images& p) { return lighting_loss(p.rendered, p.covered, p.target, p.mask); }
+Tensor photometric(const Images& p) { return photometric_loss(p.rendered, p.covered, p.target, p.mask); }
+Tensor photometric_squares(const Images& p) {
   return photometric_loss(p.rendered, p.covered, p.target, p.mask, {0, true});
 }
 const std::vector<std::pair<std::string, Loss>> kLosses{{"chroma", chroma},
@@ -58,8 +58,8 @@ const std::vector<std::pair<std::string, Loss>> kLosses{{"chroma", chroma},
                                                         {"photometric squares", photometric_squares}};
 
 /// One view of `size` squared in one colour each, everything covered and foreground.
-Pictures plain_pictures(int64_t size, const std::vector<double>& rendered, const std::vector<double>& target) {
-  Pictures p;
+Images plain_images(int64_t size, const std::vector<double>& rendered, const std::vector<double>& target) {
+  Images p;
   p.rendered = torch::tensor(rendered, torch::kFloat64).expand({1, 1, size, size, 3}).contiguous();
   p.target = torch::tensor(target, torch::kFloat64).expand({1, 1, size, size, 3}).contiguous();
   p.covered = torch::ones({1, 1, size, size}, torch::kBool);
@@ -67,11 +67,11 @@ Pictures plain_pictures(int64_t size, const std::vector<double>& rendered, const
   return p;
 }
 
-Pictures single(const Pictures& p) {
+Images single(const Images& p) {
   return {p.rendered.to(torch::kFloat32), p.covered, p.target.to(torch::kFloat32), p.mask};
 }
 
-void expect_both(Loss loss, const Pictures& p, double expected) {
+void expect_both(Loss loss, const Images& p, double expected) {
   EXPECT_NEAR(loss(p).item<double>(), expected, 1e-9 * std::abs(expected));
   EXPECT_NEAR(loss(single(p)).item<double>(), expected, 1e-5 * std::abs(expected));
 }
@@ -79,22 +79,22 @@ void expect_both(Loss loss, const Pictures& p, double expected) {
 // U of blue is 0.43601035, so U' runs from 1/2 to 1; V of red likewise.
 TEST(ChromaReference, PureColoursByHand) {
   const double u_blue = 0.5, v_blue = -0.10001026 / (2 * 0.61497538);
-  expect_both(chroma_plain, plain_pictures(4, {0, 0, 1}, {0, 0, 0}),
+  expect_both(chroma_plain, plain_images(4, {0, 0, 1}, {0, 0, 0}),
               0.5 * 255 * 255 * (u_blue * u_blue + v_blue * v_blue) / 2);
   const double u_red = -0.14714119 / (2 * 0.43601035), v_red = 0.5;
-  expect_both(chroma_plain, plain_pictures(4, {0.25, 0, 0}, {0.75, 0, 0}),
+  expect_both(chroma_plain, plain_images(4, {0.25, 0, 0}, {0.75, 0, 0}),
               0.5 * 0.25 * 255 * 255 * (u_red * u_red + v_red * v_red) / 2);
 }
 
 TEST(ChromaReference, GreyIsInvisible) {
-  const Pictures p = plain_pictures(5, {0.9, 0.9, 0.9}, {0.2, 0.2, 0.2});
+  const Images p = plain_images(5, {0.9, 0.9, 0.9}, {0.2, 0.2, 0.2});
   EXPECT_NEAR(chroma(p).item<double>(), 0.0, 1e-12);
   EXPECT_GT(lighting(p).item<double>(), 1.0);
 }
 
 // A single pixel of difference, smoothed: the sum of squares of the window's taps remains.
 TEST(ChromaReference, SmoothingByHand) {
-  Pictures p = plain_pictures(9, {0, 0, 0}, {0, 0, 0});
+  Images p = plain_images(9, {0, 0, 0}, {0, 0, 0});
   p.rendered.select(2, 4).select(2, 4).select(2, 2).fill_(1.0);
   const double side = std::exp(-0.5), middle = 1 / (1 + 2 * side), edge = side / (1 + 2 * side);
   const double kept = std::pow(middle * middle + 2 * edge * edge, 2);
@@ -103,13 +103,13 @@ TEST(ChromaReference, SmoothingByHand) {
 }
 
 TEST(ChromaReference, CountsMaskOrDrawingOfViewsThatSeeSomebody) {
-  Pictures p = plain_pictures(8, {0, 0, 1}, {0, 0, 0});
+  Images p = plain_images(8, {0, 0, 1}, {0, 0, 0});
   const double whole = chroma_plain(p).item<double>();
   p.mask.slice(2, 0, 4).zero_();  // half the difference, the same count
   expect_both(chroma_plain, p, whole / 2);
   p.covered.slice(2, 0, 2).zero_();  // 16 of 64 pixels are in neither
   expect_both(chroma_plain, p, whole / 2 * 64 / 48);
-  Pictures two = p;
+  Images two = p;
   two.mask = torch::cat({p.mask, torch::zeros_like(p.mask)}, 1);
   two.covered = torch::cat({p.covered, p.covered}, 1);
   two.rendered = torch::cat({p.rendered, p.rendered}, 1);
@@ -118,7 +118,7 @@ TEST(ChromaReference, CountsMaskOrDrawingOfViewsThatSeeSomebody) {
 }
 
 TEST(LightingReference, ByHand) {
-  Pictures p = plain_pictures(10, {0.5, 0.1, 0.2}, {0.3, 0.2, 0.2});
+  Images p = plain_images(10, {0.5, 0.1, 0.2}, {0.3, 0.2, 0.2});
   expect_both(lighting, p, 0.5 * 255 * 255 * (0.04 + 0.01) / 3);
   // Foreground on the left half, drawn except for the top row. The strip of difference along either edge is eroded.
   p.mask.slice(3, 5, 10).zero_();
@@ -129,7 +129,7 @@ TEST(LightingReference, ByHand) {
 }
 
 TEST(PhotometricReference, ByHand) {
-  Pictures p = plain_pictures(10, {0.5, 0.1, 0.2}, {0.3, 0.2, 0.2});
+  Images p = plain_images(10, {0.5, 0.1, 0.2}, {0.3, 0.2, 0.2});
   expect_both(photometric, p, 255 * (0.2 + 0.1) / 3);
   expect_both(photometric_squares, p, 0.5 * 255 * 255 * (0.04 + 0.01) / 3);
   p.mask.slice(3, 6, 10).zero_();  // two columns of the rest are eroded, but nothing of what is drawn
@@ -142,7 +142,7 @@ TEST(PhotometricReference, ByHand) {
 TEST(ImageLossesReference, NothingSeenCostsNothing) {
   for (const auto& [name, loss] : kLosses) {
     for (auto type : {torch::kFloat32, torch::kFloat64}) {
-      Pictures p = pictures(2, 2, 9, 7, 1, type);
+      Images p = images(2, 2, 9, 7, 1, type);
       p.mask.zero_();
       p.rendered.requires_grad_();
       const Tensor value = loss(p);
@@ -184,8 +184,8 @@ TEST(ImagesAgrees, ErosionEqualsReference) {
   at::set_num_threads(before);
 }
 
-/// Value, and gradients to both pictures of 0.7 times the loss.
-std::vector<Tensor> evaluate(Loss loss, Pictures p) {
+/// Value, and gradients to both images of 0.7 times the loss.
+std::vector<Tensor> evaluate(Loss loss, Images p) {
   p.rendered = p.rendered.detach().clone().requires_grad_();
   p.target = p.target.detach().clone().requires_grad_();
   const Tensor value = loss(p);
@@ -199,7 +199,7 @@ TEST(ImageLossesAgrees, KernelEqualsReferenceWithAnyNumberOfThreads) {
                                                  {3, 1, 7, 1},   {0, 2, 8, 8},    {1, 1, 64, 64}};
   for (const auto& [name, loss] : kLosses) {
     for (const auto& s : shapes) {
-      const Pictures p = pictures(s[0], s[1], s[2], s[3]);
+      const Images p = images(s[0], s[1], s[2], s[3]);
       const auto expected = evaluate(loss, p);
       std::vector<Tensor> first;
       for (int threads : {1, 2, 3}) {
@@ -217,7 +217,7 @@ TEST(ImageLossesAgrees, KernelEqualsReferenceWithAnyNumberOfThreads) {
 }
 
 TEST(ImageLossesAgrees, ReferenceScopeTakesTheReference) {
-  const Pictures p = single(pictures(1, 2, 33, 21));
+  const Images p = single(images(1, 2, 33, 21));
   for (const auto& [name, loss] : kLosses) {
     const Tensor kernel = loss(p);
     const ReferenceScope reference;
@@ -226,17 +226,17 @@ TEST(ImageLossesAgrees, ReferenceScopeTakesTheReference) {
 }
 
 TEST(ImageLossesAgrees, StridedInputs) {
-  const Pictures p = single(pictures(2, 3, 20, 30));
+  const Images p = single(images(2, 3, 20, 30));
   const auto turned = [](const Tensor& t) { return t.transpose(2, 3).contiguous().transpose(2, 3); };
-  const Pictures q{turned(p.rendered), turned(p.covered), turned(p.target), turned(p.mask)};
+  const Images q{turned(p.rendered), turned(p.covered), turned(p.target), turned(p.mask)};
   for (const auto& [name, loss] : kLosses) EXPECT_TRUE(torch::equal(loss(p), loss(q))) << name;
 }
 
 // The renderer's background may hold anything: only the mask decides.
 TEST(ImageLossesAgrees, IgnoresWhatLiesOutsideTheMask) {
   for (auto type : {torch::kFloat32, torch::kFloat64}) {
-    const Pictures p = pictures(1, 2, 30, 30, 3, type);
-    Pictures q = p;
+    const Images p = images(1, 2, 30, 30, 3, type);
+    Images q = p;
     q.rendered = torch::where(p.mask.ne(0).unsqueeze(-1), p.rendered, torch::full({}, NAN, p.rendered.options()));
     for (const auto& [name, loss] : kLosses) {
       const auto expected = evaluate(loss, p), found = evaluate(loss, q);
@@ -246,7 +246,7 @@ TEST(ImageLossesAgrees, IgnoresWhatLiesOutsideTheMask) {
 }
 
 TEST(ImageLossesGradient, ReferenceEqualsCentralDifferences) {
-  const Pictures p = pictures(2, 2, 11, 9);
+  const Images p = images(2, 2, 11, 9);
   for (const auto& [name, loss] : kLosses) {
     const auto f = [&p, l = loss](const std::vector<Tensor>& x) { return l({x[0], p.covered, x[1], p.mask}); };
     EXPECT_TRUE(gradients_match(f, {{"rendered", p.rendered}, {"target", p.target}}, {1e-6, 1e-5, 1e-5})) << name;
@@ -255,7 +255,7 @@ TEST(ImageLossesGradient, ReferenceEqualsCentralDifferences) {
 
 TEST(ImageLossesGradient, OnlyWhereWanted) {
   for (const auto& [name, loss] : kLosses) {
-    Pictures p = single(pictures(1, 1, 20, 20));
+    Images p = single(images(1, 1, 20, 20));
     p.target.requires_grad_();
     loss(p).backward();
     EXPECT_GT(p.target.grad().abs().max().item<double>(), 0.0) << name;
@@ -264,25 +264,25 @@ TEST(ImageLossesGradient, OnlyWhereWanted) {
 }
 
 TEST(ImageLossesRejects, ShapesAndTypes) {
-  const Pictures good = single(pictures(1, 2, 6, 5));
+  const Images good = single(images(1, 2, 6, 5));
   for (const auto& [name, loss] : kLosses) {
     const auto complaint = [&, l = loss](auto change) {
-      Pictures p = good;
+      Images p = good;
       change(p);
       return message_of<UsageError>([&] { l(p); });
     };
-    EXPECT_THAT(complaint([](Pictures& p) { p.rendered = p.rendered[0]; }), HasSubstr("found Float [2,6,5,3]"));
-    EXPECT_THAT(complaint([](Pictures& p) { p.target = p.target.slice(2, 0, 5); }), HasSubstr("target must be"));
-    EXPECT_THAT(complaint([](Pictures& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("Double"));
-    EXPECT_THAT(complaint([](Pictures& p) { p.mask = p.mask.to(torch::kFloat32); }), HasSubstr("target_mask must be"));
-    EXPECT_THAT(complaint([](Pictures& p) { p.covered = p.covered.slice(3, 0, 4); }),
+    EXPECT_THAT(complaint([](Images& p) { p.rendered = p.rendered[0]; }), HasSubstr("found Float [2,6,5,3]"));
+    EXPECT_THAT(complaint([](Images& p) { p.target = p.target.slice(2, 0, 5); }), HasSubstr("target must be"));
+    EXPECT_THAT(complaint([](Images& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("Double"));
+    EXPECT_THAT(complaint([](Images& p) { p.mask = p.mask.to(torch::kFloat32); }), HasSubstr("target_mask must be"));
+    EXPECT_THAT(complaint([](Images& p) { p.covered = p.covered.slice(3, 0, 4); }),
                 HasSubstr("found Bool [1,2,6,4]"));
-    EXPECT_THAT(complaint([](Pictures& p) { p.covered = Tensor(); }), HasSubstr("an undefined tensor"));
+    EXPECT_THAT(complaint([](Images& p) { p.covered = Tensor(); }), HasSubstr("an undefined tensor"));
   }
 }
 
 TEST(ImageLossesRejects, Options) {
-  const Pictures p = single(pictures(1, 1, 6, 5));
+  const Images p = single(images(1, 1, 6, 5));
   const auto chroma_with = [&](double smoothing, int half) {
     return message_of<UsageError>([&] { chroma_loss(p.rendered, p.covered, p.target, p.mask, {smoothing, half}); });
   };
@@ -297,4 +297,4 @@ TEST(ImageLossesRejects, Options) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::image_losses_test

@@ -9,7 +9,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::keypoints_test {
 namespace {
 
 using namespace test;
@@ -22,7 +22,7 @@ Tensor random_numbers(std::vector<int64_t> shape, uint64_t seed) {
   return torch::randn(shape, at::detail::createCPUGenerator(seed), torch::kFloat64);
 }
 
-/// Two pictures of landmarks about 4 m away; camera 1 looks from the other side.
+/// Two images of landmarks about 4 m away; camera 1 looks from the other side.
 struct Scene {
   Scene() {
     const Tensor K = torch::tensor({{500.0, 0.0, 256.0}, {0.0, 500.0, 200.0}, {0.0, 0.0, 1.0}}, torch::kFloat64);
@@ -64,7 +64,7 @@ TEST(KeypointLoss, OfPerfectLandmarksIsZeroAtAnyResolution) {
   Scene scene;
   scene.target.keypoints.narrow(-1, 0, 2).copy_(scene.projected(scene.points));
   EXPECT_NEAR(keypoint_loss(scene.points, scene.target).item<double>(), 0.0, 1e-20);
-  // The same picture at half the size: pixels halve, the scale doubles, the loss stays.
+  // The same image at half the size: pixels halve, the scale doubles, the loss stays.
   Scene half, whole;
   half.target.projection = half.target.projection.clone();
   half.target.projection.narrow(-2, 0, 2) *= 0.5;
@@ -152,4 +152,4 @@ TEST(LimitsLoss, IsTheSquaredExcess) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::keypoints_test

@@ -8,7 +8,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::laplacian_test {
 namespace {
 
 using support::message_of;
@@ -116,4 +116,4 @@ TEST(LaplacianRejects, BadShapes) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::laplacian_test

@@ -8,7 +8,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::radiance_test {
 namespace {
 
 using test::gradients_match;
@@ -18,7 +18,7 @@ using torch::Tensor;
 struct Scene {
   RaySamples samples{torch::tensor({3.0, 4.0}, torch::kFloat64), torch::tensor({3.1, 4.2}, torch::kFloat64), {}};
   RenderedRays rays;
-  Tensor picture = torch::tensor({{0.5, 0.5, 0.5}, {0.2, 0.4, 0.6}}, torch::kFloat64);
+  Tensor image = torch::tensor({{0.5, 0.5, 0.5}, {0.2, 0.4, 0.6}}, torch::kFloat64);
   Tensor mask = torch::tensor({1.0, 0.5}, torch::kFloat64);
   Scene() {
     rays.colour = torch::tensor({{0.5, 0.4, 0.7}, {0.1, 0.2, 0.3}}, torch::kFloat64);
@@ -29,14 +29,14 @@ struct Scene {
 
 TEST(RadianceLoss, ByHand) {
   const Scene s;
-  const RadianceLoss loss = radiance_loss(s.rays, s.samples, s.picture, s.mask);
-  EXPECT_NEAR(loss.colour.item<double>(), (0.01 + 0.04) / 2, 1e-12);  // the second ray sees half its picture: exact
+  const RadianceLoss loss = radiance_loss(s.rays, s.samples, s.image, s.mask);
+  EXPECT_NEAR(loss.colour.item<double>(), (0.01 + 0.04) / 2, 1e-12);  // the second ray sees half its image: exact
   EXPECT_NEAR(loss.mask.item<double>(), (0.01 + 0.09) / 2, 1e-12);
   EXPECT_NEAR(loss.variance.item<double>(), (0.01 + 0.04) / 2, 1e-12);
   EXPECT_NEAR(loss.total.item<double>(), 0.025 + 0.05 + 0.01 * 0.025, 1e-12);
   RadianceLossOptions metres;
   metres.variance_in_metres = true;
-  EXPECT_NEAR(radiance_loss(s.rays, s.samples, s.picture, s.mask, metres).variance.item<double>(),
+  EXPECT_NEAR(radiance_loss(s.rays, s.samples, s.image, s.mask, metres).variance.item<double>(),
               (1e-6 + 0.008 * 0.008) / 2, 1e-12);
 }
 
@@ -48,7 +48,7 @@ TEST(RadianceLoss, Gradients) {
         rays.colour = in[0];
         rays.opacity = in[1];
         rays.variance = in[2];
-        return radiance_loss(rays, s.samples, s.picture, s.mask).total;
+        return radiance_loss(rays, s.samples, s.image, s.mask).total;
       },
       {{"colour", s.rays.colour}, {"opacity", s.rays.opacity}, {"variance", s.rays.variance}}));
 }
@@ -73,8 +73,8 @@ TEST(RadianceLoss, NoRaysAndWrongShapes) {
   EXPECT_EQ(radiance_loss(rays, none, torch::zeros({0, 3}), torch::zeros({0})).total.item<float>(), 0.0f);
   const Scene s;
   EXPECT_THAT(support::message_of<UsageError>([&] { radiance_loss(s.rays, s.samples, s.mask, s.mask); }),
-              testing::HasSubstr("picture must be"));
+              testing::HasSubstr("image must be"));
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::radiance_test

@@ -10,7 +10,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::refinement_losses_test {
 namespace {
 
 using support::message_of;
@@ -140,4 +140,4 @@ TEST(IsometryLoss, Gradients) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::refinement_losses_test

@@ -14,7 +14,7 @@
 #include "render/scenes.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::silhouette_test {
 namespace {
 
 using namespace test;
@@ -396,4 +396,4 @@ TEST(SilhouetteRejects, ASecondDerivative) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::silhouette_test

@@ -9,7 +9,7 @@
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::ablation_nets_test {
 namespace {
 
 using torch::Tensor;
@@ -140,4 +140,4 @@ TEST(EgNetAblation, TakesEveryNetwork) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::ablation_nets_test

@@ -16,7 +16,7 @@
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::delta_net_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -308,12 +308,12 @@ TEST(DeltaNetConfigReference, ReadsThePresetAndChangesOfIt) {
   EXPECT_EQ(paper.space, DisplacementSpace::canonical);
   EXPECT_EQ(paper.ablation.fully_connected_layers, 19);
   const DeltaNetConfig changed = read(
-      "space: global\nnetwork: chebyshev\nchebyshev_order: 4\nnorm: channel\ndense: matrix\nwindow: 1\nfeatures: 8");
+      "space: global\nnetwork: chebyshev\nchebyshev_order: 4\nnorm: channel\ndense: matrix\npast_frames: 1\nfeatures: 8");
   EXPECT_EQ(changed.space, DisplacementSpace::global);
   EXPECT_EQ(changed.network, NetworkKind::chebyshev);
   EXPECT_EQ(changed.ablation.chebyshev_order, 4);
   EXPECT_EQ(changed.sagcn.dense, DenseBlock::matrix);
-  EXPECT_EQ(changed.window, 1);
+  EXPECT_EQ(changed.past_frames, 1);
 }
 
 TEST(DeltaNetConfigRejects, MistakesWithFileAndKey) {
@@ -328,7 +328,7 @@ TEST(DeltaNetConfigRejects, MistakesWithFileAndKey) {
   EXPECT_THAT(message("space: world"), HasSubstr("space"));
   EXPECT_THAT(message("network: mlp"), HasSubstr("network"));
   EXPECT_THAT(message("chebyshev_order: 0"), HasSubstr("chebyshev_order"));
-  EXPECT_THAT(message("window: -1"), HasSubstr("window"));
+  EXPECT_THAT(message("past_frames: -1"), HasSubstr("past_frames"));
   EXPECT_THAT(message("spce: global"), HasSubstr("space"));
   EXPECT_THAT(message("residual_blocks: 3"), HasSubstr("even"));
 }
@@ -345,9 +345,9 @@ TEST(DeltaNetRejects, AWindowOfAnotherLength) {
     }
   }
   DeltaNetConfig config = small_config();
-  config.window = -1;
+  config.past_frames = -1;
   EXPECT_THROW(DeltaNet(character, config), UsageError);
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::delta_net_test

@@ -15,7 +15,7 @@
 #include "doppel/layers/reference_scope.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::egnet_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -250,7 +250,7 @@ TEST(EgNetInertia, IsRefusedWhereThereIsNone) {
   EXPECT_THROW(net->inertia(random_windows(character, 1)), UsageError);
   EgNetConfig config = small_config();
   config.inertia = 6;
-  EXPECT_EQ(config.past_frames(), 6);
+  EXPECT_EQ(config.history(), 6);
   EXPECT_THROW(EgNet(character, config)->forward(random_windows(character, 1)), UsageError) << "too short a window";
   config.inertia = -1;
   EXPECT_THROW(EgNet(character, config), UsageError);
@@ -347,7 +347,7 @@ TEST(EgNetConfigReference, ReadsPresetsAndChangesOfThem) {
   EXPECT_EQ(paper.sagcn.residual_blocks, 8);
   EXPECT_EQ(paper.num_inputs(), 18);
   EXPECT_EQ(read("preset: public_checkpoint").sagcn.rings, 2);
-  const EgNetConfig changed = read("window: 3\nrotation: rotation_6d\nnorm: channel\ndense: matrix\nrings: 4");
+  const EgNetConfig changed = read("past_frames: 3\nrotation: rotation_6d\nnorm: channel\ndense: matrix\nrings: 4");
   EXPECT_EQ(changed.num_inputs(), 36);
   EXPECT_EQ(changed.sagcn.norm, SagcnNorm::channel);
   EXPECT_EQ(changed.sagcn.dense, DenseBlock::matrix);
@@ -373,4 +373,4 @@ TEST(EgNetConfigRejects, MistakesWithFileAndKey) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::egnet_test

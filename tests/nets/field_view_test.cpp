@@ -9,7 +9,7 @@
 #include "support/message_of.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::field_view_test {
 namespace {
 
 using support::message_of;
@@ -39,7 +39,7 @@ struct Scene {
     field->named_parameters()["density.bias"].fill_(20.0);
   }
   Tensor centre() const { return surface.vertices.mean(0); }
-  /// Looks along -z from 3 m in front of the middle. @return [3,4] for pictures of `size` pixels a side
+  /// Looks along -z from 3 m in front of the middle. @return [3,4] for images of `size` pixels a side
   Tensor front(double size) const {
     const Tensor turn = torch::tensor({{1.0f, 0.0f, 0.0f}, {0.0f, -1.0f, 0.0f}, {0.0f, 0.0f, -1.0f}});
     const Tensor eye = centre() + torch::tensor({0.0f, 0.0f, 3.0f});
@@ -53,7 +53,7 @@ TEST(FieldViewer, ShowsTheShellAroundTheMesh) {
   Scene scene;
   FieldViewer viewer(scene.character);
   const int64_t size = 64;
-  const FieldPicture seen = viewer.draw(scene.field, scene.surface, scene.front(size), size, size, 5);
+  const FieldImage seen = viewer.draw(scene.field, scene.surface, scene.front(size), size, size, 5);
   const GuideImages guide =
       viewer.guide(scene.surface.vertices, scene.front(size).unsqueeze(0), size, size, guide_of(small_field(), 5));
   const Tensor covered = guide.face_id[0] >= 0;
@@ -96,7 +96,7 @@ TEST(Hybrid, BeginsAsDeltaNetAndFollowsWhenTold) {
   config.motion.sagcn.residual_blocks = 2;
   config.field = small_field();
   Hybrid hybrid(character, deltanet, config);
-  const Tensor window = torch::zeros({1, small.window + 1, character.num_dofs()});
+  const Tensor window = torch::zeros({1, small.past_frames + 1, character.num_dofs()});
   const Tensor start = deltanet->forward(window);
   EXPECT_TRUE(torch::equal(hybrid->refined->forward(window), start));
   EXPECT_TRUE(torch::equal(hybrid->around->forward(window), start));
@@ -123,7 +123,7 @@ TEST(Hybrid, VerticesCarryFeaturesAndPlaces) {
   HybridConfig config;
   config.motion.sagcn = small.sagcn;
   config.field = small_field();
-  const Tensor window = torch::zeros({1, config.motion.window + 3, character.num_dofs()});
+  const Tensor window = torch::zeros({1, config.motion.past_frames + 3, character.num_dofs()});
   EXPECT_EQ(Hybrid(character, deltanet, config)->vertex_values(window).size(1), 4);
   config.field.place_octaves = 2;
   const Tensor values = Hybrid(character, deltanet, config)->vertex_values(window);
@@ -154,10 +154,10 @@ TEST(PlainField, SeesOnlyItsBox) {
   EXPECT_EQ(rays.fine.opacity[2].item<float>(), 0.0f);  // and beside this one
   const float face = (scene.surface.vertices.amax(0)[2] + 0.05f).item<float>();
   EXPECT_NEAR(rays.fine_samples.near[0].item<float>(), origin[2].item<float>() - face, 1e-4f);
-  const FieldPicture seen = field->draw(scene.front(24), 24, 24);
+  const FieldImage seen = field->draw(scene.front(24), 24, 24);
   EXPECT_GT(seen.opacity[12][12].item<float>(), 0.99f);
   EXPECT_EQ(seen.opacity[0][0].item<float>(), 0.0f);
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::field_view_test

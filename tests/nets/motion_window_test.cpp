@@ -12,7 +12,7 @@
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::motion_window_test {
 namespace {
 
 using torch::Tensor;
@@ -118,4 +118,4 @@ TEST(MotionWindowRejects, EditingDofsWhenTheHeadingIsNotOutermost) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::motion_window_test

@@ -14,7 +14,7 @@
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::pose_net_test {
 namespace {
 
 using support::message_of;
@@ -60,8 +60,8 @@ TEST(ResNet, HasTheNamesAndShapesOfTorchvision) {
   EXPECT_EQ(shape_of(*large, "layer4.0.conv1.weight"), "512,1024,1,1");
 }
 
-/// A bottleneck's strides: torchvision halves the picture in the 3x3 convolution and in the shortcut.
-TEST(ResNet, HalvesThePictureWhereTorchvisionDoes) {
+/// A bottleneck's strides: torchvision halves the image in the 3x3 convolution and in the shortcut.
+TEST(ResNet, HalvesTheImageWhereTorchvisionDoes) {
   ResidualUnit unit(4, 2, 8, 2, true);
   unit->eval();
   const torch::NoGradGuard no_grad;
@@ -94,7 +94,7 @@ TEST(ResNet, GradientReachesEveryParameter) {
   }
 }
 
-TEST(ResNet, RejectsOtherPictures) {
+TEST(ResNet, RejectsOtherImages) {
   ResNet net(ResNetKind::resnet18, seeded(1));
   EXPECT_THAT(message_of<UsageError>([&] { net->forward(torch::zeros({1, 1, 64, 64})); }), HasSubstr("[1,1,64,64]"));
   EXPECT_THAT(message_of<UsageError>([&] { net->forward(torch::zeros({1, 3, 16, 64})); }), HasSubstr("at least 32"));
@@ -226,7 +226,7 @@ TEST(PoseNet, ReadsItsConfiguration) {
               HasSubstr("resnet50"));
 }
 
-TEST(PoseNet, RejectsPicturesOfAnotherSize) {
+TEST(PoseNet, RejectsImagesOfAnotherSize) {
   PoseNet net(PoseDofs(actor().skeleton, {}, actor().rest_dofs), small_backbone());
   EXPECT_THAT(message_of<UsageError>([&] { net->forward(torch::zeros({1, 3, 96, 96})); }), HasSubstr("[1,3,96,96]"));
 }
@@ -242,4 +242,4 @@ TEST(DefNet, StartsNearTheUndeformedTemplate) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::pose_net_test

@@ -11,7 +11,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::radiance_field_test {
 namespace {
 
 using support::message_of;
@@ -83,7 +83,7 @@ TEST(RadianceField, BeginsTheSameWithTheSameGenerator) {
   EXPECT_FALSE(torch::equal(a->parameters()[0], c->parameters()[0]));
 }
 
-// Features that say nothing: without the place the field is one colour, with it a picture finer than the mesh.
+// Features that say nothing: without the place the field is one colour, with it an image finer than the mesh.
 TEST(RadianceField, SeesThePlaceWithinAFace) {
   RadianceFieldConfig config = small_config();
   for (const bool place : {false, true}) {
@@ -155,7 +155,7 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
   options.samples = 32;
   for (int64_t chunk : {1000, 77}) {
     options.rays_at_once = chunk;
-    const FieldImage image =
+    const FieldPixels image =
         draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far, options);
     EXPECT_TRUE(is_near(image.colour, expected.colour, 5e-4));
     EXPECT_TRUE(is_near(image.opacity, expected.opacity, 2e-4));
@@ -179,7 +179,7 @@ TEST(RenderField, NothingOutsideTheShell) {
   const RaySamples samples = sample_cells(near, far, 16);
   const RenderedRays seen = render_field(field, scene.closest, scene.surface, scene.origin, scene.direction, samples);
   EXPECT_EQ(seen.opacity.abs().max().item<float>(), 0.0f);
-  const FieldImage image = draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, near, far);
+  const FieldPixels image = draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, near, far);
   EXPECT_EQ(image.colour.abs().max().item<float>(), 0.0f);
 }
 
@@ -208,4 +208,4 @@ TEST(RadianceField, RejectsWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::radiance_field_test

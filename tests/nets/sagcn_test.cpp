@@ -11,7 +11,7 @@
 #include "doppel/geometry/topology.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::sagcn_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -223,4 +223,4 @@ TEST(SagcnRejects, BadConfigurationsAllAtOnce) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::sagcn_test

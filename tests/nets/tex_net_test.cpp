@@ -14,7 +14,7 @@
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 
-namespace doppel {
+namespace doppel::tex_net_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -329,12 +329,12 @@ TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
   EXPECT_THAT(message("size: 256\nlevels: 9"), HasSubstr("levels"));
   EXPECT_THAT(message("upsample: nearest"), HasSubstr("upsample"));
   EXPECT_THAT(message("camera_center: absolute"), HasSubstr("camera_centre"));
-  EXPECT_THAT(message("window: -2"), HasSubstr("window"));
+  EXPECT_THAT(message("past_frames: -2"), HasSubstr("past_frames"));
   EXPECT_THAT(message("lit: true"), HasSubstr("residual: true"));
   TexNetConfig config;
   config.size = 300;
-  config.window = -1;
-  EXPECT_THAT(message_of([&] { config.check(); }), HasSubstr("window"));
+  config.past_frames = -1;
+  EXPECT_THAT(message_of([&] { config.check(); }), HasSubstr("past_frames"));
 }
 
 TEST(TexNetRejects, WhatItCannotCompute) {
@@ -357,4 +357,4 @@ TEST(TexNetRejects, WhatItCannotCompute) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::tex_net_test

@@ -12,7 +12,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::weights_file_test {
 namespace {
 
 using support::message_of;
@@ -233,4 +233,4 @@ TEST_F(WeightsFile, OfAnotherNetworkLeaveTheModuleAlone) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::weights_file_test

@@ -10,7 +10,7 @@
 #include "render/scenes.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::boundary_test {
 namespace {
 
 using torch::Tensor;
@@ -125,4 +125,4 @@ TEST(ProjectionAgrees, WithTheCameraClass) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::boundary_test

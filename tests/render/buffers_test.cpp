@@ -10,7 +10,7 @@
 #include "render/shading_scene.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::buffers_test {
 namespace {
 
 using test::ShadingScene;
@@ -122,4 +122,4 @@ TEST(BuffersRejects, WhatTheSceneLacks) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::buffers_test

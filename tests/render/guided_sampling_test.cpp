@@ -12,7 +12,7 @@
 #include "support/gradient_check.h"
 #include "support/message_of.h"
 
-namespace doppel {
+namespace doppel::guided_sampling_test {
 namespace {
 
 using support::message_of;
@@ -192,8 +192,8 @@ TEST(GuidedInterval, RejectsPixelsOutside) {
                 guided_interval(guide, 0, torch::tensor({{kWidth, 3}}, torch::kInt64), scene.faces, scene.vertices,
                                 scene.projection);
               }),
-              testing::HasSubstr("outside the picture of 56 x 40"));
+              testing::HasSubstr("outside the image of 56 x 40"));
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::guided_sampling_test

@@ -11,7 +11,7 @@
 #include "doppel/render/rasterizer.h"
 #include "render/scenes.h"
 
-namespace doppel {
+namespace doppel::outline_test {
 namespace {
 
 using torch::Tensor;
@@ -79,4 +79,4 @@ TEST(OutlineRejects, WrongShapesAndFacesOfOtherMeshes) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::outline_test

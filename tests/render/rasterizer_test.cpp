@@ -11,7 +11,7 @@
 #include "render/scenes.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::rasterizer_test {
 namespace {
 
 using test::Mesh;
@@ -421,4 +421,4 @@ TEST(RasterizerRejects, WrongShapesTypesAndIndices) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::rasterizer_test

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-namespace doppel {
+namespace doppel::seen_vertices_test {
 namespace {
 
 using torch::Tensor;
@@ -15,9 +15,9 @@ TEST(SeenVertices, AreCornersOfDrawnFacesThatFaceTheCamera) {
       torch::kFloat64);
   const Tensor faces = torch::tensor({{0, 1, 2}, {1, 3, 2}, {3, 2, 4}}, torch::kInt64);
   const Tensor face_id = torch::tensor({{-1, 0}, {0, 2}}, torch::kInt32);
-  const auto seen = [&](double z, double least_facing = 0.0) {
+  const auto seen = [&](double z, double min_facing = 0.0) {
     const Tensor eye = torch::tensor({0.5, 0.5, z}, torch::kFloat64);
-    return seen_vertices(face_id, faces, vertices, eye, least_facing);
+    return seen_vertices(face_id, faces, vertices, eye, min_facing);
   };
   EXPECT_TRUE(seen(3.0)[0].item<bool>() && seen(3.0)[1].item<bool>());
   EXPECT_FALSE(seen(3.0)[4].item<bool>());  // its only face looks away
@@ -31,4 +31,4 @@ TEST(SeenVertices, AreCornersOfDrawnFacesThatFaceTheCamera) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::seen_vertices_test

@@ -11,7 +11,7 @@
 #include "render/shading_scene.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::shading_test {
 namespace {
 
 using test::ShadingScene;
@@ -510,4 +510,4 @@ TEST(RenderMesh, ReadsTheTextureAsRgbFromTheTop) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::shading_test

@@ -12,7 +12,7 @@
 #include "render/shading_scene.h"
 #include "support/gradient_check.h"
 
-namespace doppel {
+namespace doppel::texture_space_test {
 namespace {
 
 using torch::Tensor;
@@ -154,4 +154,4 @@ TEST(TextureSpaceRejects, MeshesWithoutUvs) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::texture_space_test

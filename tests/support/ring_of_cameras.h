@@ -10,7 +10,7 @@
 namespace doppel {
 
 /// Cameras `c0`, `c1`, ... evenly around `target`, 3 m away and looking at it. @param size pixels of the square
-/// pictures
+/// images
 inline std::vector<Camera> ring_of_cameras(int count, int size, const Eigen::Vector3d& target) {
   std::vector<Camera> cameras;
   for (int i = 0; i < count; ++i) {

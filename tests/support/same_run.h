@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/train/checkpoint.h"
+#include "doppel/actor/checkpoint.h"
 #include "doppel/train/metrics.h"
 
 namespace doppel::support {

@@ -8,7 +8,7 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/core/npy.h"
-#include "doppel/data/prepare.h"
+#include "doppel/capture/prepare.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/surface.h"
 #include "doppel/render/projection.h"
@@ -28,7 +28,7 @@ struct SmallCaptureOptions {
   int mask_size = 96;  ///< pixels of the crops
   int train_frames = 12, test_frames = 5;
   double thickness = 0.02;  ///< metres along the normal between skinned template and truth
-  bool textured = false;    ///< the template has a smooth texture, and pictures show it under `true_light`
+  bool textured = false;    ///< the template has a smooth texture, and images show it under `true_light`
 };
 
 namespace small_capture {
@@ -89,7 +89,7 @@ inline cv::Mat smooth_texture(int size) {
 }
 
 /// What the cameras see of a textured mesh. @param vertices [1,N,3] @return [C,H,W,3] BGR bytes, green where nothing is
-inline torch::Tensor textured_pictures(const Character& character, const std::vector<Camera>& cameras,
+inline torch::Tensor textured_images(const Character& character, const std::vector<Camera>& cameras,
                                        const torch::Tensor& vertices) {
   torch::NoGradGuard no_grad;
   const RenderMesh mesh(character.mesh);
@@ -115,20 +115,20 @@ inline void write_images(const std::filesystem::path& folder, const Character& c
                              .mul(255)
                              .contiguous();
     const bool textured = !character.mesh.texture.empty();
-    const torch::Tensor pictures =
-        textured ? textured_pictures(character, cameras, vertices.slice(0, f, f + 1).contiguous()) : torch::Tensor();
+    const torch::Tensor images =
+        textured ? textured_images(character, cameras, vertices.slice(0, f, f + 1).contiguous()) : torch::Tensor();
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       const cv::Mat mask(cameras[c].height, cameras[c].width, CV_8UC1,
                          covered[0][static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>());
-      cv::Mat picture(mask.size(), CV_8UC3, cv::Scalar(60, 140, 60));
+      cv::Mat image(mask.size(), CV_8UC3, cv::Scalar(60, 140, 60));
       if (textured)
-        cv::Mat(mask.size(), CV_8UC3, pictures[static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>()).copyTo(picture);
+        cv::Mat(mask.size(), CV_8UC3, images[static_cast<std::int64_t>(c)].data_ptr<std::uint8_t>()).copyTo(image);
       else
-        picture.setTo(cv::Scalar(150, 150, 170), mask);
+        image.setTo(cv::Scalar(150, 150, 170), mask);
       const std::string name = "c" + std::to_string(c) + "_" + std::to_string(f) + ".png";
       std::filesystem::create_directories(folder);
       cv::imwrite((folder / ("mask_" + name)).string(), mask);
-      cv::imwrite((folder / ("image_" + name)).string(), picture);
+      cv::imwrite((folder / ("image_" + name)).string(), image);
     }
   }
 }

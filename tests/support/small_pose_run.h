@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/prepare.h"
-#include "doppel/data/synth/synth.h"
+#include "doppel/capture/prepare.h"
+#include "doppel/synth/synth.h"
 #include "doppel/train/stage_chain.h"
 #include "support/temporary_folder.h"
 

@@ -15,7 +15,7 @@
 #include "support/same_run.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::kill_train_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -39,7 +39,7 @@ int train(const fs::path& prepared, const fs::path& run, int kill_at, int delay 
   const pid_t child = fork();
   if (child == 0) {
     if (!std::freopen("/dev/null", "w", stderr) || !std::freopen("/dev/null", "w", stdout)) _exit(126);
-    execl(DOPPEL_PROGRAM, DOPPEL_PROGRAM, "train", DOPPEL_SOURCE "/configs/tiny/egnet.yaml", "--set",
+    execl(DOPPEL_PROGRAM, DOPPEL_PROGRAM, "train", DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml", "--set",
           ("capture=" + prepared.string()).c_str(), "--set",
           ("train.iterations=" + std::to_string(kIterations)).c_str(), "--set", "train.log_every=1", "--set",
           "train.checkpoint_every=7", "--set", "train.mean_weights=0.9", "--out", run.c_str(), nullptr);
@@ -83,4 +83,4 @@ TEST(TrainCommandRecovers, EgNetKilledAtFiveRandomStepsEqualsAnUnbrokenRun) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::kill_train_test

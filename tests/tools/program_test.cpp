@@ -12,7 +12,7 @@
 #include "doppel/core/npy.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::program_test {
 namespace {
 
 using support::TemporaryFolder;
@@ -70,7 +70,7 @@ class ProgramRecovers : public ::testing::Test {
     folder_ = new TemporaryFolder;
     step("synth --preset tiny --out " + at("capture"));
     step("prepare " + at("capture") + " --out " + at("prepared"));
-    step("train " DOPPEL_SOURCE "/configs/tiny/egnet.yaml --set capture=" + at("prepared") + " --out " + at("run"));
+    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set capture=" + at("prepared") + " --out " + at("run"));
     step("export --run " + at("run") + " --out " + at("run/actor.pt"));
   }
   static void TearDownTestSuite() {
@@ -85,9 +85,9 @@ class ProgramRecovers : public ::testing::Test {
   /// A run of deepcap in "defnet", trained once.
   static void train_pose_run() {
     if (std::filesystem::exists(at("defnet"))) return;
-    step("train " DOPPEL_SOURCE "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " +
+    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " +
          at("posenet"));
-    step("train " DOPPEL_SOURCE "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
+    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
          " --set posenet.run=" + at("posenet") + " --out " + at("defnet"));
   }
 
@@ -220,7 +220,7 @@ TEST_F(ProgramRecovers, TheActorAnimates) {
 }
 
 TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
-  step("train " DOPPEL_SOURCE "/configs/tiny/ddc.yaml --set capture=" + at("prepared") +
+  step("train " DOPPEL_SOURCE_DIR "/configs/tiny/ddc.yaml --set capture=" + at("prepared") +
        " --set 'egnet={run: " + at("run") + "}' --out " + at("chain"));
   const Outcome outcome = run("evaluate --run " + at("chain") + " --split test --every 4 --json");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -238,7 +238,7 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
 
   // On top of it, a radiance field around the mesh.
-  step("train " DOPPEL_SOURCE "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +
+  step("train " DOPPEL_SOURCE_DIR "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +
        at("chain") + " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));
   const Outcome one = run("evaluate --run " + at("hybrid") + " --split train --frames 5 --cameras 1 --json");
   ASSERT_EQ(one.code, 0) << one.err;
@@ -279,7 +279,7 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_EQ(run("evaluate --run " + at("run") + " --input-camera 2").code, 2);
 }
 
-TEST_F(ProgramRecovers, ACaptureWithoutAMotionIsEvaluatedAsFarAsPicturesTell) {
+TEST_F(ProgramRecovers, ACaptureWithoutAMotionIsEvaluatedAsFarAsImagesTell) {
   train_pose_run();
   std::string text;
   std::istringstream lines(read_file(at("capture/capture.yaml")));
@@ -328,7 +328,7 @@ TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
   for (const auto& [model, code] : {std::pair("defnet/pose.pt", 1), std::pair("defnet", 2)}) {
     const Outcome driven = run(animate + at(model));
     EXPECT_EQ(driven.code, code) << model;
-    EXPECT_NE(driven.err.find("takes pictures"), std::string::npos) << driven.err;
+    EXPECT_NE(driven.err.find("takes images"), std::string::npos) << driven.err;
   }
   const Outcome unexported = run(animate + at("run"));
   EXPECT_EQ(unexported.code, 2);
@@ -336,11 +336,11 @@ TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
 }
 
 TEST_F(ProgramRecovers, AMistypedKeyIsNamedWithItsNeighbour) {
-  const Outcome outcome = run("train " DOPPEL_SOURCE "/configs/tiny/egnet.yaml --set capture=" + at("prepared") +
+  const Outcome outcome = run("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set capture=" + at("prepared") +
                               " --set data.batch_sise=2 --out " + at("other"));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("batch_size"), std::string::npos) << outcome.err;
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::program_test

@@ -1,4 +1,5 @@
 #include "doppel/track/deepcap.h"
+#include "doppel/track/deepcap_tracker.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,7 +15,7 @@
 #include "support/small_pose_run.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::deepcap_test {
 namespace {
 
 using support::message_of;
@@ -46,7 +47,7 @@ TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   wanted.vertices = true;
   wanted.smoothing = 0.0;
   const auto filmed = footage();
-  const nlohmann::ordered_json report = track_deepcap(*filmed, wanted);
+  const nlohmann::ordered_json report = to_json(track_deepcap(*filmed, wanted));
   const auto& sequence = report.at("sequences").at("testing");
   EXPECT_EQ(sequence.at("frames"), 4);
   EXPECT_EQ(sequence.at("lost_frames"), nlohmann::ordered_json({2}));
@@ -81,8 +82,8 @@ TEST_F(Deepcap, SeesInFilesWhatItSawInThePreparedCapture) {
   DeepcapTracker tracker(trained, filmed->cameras()[0], filmed->landmarks());
   const int testing = filmed->sequences()[0].name == "testing" ? 0 : 1;
   const FootageFrame seen = filmed->read(testing)->read(1, true);
-  const DeepcapFrame found = tracker.capture(seen.pictures[0], seen.masks[0], seen.evidence[0].keypoints);
-  ASSERT_TRUE(found.pose.trusted());
+  const FrameResult found = tracker.capture(seen.images[0], seen.masks[0], seen.evidence[0].keypoints);
+  ASSERT_TRUE(found.pose.found());
   EXPECT_GT(found.pose.keypoints, 8);
   EXPECT_GT(found.pose.keypoint_error, 0.0);
 
@@ -92,7 +93,7 @@ TEST_F(Deepcap, SeesInFilesWhatItSawInThePreparedCapture) {
   const torch::Tensor dofs = trained.dofs(trained.capture(person_view(batch)));
   const auto [A, T] = trained.deformation(batch.person.select(1, 0));
   const torch::Tensor expected = trained.surface->deformed(dofs, A, T)[0];
-  // Prepared pictures are stored smaller and compressed: nearly the same.
+  // Prepared images are stored smaller and compressed: nearly the same.
   const torch::Tensor surface = tracker.surface(found.pose.dofs, found.graph);
   EXPECT_LT((surface - expected).norm(2, -1).mean().item<float>(), 0.03f);
 }
@@ -147,4 +148,4 @@ TEST(TrackFilm, TheSideViewStandsAQuarterTurnAway) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::deepcap_test

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <stdexcept>
 
-namespace doppel {
+namespace doppel::prefetch_test {
 namespace {
 
 TEST(Prefetch, HandsAllOverInOrder) {
@@ -96,4 +96,4 @@ TEST(Prefetch, AnExceptionComesInItsPlace) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::prefetch_test

@@ -5,12 +5,12 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/track/livecap/livecap_capture.h"
-#include "doppel/track/pose_model.h"
+#include "doppel/energy/pose_model.h"
 #include "doppel/track/track_capture.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::real_track_test {
 namespace {
 
 /// The test movement of the shared capture, from keypoints and masks alone.
@@ -43,7 +43,7 @@ TEST_F(RealTracking, FindsTheGivenMotion) {
   const support::TemporaryFolder folder;
   const TrackOptions options = of_testing(folder);
   const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
-  const auto report = track_capture(*footage, options);
+  const auto report = to_json(track_capture(*footage, options));
   const auto& testing = report["sequences"]["testing"];
   const double mean = testing["against_given_motion"]["MPJPE_mm"], within = testing["against_given_motion"]["3DPCK"];
   RecordProperty("MPJPE_mm", std::to_string(mean));
@@ -63,7 +63,7 @@ TEST_F(RealTracking, HandsMoveAsInTheGivenMotion) {
   options.config =
       read_track_config(ConfigDocument::load(std::string(DOPPEL_SOURCE_DIR) + "/configs/track/skeletool107.yaml"));
   const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
-  const auto report = track_capture(*footage, options);
+  const auto report = to_json(track_capture(*footage, options));
   EXPECT_EQ(report["usual"].size(), 38u);
 
   const Character& character = footage->character();
@@ -99,7 +99,7 @@ TEST_F(RealTracking, BendsTheSurfaceToTheMasks) {
   TrackOptions options = of_testing(folder, 4);
   options.surface = true;
   const auto footage = Footage::open(capture_folder(), options.config.fit.outline_pixels);
-  const auto report = track_capture(*footage, options);
+  const auto report = to_json(track_capture(*footage, options));
   const auto& surface = report["sequences"]["testing"]["surface"];
   RecordProperty("IoU", std::to_string(surface["IoU"].get<double>()));
   EXPECT_LT(surface["IoU_pose"].get<double>(), 0.92);
@@ -128,7 +128,7 @@ TEST_F(RealLivecap, FollowsAManInLooseClothesWithOneCamera) {
   options.out = folder_ / "tracked";
   options.limit_frames = 20;
   const auto footage = Footage::open(folder_.path(), options.config.fit.outline_pixels);
-  const auto report = track_livecap(*footage, options);
+  const auto report = to_json(track_livecap(*footage, options));
   const auto& wild = report["sequences"]["wild"];
   EXPECT_EQ(wild["lost_frames"].size(), 0u);
   const double pose = wild["livecap"]["IoU_pose"], surface = wild["livecap"]["IoU"];
@@ -139,4 +139,4 @@ TEST_F(RealLivecap, FollowsAManInLooseClothesWithOneCamera) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::real_track_test

@@ -10,7 +10,7 @@
 #include "support/message_of.h"
 #include "track/tube_capture.h"
 
-namespace doppel {
+namespace doppel::track_capture_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,7 +25,7 @@ TEST_F(TrackCapture, FindsTheMotionOfACaptureThatHasNone) {
   const auto footage = Footage::open(root(), options.config.fit.outline_pixels);
   ASSERT_EQ(footage->sequences().size(), 1u);
   EXPECT_EQ(footage->sequences()[0].num_frames(), kFrames);
-  const auto report = track_capture(*footage, options);
+  const auto report = to_json(track_capture(*footage, options));
 
   const auto& walk = report["sequences"]["walk"];
   EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
@@ -60,7 +60,7 @@ TEST_F(TrackCapture, WritesACaptureThatNamesTheMotion) {
   const auto again = Footage::open(options.out, 128);
   TrackOptions second = options;
   second.out = root() / "again";
-  const auto report = track_capture(*again, second);
+  const auto report = to_json(track_capture(*again, second));
   EXPECT_LT(report["sequences"]["walk"]["against_given_motion"]["MPJPE_mm"].get<double>(), 1e-3);
   EXPECT_EQ(report["sequences"]["walk"]["against_given_motion"]["3DPCK"], 100.0);
 }
@@ -69,11 +69,11 @@ TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
   TrackOptions options;
   options.out = root() / "tracked";
   options.config.smoothing = 0.0;
-  options.config.usual = {"lean_3"};
-  options.config.usual_frames = 5;
-  options.config.fit.usual.weight = 0.1;
+  options.config.shared_dofs = {"lean_3"};
+  options.config.shared_frames = 5;
+  options.config.fit.shared_dofs.weight = 0.1;
   options.sheet_frames = 0;
-  const auto report = track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options);
+  const auto report = to_json(track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options));
   const std::size_t lean = static_cast<std::size_t>(find_dofs(character_.skeleton, "lean_3").at(0));
   double mean = 0.0;
   for (int frame = 0; frame < kFrames; ++frame) mean += truth(frame)[lean] / kFrames;
@@ -83,9 +83,9 @@ TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
   for (int frame = 0; frame < kFrames; ++frame)
     EXPECT_LT(error(motion, frame), frame == 3 ? 0.01 : 0.004) << "frame " << frame;
 
-  options.config.usual = {"lean_9"};
+  options.config.shared_dofs = {"lean_9"};
   EXPECT_THAT(message_of<UsageError>([&] { track_capture(*Footage::open(root(), 128), options); }),
-              HasSubstr("`usual.dofs` names 'lean_9'"));
+              HasSubstr("`shared.dofs` names 'lean_9'"));
 }
 
 TEST_F(TrackCapture, SaysWhatIsWrong) {
@@ -97,7 +97,7 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
   options.sequences = {"run"};
   EXPECT_THAT(message_of<UsageError>([&] { track_capture(*footage, options); }), HasSubstr("it has walk"));
   options.sequences.clear();
-  options.config.fit.fewest_keypoints = 1000;
+  options.config.fit.min_keypoints = 1000;
   EXPECT_THAT(message_of<Error>([&] { track_capture(*footage, options); }),
               HasSubstr("found in none of its 10 frames"));
 
@@ -105,12 +105,19 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
     return read_track_config(ConfigDocument::parse(text, "fit.yaml"));
   };
   EXPECT_EQ(config_of("silhouette: {weight: 0}").fit.silhouette_weight, 0.0);
-  const TrackConfig usual = config_of("usual: {dofs: ['lean_*'], frames: 3, weight: 7}");
-  EXPECT_EQ(usual.usual, std::vector<std::string>{"lean_*"});
-  EXPECT_EQ(usual.usual_frames, 3);
-  EXPECT_EQ(usual.fit.usual.weight, 7.0);
+  for (const std::string section : {"shared_dofs", "usual"}) {  // the second is the name it had before
+    const TrackConfig shared = config_of(section + ": {dofs: ['lean_*'], frames: 3, weight: 7}");
+    EXPECT_EQ(shared.shared_dofs, std::vector<std::string>{"lean_*"});
+    EXPECT_EQ(shared.shared_frames, 3);
+    EXPECT_EQ(shared.fit.shared_dofs.weight, 7.0);
+  }
+  const TrackConfig old = config_of("trust: {pixels: 7, share: 0.25, keypoints: 5, distance: 0.5}");
+  EXPECT_EQ(old.fit.inlier_threshold, 7.0);
+  EXPECT_EQ(old.fit.min_inlier_ratio, 0.25);
+  EXPECT_EQ(old.fit.min_keypoints, 5);
+  EXPECT_EQ(old.fit.max_landmark_distance, 0.5);
   EXPECT_THAT(message_of<Error>([&] { config_of("silhouete: {weight: 0}"); }), HasSubstr("silhouette"));
-  EXPECT_THAT(message_of<Error>([&] { config_of("trust: {share: 2}"); }), HasSubstr("trust.share"));
+  EXPECT_THAT(message_of<Error>([&] { config_of("inliers: {min_ratio: 2}"); }), HasSubstr("inliers.min_ratio"));
   EXPECT_THAT(message_of<UsageError>([&] {
                 chosen_dofs({{"lean_9"}, {}, {}}, character_.skeleton, landmarks_);
               }),
@@ -123,4 +130,4 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::track_capture_test

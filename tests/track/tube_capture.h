@@ -10,13 +10,13 @@
 #include "doppel/character/motion.h"
 #include "doppel/geometry/calibration.h"
 #include "support/temporary_folder.h"
-#include "track/track_fixture.h"
+#include "energy/body_fixture.h"
 
 namespace doppel {
 
 inline constexpr int kJoints = 4, kFrames = 10, kCut = 6;
 
-/// A capture on disk without any motion: masks as pictures, keypoints and joints in space as tables, landmarks as a
+/// A capture on disk without any motion: masks as images, keypoints and joints in space as tables, landmarks as a
 /// placement file.
 class TrackCapture : public ::testing::Test {
  protected:

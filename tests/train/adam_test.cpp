@@ -7,9 +7,9 @@
 #include <map>
 
 #include "doppel/core/error.h"
-#include "doppel/train/checkpoint.h"
+#include "doppel/actor/checkpoint.h"
 
-namespace doppel {
+namespace doppel::adam_test {
 namespace {
 
 /// Parameters of odd sizes, one larger than a chunk of parallel work; equal for equal seeds.
@@ -261,4 +261,4 @@ TEST(AdamRecovers, StateRoundTripsToTheBit) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::adam_test

@@ -1,4 +1,4 @@
-#include "doppel/train/checkpoint.h"
+#include "doppel/actor/checkpoint.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,11 +8,11 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/train/crc32c.h"
+#include "doppel/core/crc32c.h"
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 
-namespace doppel {
+namespace doppel::checkpoint_test {
 
 using support::TemporaryFolder;
 
@@ -187,4 +187,4 @@ TEST(CheckpointFolderRejects, NothingReadable) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::checkpoint_test

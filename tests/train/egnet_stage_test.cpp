@@ -3,14 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "doppel/data/batch_builder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_tensor.h"
-#include "doppel/train/trained_actor.h"
+#include "doppel/actor/trained_actor.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::egnet_stage_test {
 namespace {
 
 using support::TemporaryFolder;
@@ -68,14 +69,14 @@ TEST_F(EgNetStageRecovers, LossFallsAndTheTrainedModelLoads) {
   EXPECT_THAT(parts, ::testing::UnorderedElementsAre("load", "network", "layers", "boundary", "silhouette", "arap",
                                                      "backward", "optimiser"));
   EXPECT_THAT(terms, ::testing::UnorderedElementsAre("model_to_data", "data_to_model", "arap"));
-  EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-test.jpg"));
-  EXPECT_TRUE(std::filesystem::exists(run.pictures() / "overlay-train.jpg"));
+  EXPECT_TRUE(std::filesystem::exists(run.images() / "overlay-test.jpg"));
+  EXPECT_TRUE(std::filesystem::exists(run.images() / "overlay-train.jpg"));
 
   TrainedActor trained = TrainedActor::load(run.path());
   EXPECT_EQ(trained.steps.at("egnet"), 40);
   const Dataset dataset = Dataset::open(prepared_);
   const SampleId sample = dataset.samples(Split::test)[1];
-  const auto window = dataset.dof_window(sample, trained.window()).unsqueeze(0);
+  const auto window = dataset.dof_window(sample, trained.past_frames()).unsqueeze(0);
   const auto moved = trained.coarse(window) - trained.surface->skinned_by_nodes(window.select(1, -1).contiguous());
   EXPECT_GT(moved.abs().max().item<float>(), 1e-3f);
   EXPECT_TRUE(torch::isfinite(moved).all().item<bool>());
@@ -100,7 +101,7 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   Profile profile;
   StepContext context{0, at::detail::createCPUGenerator(1), &profile};
   const std::vector<SampleId> samples = dataset.samples(Split::train);
-  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.window);
+  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.past_frames);
   const LossTerms terms = stage.loss(batch, context);
   const auto vertices = CharacterSurface(character)->skinned_by_nodes(batch.dofs.select(1, -1).contiguous());
   const auto expected = silhouette_loss(vertices, face_tensor(character.mesh),
@@ -120,7 +121,7 @@ TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {
   EgNetStage stage(dataset, character, c);
   std::vector<torch::Tensor> windows;
   for (const SampleId& sample : dataset.samples(Split::train))
-    windows.push_back(dataset.dof_window(sample, c.model.window));
+    windows.push_back(dataset.dof_window(sample, c.model.past_frames));
   torch::NoGradGuard no_grad;
   stage.model().train();
   stage.prepare_evaluation();
@@ -172,4 +173,4 @@ TEST(EgNetConfigReference, ShippedConfigurationsAreRead) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::egnet_stage_test

@@ -5,6 +5,7 @@
 
 #include <set>
 
+#include "doppel/data/batch_builder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/train/nerf_stage.h"
@@ -14,7 +15,7 @@
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::hybrid_stage_test {
 namespace {
 
 using support::message_of;
@@ -68,16 +69,16 @@ TEST(HybridConfigurations, ThatComeAlongAreReadable) {
   for (const std::string size : {"tiny", "small", "paper"}) {
     const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "hybrid.yaml";
     const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere", "ddc=/elsewhere"}));
-    EXPECT_TRUE(chain.borrowed(StageKind::egnet) && chain.borrowed(StageKind::deltanet));
-    EXPECT_TRUE(chain.has(StageKind::radiance) && !chain.borrowed(StageKind::radiance));
-    EXPECT_FALSE(chain.has(StageKind::posenet));
+    EXPECT_TRUE(chain.borrowed("egnet") && chain.borrowed("deltanet"));
+    EXPECT_TRUE(chain.has("radiance") && !chain.borrowed("radiance"));
+    EXPECT_FALSE(chain.has("posenet"));
   }
   const StageChain paper = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/hybrid.yaml", {"capture=/a", "ddc=/b"}));
-  const HybridRunConfig config = HybridRunConfig::read(paper.stage(StageKind::radiance));
+  const HybridRunConfig config = HybridRunConfig::read(paper.stage("radiance"));
   EXPECT_EQ(config.trainer.iterations, HybridPlan().iterations());
   EXPECT_EQ(config.rays, 1000);
-  EXPECT_EQ(config.samples, 64);
+  EXPECT_EQ(config.field_rays.samples, 64);
   EXPECT_EQ(config.laplacian_weight, 4000.0);
   EXPECT_EQ(config.chamfer_weight, 5000.0);
   EXPECT_EQ(config.model.motion.sagcn.features, 16);
@@ -144,7 +145,7 @@ class HybridTraining : public ::testing::Test {
 TemporaryFolder* HybridTraining::folder_ = nullptr;
 fs::path HybridTraining::prepared_;
 
-TEST_F(HybridTraining, LearnsThePicturesAndThenBringsTheMeshToTheCloud) {
+TEST_F(HybridTraining, LearnsTheImagesAndThenBringsTheMeshToTheCloud) {
   const std::vector<MetricsRecord> records = metrics("radiance");
   ASSERT_EQ(records.size(), 75u);
   EXPECT_LT(term(records[49], "colour"), 0.25 * term(records[0], "colour"));
@@ -166,27 +167,27 @@ TEST_F(HybridTraining, TheTrainedActorHasAllOfIt) {
   EXPECT_EQ(actor.nerf_frame->frame, 4);
   const Dataset dataset = Dataset::open(prepared_);
   BatchOptions options;
-  options.window = actor.window();
+  options.past_frames = actor.past_frames();
   options.images = true;
   const Batch batch = make_batch(dataset, {dataset.samples(Split::train)[4]}, {{1}}, options);
   // The thickness of the capture is 2 cm: the refined mesh is nearer to it than DeltaNet's.
   EXPECT_GT((actor.refined(batch.dofs) - actor.fine(batch.dofs)).abs().max().item<float>(), 1e-4f);
   const std::int64_t size = batch.image.size(2);
   const Tensor projection = batch.image_projection[0][0];
-  const FieldPicture guided = actor.radiance(batch.dofs, projection, size, size);
+  const FieldImage guided = actor.radiance(batch.dofs, projection, size, size);
   const Tensor mask = batch.image_mask[0][0] > 0, truth = batch.image[0][0].to(torch::kFloat32) / 255.0;
   EXPECT_GT(guided.opacity.masked_select(mask).mean().item<float>(), 0.8f);
   EXPECT_LT(guided.opacity.masked_select(~mask).mean().item<float>(), 0.1f);
   const Tensor error = (guided.colour - truth).abs().masked_select(mask.unsqueeze(2)).mean();
   EXPECT_LT(error.item<float>(), 0.15f);
-  const FieldPicture plain = actor.nerf->draw(projection, size, size);
+  const FieldImage plain = actor.nerf->draw(projection, size, size);
   EXPECT_EQ(plain.colour.sizes(), guided.colour.sizes());
 }
 
 TEST_F(HybridTraining, OnlyWhatAPhaseTrainsMoves) {
-  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, StageKind::radiance);
+  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   const Dataset dataset = Dataset::open(prepared_);
-  HybridStage stage(dataset, actor, HybridRunConfig::read(chain().stage(StageKind::radiance)));
+  HybridStage stage(dataset, actor, HybridRunConfig::read(chain().stage("radiance")));
   const auto gradients = [&](std::int64_t step) {
     for (Tensor& parameter : stage.model().parameters()) parameter.mutable_grad().reset();
     Profile profile;
@@ -215,18 +216,18 @@ TEST_F(HybridTraining, ResumedInAnyPhaseEqualsAnUnbrokenRunToTheBit) {
     fs::copy(kept.path(stop), resumed / "radiance/checkpoints");
     write_atomically(resumed / "radiance/checkpoints/latest", kept.path(stop).filename().string() + "\n");
     ChainOptions options;
-    options.stages = {StageKind::radiance};
+    options.stages = {"radiance"};
     EXPECT_EQ(train_stages(chain(), resumed, options).at(0).summary.resumed_at, stop);
     support::expect_same_run(*folder_ / "run/radiance", resumed / "radiance");
   }
 }
 
 TEST_F(HybridTraining, ViewsWithoutThePersonCostNothing) {
-  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, StageKind::radiance);
+  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   const Dataset dataset = Dataset::open(prepared_);
-  HybridStage stage(dataset, actor, HybridRunConfig::read(chain().stage(StageKind::radiance)));
+  HybridStage stage(dataset, actor, HybridRunConfig::read(chain().stage("radiance")));
   BatchOptions options;
-  options.window = actor.window();
+  options.past_frames = actor.past_frames();
   options.images = true;
   Batch batch = make_batch(dataset, {dataset.samples(Split::train)[0]}, {{0, 1}}, options);
   batch.valid = torch::zeros_like(batch.valid);
@@ -253,9 +254,9 @@ TEST_F(HybridTraining, MistakesAreNamed) {
   EXPECT_THAT(message_of([] { chain({"radiance.rays.stencil=4"}); }), HasSubstr("odd"));
   EXPECT_THAT(message_of([] { chain({"radiance.train.iterations=4"}); }), HasSubstr("rounds"));
   EXPECT_THAT(message_of([] { chain({"radiance.rond=4"}); }), HasSubstr("radiance.rond"));
-  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, StageKind::radiance);
+  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   const Dataset dataset = Dataset::open(prepared_);
-  const HybridRunConfig late = HybridRunConfig::read(chain({"radiance.data.frames=[99]"}).stage(StageKind::radiance));
+  const HybridRunConfig late = HybridRunConfig::read(chain({"radiance.data.frames=[99]"}).stage("radiance"));
   EXPECT_THAT(message_of([&] { HybridStage(dataset, actor, late); }),
               AllOf(HasSubstr("frame 99"), HasSubstr("0 to 11")));
   const std::string bare = "capture: " + prepared_.string() +
@@ -266,21 +267,21 @@ TEST_F(HybridTraining, MistakesAreNamed) {
 }
 
 TEST_F(HybridTraining, AFieldWithoutAMeshIsOfOneFrame) {
-  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, StageKind::radiance);
+  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   const Dataset dataset = Dataset::open(prepared_);
-  const NerfRunConfig config = NerfRunConfig::read(chain({"nerf.data.frames=[1,2]"}).stage(StageKind::nerf));
+  const NerfRunConfig config = NerfRunConfig::read(chain({"nerf.data.frames=[1,2]"}).stage("nerf"));
   EXPECT_THAT(message_of([&] { NerfStage(dataset, actor, config); }),
               AllOf(HasSubstr("the data holds 2"), HasSubstr("nerf.data.frames=[1]")));
 }
 
 TEST_F(HybridTraining, AnOpenTemplateIsRefusedWithItsEdges) {
-  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, StageKind::radiance);
+  TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   actor.character.mesh.faces.pop_back();
   const Dataset dataset = Dataset::open(prepared_);
   EXPECT_THAT(
-      message_of([&] { HybridStage(dataset, actor, HybridRunConfig::read(chain().stage(StageKind::radiance))); }),
+      message_of([&] { HybridStage(dataset, actor, HybridRunConfig::read(chain().stage("radiance"))); }),
       HasSubstr("edge"));
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::hybrid_stage_test

@@ -8,7 +8,7 @@
 #include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::metrics_test {
 
 using support::TemporaryFolder;
 
@@ -94,4 +94,4 @@ TEST(MetricsWindowRejects, StateOfAnotherVersion) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::metrics_test

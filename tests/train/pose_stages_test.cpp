@@ -2,15 +2,15 @@
 #include <gtest/gtest.h>
 
 #include "doppel/core/error.h"
-#include "doppel/train/checkpoint.h"
+#include "doppel/actor/checkpoint.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/stage_chain.h"
-#include "doppel/train/trained_pose.h"
+#include "doppel/actor/trained_pose.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
 
-namespace doppel {
+namespace doppel::pose_stages_test {
 namespace {
 
 using support::message_of;
@@ -58,15 +58,15 @@ TEST(PoseConfigurations, ThatComeAlongAreReadable) {
     EXPECT_TRUE(pose.single());
     const StageChain both = StageChain::read(
         ConfigDocument::load(folder / "defnet.yaml", {"capture=/somewhere", "posenet.run=/elsewhere"}));
-    EXPECT_TRUE(both.borrowed(StageKind::posenet));
-    EXPECT_TRUE(both.has(StageKind::defnet));
-    EXPECT_FALSE(both.has(StageKind::egnet));
+    EXPECT_TRUE(both.borrowed("posenet"));
+    EXPECT_TRUE(both.has("defnet"));
+    EXPECT_FALSE(both.has("egnet"));
   }
   const StageChain ablation = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/ablation/deepcap.yaml",
                            {"capture=/somewhere", "posenet.data.frames=[0,4,8]", "defnet.data.cameras=[0,2]"}));
-  EXPECT_EQ(PoseNetRunConfig::read(ablation.stage(StageKind::posenet)).loader.frames, (std::vector<long>{0, 4, 8}));
-  EXPECT_EQ(DefNetRunConfig::read(ablation.stage(StageKind::defnet)).loader.cameras.size(), 2u);
+  EXPECT_EQ(PoseNetRunConfig::read(ablation.stage("posenet")).loader.frames, (std::vector<long>{0, 4, 8}));
+  EXPECT_EQ(DefNetRunConfig::read(ablation.stage("defnet")).loader.cameras.size(), 2u);
   const PoseNetRunConfig paper = PoseNetRunConfig::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/posenet.yaml", {"capture=/somewhere"}));
   EXPECT_EQ(paper.loader.batch_size, 90);
@@ -110,14 +110,14 @@ TEST_F(PoseTraining, RunsBothStagesAndTheirLossesFall) {
   const auto metrics = read_metrics(RunFolder(*folder_ / "run/posenet").metrics());
   EXPECT_LT(metrics.back().loss, metrics.front().loss);
   EXPECT_DOUBLE_EQ(metrics.back().learning_rate, 1e-4);
-  for (const char* picture : {"posenet/pictures/overlay-test.jpg", "defnet/pictures/overlay-test.jpg"})
-    EXPECT_TRUE(fs::exists(*folder_ / "run" / picture)) << picture;
+  for (const char* image : {"posenet/images/overlay-test.jpg", "defnet/images/overlay-test.jpg"})
+    EXPECT_TRUE(fs::exists(*folder_ / "run" / image)) << image;
 }
 
 TEST_F(PoseTraining, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
   const RunFolder run(*folder_ / "broken");
   for (const std::int64_t stop : {3, 8, 14}) {
-    const PoseNetRunConfig config = PoseNetRunConfig::read(chain().stage(StageKind::posenet));
+    const PoseNetRunConfig config = PoseNetRunConfig::read(chain().stage("posenet"));
     const Dataset dataset = Dataset::open(config.subject.capture);
     const Character character = load_character(dataset.character_path(), config.subject.character);
     run.open("stage: posenet\n", RunMode::automatic);
@@ -134,7 +134,7 @@ TEST_F(PoseTraining, DefNetStoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
   for (const std::int64_t stop : {2, 5, 6}) {
     TrainedPose pose = TrainedPose::load(*folder_ / "run", std::nullopt, false);
     const Dataset dataset = Dataset::open(pose.subject.capture);
-    const DefNetRunConfig config = DefNetRunConfig::read(chain().stage(StageKind::defnet));
+    const DefNetRunConfig config = DefNetRunConfig::read(chain().stage("defnet"));
     run.open("stage: defnet\n", RunMode::automatic);
     DefNetStage stage(dataset, pose, config);
     TrainerOptions options = config.trainer;
@@ -173,7 +173,7 @@ TEST_F(PoseTraining, DefNetLeavesPoseNetAlone) {
   EXPECT_FALSE(pose.defnet);
   const std::string before = pose.digest();
   const Dataset dataset = Dataset::open(pose.subject.capture);
-  DefNetStage stage(dataset, pose, DefNetRunConfig::read(chain().stage(StageKind::defnet)));
+  DefNetStage stage(dataset, pose, DefNetRunConfig::read(chain().stage("defnet")));
   Profile profile;
   StepContext context{0, at::detail::createCPUGenerator(1), &profile};
   torch::Tensor total;
@@ -191,7 +191,7 @@ TEST_F(PoseTraining, DefNetLeavesPoseNetAlone) {
 TEST_F(PoseTraining, PeopleThatNoCameraSeesHaveNoLoss) {
   const Dataset dataset = Dataset::open(*folder_ / "prepared");
   const Character character = load_character(dataset.character_path());
-  PoseNetStage stage(dataset, character, PoseNetRunConfig::read(chain().stage(StageKind::posenet)));
+  PoseNetStage stage(dataset, character, PoseNetRunConfig::read(chain().stage("posenet")));
   LoaderOptions options;
   options.person_size = 64;
   Batch batch = person_batch(dataset, dataset.samples(Split::train)[0], options);
@@ -206,12 +206,12 @@ TEST_F(PoseTraining, PeopleThatNoCameraSeesHaveNoLoss) {
     EXPECT_EQ(parameter.value().grad().abs().max().item<double>(), 0.0) << parameter.key();
 }
 
-TEST_F(PoseTraining, DefNetSeesThePictureThatPoseNetSees) {
+TEST_F(PoseTraining, DefNetSeesTheImageThatPoseNetSees) {
   TrainedPose pose = TrainedPose::load(*folder_ / "run");
   const Dataset dataset = Dataset::open(pose.subject.capture);
-  const DefNetRunConfig config = DefNetRunConfig::read(chain({"defnet.model.input_size=96"}).stage(StageKind::defnet));
+  const DefNetRunConfig config = DefNetRunConfig::read(chain({"defnet.model.input_size=96"}).stage("defnet"));
   EXPECT_THAT(message_of<UsageError>([&] { DefNetStage(dataset, pose, config); }), HasSubstr("PoseNet's is 64"));
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::pose_stages_test

@@ -7,10 +7,10 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/train/metrics.h"
-#include "doppel/train/svg_chart.h"
+#include "doppel/html/svg_chart.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::report_test {
 
 using support::TemporaryFolder;
 
@@ -38,10 +38,10 @@ using ::testing::Not;
   return open.empty() ? ::testing::AssertionSuccess() : ::testing::AssertionFailure() << open.back() << " stays open";
 }
 
-TEST(ReportReference, HoldsCurvesTimesTableAndPictures) {
+TEST(ReportReference, HoldsCurvesTimesTableAndImages) {
   const TemporaryFolder folder;
   const RunFolder run(folder / "a<b");
-  std::filesystem::create_directories(run.pictures());
+  std::filesystem::create_directories(run.images());
   {
     MetricsFile file(run.metrics(), 0);
     for (int step = 1; step <= 1000; ++step) {
@@ -56,8 +56,8 @@ TEST(ReportReference, HoldsCurvesTimesTableAndPictures) {
   write_atomically(run.config(), "stage: egnet  # <&>\n");
   write_atomically(run.evaluation(), R"({"protocol": {"frames": 60}, "splits": {"test": {
     "skinning": {"AMVIoU": 0.904, "cameras": {"0": 0.9}}, "egnet": {"AMVIoU": 0.9712, "cameras": {"0": 0.97}}}}})");
-  write_atomically(run.pictures() / "overlay.jpg", std::string("Man"));
-  write_atomically(run.pictures() / "overlay.txt", "mask green, model red");
+  write_atomically(run.images() / "overlay.jpg", std::string("Man"));
+  write_atomically(run.images() / "overlay.txt", "mask green, model red");
   write_report(run);
   const std::string html = read_file(run.report());
   EXPECT_TRUE(well_formed(html));
@@ -101,4 +101,4 @@ TEST(ChartReference, SinglePointZeroAndNegativeValues) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::report_test

@@ -8,11 +8,11 @@
 #include <random>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/train/checkpoint.h"
+#include "doppel/actor/checkpoint.h"
 #include "support/same_run.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::resume_test {
 
 using support::TemporaryFolder;
 
@@ -85,4 +85,4 @@ TEST(ResumeRecovers, DamagedNewestCheckpointFallsBackToAnOlderOne) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::resume_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace doppel {
+namespace doppel::schedule_test {
 namespace {
 
 Schedule make(Schedule::Kind kind) {
@@ -71,4 +71,4 @@ TEST(ScheduleRejects, UnknownKindAndNegativeRate) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::schedule_test

@@ -1,4 +1,7 @@
 #include "doppel/train/stage_chain.h"
+#include "doppel/data/batch_builder.h"
+#include "doppel/train/stage_table.h"
+#include "doppel/actor/run_stages.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,13 +14,13 @@
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/tex_net_stage.h"
-#include "doppel/train/trained_actor.h"
+#include "doppel/actor/trained_actor.h"
 #include "support/message_of.h"
 #include "support/same_run.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::stage_chain_test {
 namespace {
 
 using support::message_of;
@@ -76,16 +79,11 @@ using StageChainRecovers = Chain;
 using StageChainReference = Chain;
 using StageChainRejects = Chain;
 
-/// The stages of the chain `ddc`.
-std::vector<std::string> ddc_stages() {
-  return {stage_names().begin(), stage_names().begin() + static_cast<int>(StageKind::radiance)};
-}
-
 TEST_F(StageChainReference, TrainsEveryStageInItsOwnFolderAndReportsThemTogether) {
   ASSERT_EQ(summaries_.size(), 4u);
   for (const StageSummary& item : summaries_) {
     EXPECT_EQ(item.summary.reason, StopReason::finished);
-    EXPECT_TRUE(fs::exists(RunFolder(*folder_ / "run" / name_of(item.stage)).report())) << name_of(item.stage);
+    EXPECT_TRUE(fs::exists(RunFolder(*folder_ / "run" / item.stage).report())) << item.stage;
   }
   const std::string report = read_file(*folder_ / "run" / "report.html");
   for (const std::string& name : ddc_stages()) EXPECT_THAT(report, HasSubstr("<h1>" + name + "</h1>"));
@@ -114,7 +112,7 @@ TEST_F(StageChainReference, MemoryOfEveryStageStaysFlat) {
 
 TEST_F(StageChainReference, ASecondCallFindsEverythingDone) {
   for (const StageSummary& item : train_stages(chain(), *folder_ / "run", {}))
-    EXPECT_EQ(item.summary.resumed_at, item.summary.step) << name_of(item.stage);
+    EXPECT_EQ(item.summary.resumed_at, item.summary.step) << item.stage;
 }
 
 TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
@@ -122,7 +120,7 @@ TEST_F(StageChainReference, TheTrainedActorHasWhatWasTrained) {
   ASSERT_TRUE(actor.lighting && actor.deltanet && actor.texnet);
   const Dataset dataset = Dataset::open(prepared_);
   BatchOptions options;
-  options.window = actor.window();
+  options.past_frames = actor.past_frames();
   options.images = true;
   const Batch batch = make_batch(dataset, {dataset.samples(Split::test)[2]}, {{1}}, options);
   const torch::Tensor coarse = actor.coarse(batch.dofs), fine = actor.fine(batch.dofs);
@@ -144,7 +142,7 @@ TEST_F(StageChainRejects, ATextureUnderLightThatNobodyLearnt) {
   EXPECT_THAT(message_of([&] { make_tex_net(actor, config, generator); }), HasSubstr("texture"));
 }
 
-/// How well the light of the skinned template's pictures is found: an EGNet that does not move anything leaves only
+/// How well the light of the skinned template's images is found: an EGNet that does not move anything leaves only
 /// the light to learn.
 class LightingStageRecovers : public ::testing::Test {
  protected:
@@ -165,7 +163,7 @@ class LightingStageRecovers : public ::testing::Test {
     TrainedActor actor = TrainedActor::load(run);
     const Dataset dataset = Dataset::open(capture_);
     BatchOptions options;
-    options.window = actor.window();
+    options.past_frames = actor.past_frames();
     options.images = true;
     const Batch batch = make_batch(dataset, {dataset.samples(Split::train)[5]}, {{camera}}, options);
     const auto draw = [&](const torch::Tensor& light) {
@@ -187,7 +185,7 @@ class LightingStageRecovers : public ::testing::Test {
   int runs_ = 0;
 };
 
-TEST_F(LightingStageRecovers, TheLightOfThePictures) {
+TEST_F(LightingStageRecovers, TheLightOfTheImages) {
   // One camera sees half of the normals, which leaves mixtures of coefficients open; what it sees must be right.
   const float learnt = error("data: {batch_size: 4}", 2);
   EXPECT_LT(learnt, 0.015f);
@@ -213,7 +211,7 @@ TEST_F(StageChainRecovers, DeltaNetAndTexNetResumedEqualAnUnbrokenRunToTheBit) {
     fs::copy(kept.path(first), resumed / stage / "checkpoints");
     write_atomically(resumed / stage / "checkpoints" / "latest", kept.path(first).filename().string() + "\n");
     ChainOptions options;
-    options.stages = {stage_from(stage)};
+    options.stages = {stage};
     const auto summaries = train_stages(whole, resumed, options);
     EXPECT_EQ(summaries.at(0).summary.resumed_at, first);
     support::expect_same_run(*folder_ / "run" / stage, resumed / stage);
@@ -236,7 +234,7 @@ TEST_F(StageChainReference, AStageCanComeFromAnotherRun) {
                                              "deltanet.train.iterations=2", "texnet={run: " + run + "}"}),
                                       *folder_ / "borrower", {});
   ASSERT_EQ(summaries.size(), 1u);
-  EXPECT_EQ(summaries[0].stage, StageKind::deltanet);
+  EXPECT_EQ(summaries[0].stage, "deltanet");
   EXPECT_EQ(TrainedActor::load(*folder_ / "borrower").steps.at("egnet"), 12);
 }
 
@@ -244,11 +242,11 @@ TEST_F(StageChainRejects, ALaterStageOnOtherWeightsThanItWasTrainedOn) {
   const fs::path run = *folder_ / "changed";
   fs::copy(*folder_ / "run", run, fs::copy_options::recursive);
   ChainOptions overwrite;
-  overwrite.stages = {StageKind::egnet};
+  overwrite.stages = {"egnet"};
   overwrite.mode = RunMode::overwrite;
   train_stages(chain({"egnet.train.iterations=3"}), run, overwrite);
   ChainOptions later;
-  later.stages = {StageKind::deltanet};
+  later.stages = {"deltanet"};
   EXPECT_THAT(message_of([&] { train_stages(chain({"egnet.train.iterations=3"}), run, later); }),
               AllOf(HasSubstr("was trained on other data"), HasSubstr("egnet")));
 }
@@ -263,12 +261,12 @@ TEST_F(StageChainRejects, MistakesWithFileAndLine) {
   EXPECT_THAT(message_of([] { chain({"texnet.model.size=300"}); }), HasSubstr("power of two"));
   EXPECT_THAT(message_of([] { chain({"texnet.model.residual=false"}); }), HasSubstr("residual: true"));
   EXPECT_THAT(message_of([] { chain({"texnet.loss.distance=square"}); }), HasSubstr("squares"));
-  EXPECT_THAT(message_of([] { stage_from("deltnet"); }), HasSubstr("did you mean deltanet?"));
+  EXPECT_THAT(message_of([] { stage_entry("deltnet"); }), HasSubstr("did you mean deltanet?"));
 }
 
 TEST_F(StageChainRejects, StagesThatAreMissing) {
   ChainOptions options;
-  options.stages = {StageKind::deltanet};
+  options.stages = {"deltanet"};
   EXPECT_THAT(message_of([&] { train_stages(chain(), *folder_ / "nothing", options); }),
               HasSubstr("no checkpoint of egnet"));
   const StageChain without = chain_of("capture: " + prepared_.string() + "\nstage: ddc\negnet: {}\n");
@@ -284,19 +282,18 @@ TEST(StageChainConfigReference, ShippedConfigurationsAreRead) {
     const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "ddc.yaml";
     const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
     EXPECT_EQ(chain.capture(), "/somewhere");
-    for (int i = 0; i < static_cast<int>(StageKind::radiance); ++i)
-      EXPECT_TRUE(chain.has(static_cast<StageKind>(i))) << size << " " << i;
+    for (const std::string& stage : ddc_stages()) EXPECT_TRUE(chain.has(stage)) << size << " " << stage;
   }
   const StageChain paper = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/ddc.yaml", {"capture=/somewhere"}));
-  const auto delta = DeltaNetRunConfig::read(paper.stage(StageKind::deltanet));
+  const auto delta = DeltaNetRunConfig::read(paper.stage("deltanet"));
   EXPECT_EQ(delta.chroma_weight, 0.03775);
   EXPECT_EQ(delta.silhouette_weight, 500.0);
   EXPECT_EQ(delta.laplacian_weight, 1e5);
   EXPECT_EQ(delta.trainer.iterations, 360000);
-  EXPECT_EQ(LightingRunConfig::read(paper.stage(StageKind::lighting)).trainer.iterations, 30000);
-  EXPECT_EQ(TexNetRunConfig::read(paper.stage(StageKind::texnet)).loader.batch_size, 12);
+  EXPECT_EQ(LightingRunConfig::read(paper.stage("lighting")).trainer.iterations, 30000);
+  EXPECT_EQ(TexNetRunConfig::read(paper.stage("texnet")).loader.batch_size, 12);
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::stage_chain_test

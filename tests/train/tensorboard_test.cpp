@@ -7,10 +7,10 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/train/crc32c.h"
+#include "doppel/core/crc32c.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::tensorboard_test {
 
 using support::TemporaryFolder;
 
@@ -146,4 +146,4 @@ TEST(TensorBoardRejects, CutAndDamagedRecords) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::tensorboard_test

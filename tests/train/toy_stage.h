@@ -64,7 +64,7 @@ class ToyStage : public Stage {
   void restore_data(const std::string& state) override { std::istringstream(state) >> stream_; }
   std::string identity() const override { return identity_; }
   void prepare_evaluation() override { model_->norm->running_mean.fill_(42.0); }
-  std::vector<Picture> pictures() override {
+  std::vector<ReportImage> images() override {
     return {{"toy", "a grey square", cv::Mat(8, 8, CV_8UC3, cv::Scalar(128, 128, 128))}};
   }
 

@@ -11,7 +11,7 @@
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 
-namespace doppel {
+namespace doppel::trainer_test {
 
 using support::TemporaryFolder;
 
@@ -56,7 +56,7 @@ TEST(TrainerRecovers, ToyProblemIsLearnedAndEverythingWritten) {
   for (const auto& part : metrics[3].milliseconds) parts.push_back(part.first);
   EXPECT_THAT(parts, ::testing::UnorderedElementsAre("load", "backward", "optimiser"));
   EXPECT_TRUE(std::filesystem::exists(run.report()));
-  EXPECT_TRUE(std::filesystem::exists(run.pictures() / "toy.jpg"));
+  EXPECT_TRUE(std::filesystem::exists(run.images() / "toy.jpg"));
   EXPECT_EQ(read_file(run.checkpoints() / "latest"), "step-000400.pt\n");
 }
 
@@ -185,4 +185,4 @@ TEST(RunFolderRejects, FoldersThatAreNotRuns) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::trainer_test

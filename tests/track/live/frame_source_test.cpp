@@ -8,11 +8,11 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
-#include "doppel/data/video_file.h"
+#include "doppel/capture/video_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
-namespace doppel {
+namespace doppel::frame_source_test {
 namespace {
 
 using support::message_of;
@@ -23,9 +23,9 @@ cv::Mat grey(int value) { return cv::Mat(32, 48, CV_8UC3, cv::Scalar::all(value)
 
 std::vector<long> numbers(FrameSource& source) {
   std::vector<long> result;
-  while (const auto picture = source.next()) {
-    EXPECT_EQ(picture->number, static_cast<long>(result.size()));
-    result.push_back(picture->frame);
+  while (const auto image = source.next()) {
+    EXPECT_EQ(image->number, static_cast<long>(result.size()));
+    result.push_back(image->frame);
   }
   return result;
 }
@@ -35,8 +35,8 @@ class Sources : public ::testing::Test {
   Sources() {
     std::filesystem::create_directory(folder_ / "pictures");
     for (const int i : {2, 0, 1})
-      cv::imwrite((folder_ / fmt::format("pictures/{}.png", i)).string(), grey(50 + 60 * i));
-    std::ofstream(folder_ / "pictures/notes.txt") << "not a picture";
+      cv::imwrite((folder_ / fmt::format("images/{}.png", i)).string(), grey(50 + 60 * i));
+    std::ofstream(folder_ / "images/notes.txt") << "not an image";
     VideoFile video(folder_ / "film.mp4", {48, 32}, 50.0);
     for (int i = 0; i < 4; ++i) video.write(grey(40 * i));
     video.close();
@@ -49,7 +49,7 @@ TEST_F(Sources, AFolderComesInTheOrderOfItsNames) {
   EXPECT_EQ(source->size(), cv::Size(48, 32));
   EXPECT_EQ(source->frames_per_second(), 25.0);
   EXPECT_FALSE(source->live());
-  for (const int value : {50, 110, 170}) EXPECT_EQ(source->next()->picture.at<cv::Vec3b>(5, 5)[1], value);
+  for (const int value : {50, 110, 170}) EXPECT_EQ(source->next()->image.at<cv::Vec3b>(5, 5)[1], value);
   EXPECT_FALSE(source->next());
 }
 
@@ -87,16 +87,16 @@ TEST_F(Sources, WhatIsNoneIsNamed) {
   };
   EXPECT_THAT(complaint(folder_ / "nowhere"), HasSubstr("neither the number of a camera"));
   EXPECT_THAT(complaint("977"), HasSubstr("no such camera"));
-  EXPECT_THAT(complaint(folder_ / "pictures/notes.txt"), HasSubstr("no video"));
+  EXPECT_THAT(complaint(folder_ / "images/notes.txt"), HasSubstr("no video"));
   std::ofstream(folder_ / "empty.mp4");
   EXPECT_THAT(complaint(folder_ / "empty.mp4"), HasSubstr("no video"));
   std::filesystem::create_directory(folder_ / "nothing");
-  EXPECT_THAT(complaint(folder_ / "nothing"), HasSubstr("holds no picture"));
-  cv::imwrite((folder_ / "pictures/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
+  EXPECT_THAT(complaint(folder_ / "nothing"), HasSubstr("holds no image"));
+  cv::imwrite((folder_ / "images/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
   const auto source = open_source((folder_ / "pictures").string());
   for (int i = 0; i < 3; ++i) source->next();
   EXPECT_THAT(message_of<Error>([&] { source->next(); }), HasSubstr("10 x 10 pixels"));
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::frame_source_test

@@ -12,7 +12,7 @@
 #include "support/message_of.h"
 #include "track/live/live_fixture.h"
 
-namespace doppel {
+namespace doppel::live_run_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -27,11 +27,11 @@ std::vector<std::string> states_of(const nlohmann::ordered_json& report) {
   return states;
 }
 
-TEST_F(LiveCapture, TracksAFolderOfPicturesAndDropsNone) {
+TEST_F(LiveCapture, TracksAFolderOfImagesAndDropsNone) {
   LiveView seen = view();
   const auto source = open_source((root() / "film").string());
-  const auto solver = make_livecap_solver(seen, config());
-  const auto report = track_live(*source, seen, *solver, options("out"));
+  const auto solver = livecap_tracker(seen, config());
+  const auto report = to_json(track_live(*source, seen, *solver, options("out")));
   const auto& sequence = report["sequences"]["live"];
   EXPECT_EQ(sequence["frames"], kFrames);
   EXPECT_EQ(sequence["live"]["pictures"], kFrames);
@@ -55,7 +55,7 @@ TEST_F(LiveCapture, SameFilesWithAnyNumberOfThreads) {
     at::set_num_threads(threads);
     LiveView seen = view();
     const auto source = open_source((root() / "film").string());
-    const auto solver = make_livecap_solver(seen, config());
+    const auto solver = livecap_tracker(seen, config());
     track_live(*source, seen, *solver, options(fmt::format("with{}", threads)));
   }
   at::set_num_threads(before);
@@ -65,35 +65,35 @@ TEST_F(LiveCapture, SameFilesWithAnyNumberOfThreads) {
 
 TEST_F(LiveCapture, ALiveSourceIsNeverWaitedFor) {
   LiveView seen = view();
-  FakeSource source(std::vector<cv::Mat>(30, picture(0)), true, [](long) { return 0.01; });
-  SlowSolver solver(seen, 0.06);
-  const auto report = track_live(source, seen, solver, options("live"));
+  FakeSource source(std::vector<cv::Mat>(30, image(0)), true, [](long) { return 0.01; });
+  SlowTracker solver(seen, 0.06);
+  const auto report = to_json(track_live(source, seen, solver, options("live")));
   const auto& live = report["sequences"]["live"]["live"];
-  const long dropped = live["dropped"], pictures = live["pictures"], tracked = report["sequences"]["live"]["frames"];
-  EXPECT_EQ(pictures, 30);
+  const long dropped = live["dropped"], images = live["pictures"], tracked = report["sequences"]["live"]["frames"];
+  EXPECT_EQ(images, 30);
   EXPECT_GE(dropped, 10);
-  EXPECT_EQ(dropped + tracked, pictures);
+  EXPECT_EQ(dropped + tracked, images);
 }
 
 TEST_F(LiveCapture, ASourceThatFallsSilentIsFoundAgain) {
   LiveView seen = view();
-  FakeSource source(std::vector<cv::Mat>(8, picture(0)), true, [](long number) { return number == 4 ? 1.5 : 0.05; });
-  SlowSolver solver(seen, 0.0);
+  FakeSource source(std::vector<cv::Mat>(8, image(0)), true, [](long number) { return number == 4 ? 1.5 : 0.05; });
+  SlowTracker solver(seen, 0.0);
   LiveRunOptions wanted = options("silent");
   wanted.silence = 0.7;
-  const auto report = track_live(source, seen, solver, wanted);
+  const auto report = to_json(track_live(source, seen, solver, wanted));
   EXPECT_EQ(solver.pauses, 1);
   EXPECT_THAT(states_of(report), ::testing::Contains(HasSubstr("recovered")));
 }
 
 TEST_F(LiveCapture, EndsWhenAskedToAndKeepsWhatWasTracked) {
   LiveView seen = view();
-  FakeSource source(std::vector<cv::Mat>(1000, picture(0)), true, [](long number) {
+  FakeSource source(std::vector<cv::Mat>(1000, image(0)), true, [](long number) {
     if (number == 12) request_stop();
     return 0.02;
   });
-  SlowSolver solver(seen, 0.0);
-  const auto report = track_live(source, seen, solver, options("stopped"));
+  SlowTracker solver(seen, 0.0);
+  const auto report = to_json(track_live(source, seen, solver, options("stopped")));
   request_stop(false);
   const long frames = report["sequences"]["live"]["frames"];
   EXPECT_GT(frames, 3);
@@ -101,16 +101,16 @@ TEST_F(LiveCapture, EndsWhenAskedToAndKeepsWhatWasTracked) {
   EXPECT_EQ(read_motion(root() / "stopped/live.motion", character_.num_dofs()).num_frames(), frames);
 }
 
-TEST_F(LiveCapture, BlackPicturesAndAWrongWallAreNoReasonToFall) {
-  std::vector<cv::Mat> all = pictures();
+TEST_F(LiveCapture, BlackImagesAndAWrongWallAreNoReasonToFall) {
+  std::vector<cv::Mat> all = images();
   for (const int frame : {4, 5}) all[static_cast<std::size_t>(frame)].setTo(0);
   for (const bool wrong_wall : {false, true}) {
     if (wrong_wall) cv::imwrite((root() / "empty.png").string(), cv::Mat(192, 192, CV_8UC3, cv::Scalar(250, 10, 200)));
     LiveView seen = view();
     FakeSource source(all, false);
-    const auto solver = make_livecap_solver(seen, config());
+    const auto solver = livecap_tracker(seen, config());
     const std::string out = wrong_wall ? "wrong" : "black";
-    const auto report = track_live(source, seen, *solver, options(out));
+    const auto report = to_json(track_live(source, seen, *solver, options(out)));
     for (const float x : read_npy(root() / out / "live_vertices.npy").as<float>()) ASSERT_TRUE(std::isfinite(x));
     EXPECT_EQ(report["sequences"]["live"]["lost_frames"].dump(), "[3]") << "keypoints hold what masks do not";
     const Motion motion = read_motion(root() / out / "live.motion", character_.num_dofs());
@@ -123,21 +123,21 @@ TEST_F(LiveCapture, NobodyAtAllIsReported) {
   FakeSource source(std::vector<cv::Mat>(5, wall()), false);
   std::ofstream(root() / "points.csv") << "frame,camera,name,x,y,confidence\n0,c1,landmark_0,5,5,0.9\n";
   LiveView nobody = view();
-  const auto solver = make_livecap_solver(nobody, config());
-  const auto report = track_live(source, nobody, *solver, options("nobody"));
+  const auto solver = livecap_tracker(nobody, config());
+  const auto report = to_json(track_live(source, nobody, *solver, options("nobody")));
   EXPECT_THAT(states_of(report), ElementsAre("0 lost"));
   EXPECT_FALSE(fs::exists(root() / "nobody/live.motion"));
   FakeSource nothing({}, false);
   EXPECT_THAT(message_of<Error>([&] { track_live(nothing, nobody, *solver, options("nothing")); }),
-              HasSubstr("delivered no picture"));
+              HasSubstr("delivered no image"));
 }
 
 TEST_F(LiveCapture, LearnsTheEmptySceneFromTheSource) {
   write_yaml("unknown.yaml", "masks: 'none_{frame}.png'");
   LiveView seen = view("unknown.yaml");
   seen.learn_empty_scene({wall(), wall()});
-  FakeSource source(pictures(), false);
-  const SourcePicture first = *source.next();
+  FakeSource source(images(), false);
+  const SourceImage first = *source.next();
   FootageFrame found = seen.preprocess(first);
   seen.detect(first, found);
   const cv::Mat expected = mask_of(model_, cameras_[1], truth(0));
@@ -152,8 +152,8 @@ TEST_F(LiveCapture, HoldsNoMoreMemoryHoweverLongItGoesOn) {
   SourceOptions playing;
   playing.repeat = 40;
   const auto source = open_source((root() / "film").string(), playing);
-  const auto solver = make_livecap_solver(seen, config());
-  const auto report = track_live(*source, seen, *solver, options("long"));
+  const auto solver = livecap_tracker(seen, config());
+  const auto report = to_json(track_live(*source, seen, *solver, options("long")));
   EXPECT_EQ(report["sequences"]["live"]["frames"], 40 * kFrames);
   const auto& memory = report["sequences"]["live"]["live"]["memory_mb"];
   EXPECT_GT(memory["after_100_frames"].get<double>(), 0.0);
@@ -178,8 +178,8 @@ TEST_F(LiveCapture, SaysWhatIsMissing) {
 
 TEST_F(LiveCapture, ThePreviewShowsEveryFrameInAFilm) {
   LiveView seen = view();
-  FakeSource source(pictures(), false);
-  const auto solver = make_livecap_solver(seen, config());
+  FakeSource source(images(), false);
+  const auto solver = livecap_tracker(seen, config());
   const fs::path film = root() / "films/preview.mp4";
   const auto preview = open_preview(film.string(), seen.camera(), seen.character().mesh, 25.0);
   track_live(source, seen, *solver, options("shown"), preview.get());
@@ -189,4 +189,4 @@ TEST_F(LiveCapture, ThePreviewShowsEveryFrameInAFilm) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::live_run_test

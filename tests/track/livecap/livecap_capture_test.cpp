@@ -6,11 +6,11 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/track/outline.h"
+#include "doppel/energy/outline.h"
 #include "support/message_of.h"
 #include "track/tube_capture.h"
 
-namespace doppel {
+namespace doppel::livecap_capture_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -23,11 +23,11 @@ class LivecapCapture : public TrackCapture {
     LivecapCaptureOptions options;
     options.out = root() / out;
     options.vertices = true;
-    options.config.fit.fewest_keypoints = 6;  // of eight
+    options.config.fit.min_keypoints = 6;  // of eight
     return options;
   }
   nlohmann::ordered_json track(const LivecapCaptureOptions& options) const {
-    return track_livecap(*Footage::open(root(), options.config.fit.outline_pixels, "c1"), options);
+    return to_json(track_livecap(*Footage::open(root(), options.config.fit.outline_pixels, "c1"), options));
   }
 };
 
@@ -167,11 +167,11 @@ TEST(LivecapConfig, TheFileHoldsTheDefaults) {
                             double(f.outline_vertices),
                             double(f.solver.iterations),
                             f.solver.initial_damping,
-                            f.solver.smallest_gain,
+                            f.solver.function_tolerance,
                             double(f.start_iterations),
-                            f.agreement,
-                            f.smallest_share,
-                            double(f.fewest_keypoints),
+                            f.inlier_threshold,
+                            f.min_inlier_ratio,
+                            double(f.min_keypoints),
                             double(f.surface),
                             s.photometric_weight,
                             s.colour_threshold,
@@ -187,7 +187,7 @@ TEST(LivecapConfig, TheFileHoldsTheDefaults) {
                             s.acceleration_weight,
                             double(s.warp_displacements),
                             double(s.snap),
-                            s.lonely_motion,
+                            s.max_isolated_motion,
                             double(s.conjugate_gradients),
                             double(s.window_pixels),
                             config.smoothing,
@@ -199,4 +199,4 @@ TEST(LivecapConfig, TheFileHoldsTheDefaults) {
 }
 
 }  // namespace
-}  // namespace doppel
+}  // namespace doppel::livecap_capture_test

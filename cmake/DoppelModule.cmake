@@ -1,0 +1,162 @@
+# doppel_module(NAME [TORCH] [TORCH_SOURCES ...] [KERNELS ...] [GENERATED ...] [DEPENDS ...])
+#   One module: a static library doppel_<name> of every .cpp in its folder. Headers are included as "doppel/<name>/...".
+#   TORCH          the module works on tensors: it links LibTorch, and all its sources use the precompiled torch header
+#   TORCH_SOURCES  a module without TORCH: the few sources that work on tensors
+#   KERNELS        sources compiled once per instruction set and chosen when the program starts (core/cpu_dispatch.h)
+#   GENERATED      sources written by the build
+#   DEPENDS        modules of lower levels (doppel_core, ...) and outside libraries, all public
+#
+# doppel_test(MODULE [TORCH] [REAL] DEPENDS ...)
+#   The executable <module>_test of every *_test.cpp in its folder and its ctest entries: <module> for everything but
+#   suites named Real*, and with REAL <module>_real (label `real`) for those; they look for DOPPEL_SHARED and skip
+#   without it.
+#
+# Sources are compiled several at a time (unity builds): most of the time of a source goes into the headers it includes.
+# DOPPEL_UNITY_BATCH says how many; 1 compiles each alone.
+
+set(DOPPEL_UNITY_BATCH 10 CACHE STRING "How many sources are compiled as one; 1: each alone")
+
+# Includes read the same in the tree and in an installed copy: this link makes "doppel/core/error.h" of src/core/error.h.
+set(DOPPEL_INCLUDE_DIR ${CMAKE_BINARY_DIR}/include)
+file(MAKE_DIRECTORY ${DOPPEL_INCLUDE_DIR})
+file(CREATE_LINK ${CMAKE_SOURCE_DIR}/src ${DOPPEL_INCLUDE_DIR}/doppel SYMBOLIC)
+
+add_library(doppel_flags INTERFACE)
+add_library(Doppel::doppel_flags ALIAS doppel_flags)
+target_compile_options(doppel_flags INTERFACE
+  $<BUILD_INTERFACE:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wno-unknown-pragmas>)
+if(DOPPEL_SANITIZE)
+  # GCC 12 reports uninitialised members inside std::regex, std::function and its own intrinsics once sanitizers are on;
+  # there are none.
+  target_compile_options(doppel_flags INTERFACE
+    $<BUILD_INTERFACE:-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
+    -Wno-maybe-uninitialized -Wno-uninitialized>)
+  target_link_options(doppel_flags INTERFACE $<BUILD_INTERFACE:-fsanitize=address,undefined>)
+endif()
+
+# LibTorch's headers as system headers, so that only our own code is held to our warnings.
+add_library(doppel_torch INTERFACE)
+target_include_directories(doppel_torch SYSTEM INTERFACE "$<BUILD_INTERFACE:${TORCH_INCLUDE_DIRS}>")
+target_link_libraries(doppel_torch INTERFACE ${TORCH_LIBRARIES} OpenMP::OpenMP_CXX)
+separate_arguments(doppel_torch_flags UNIX_COMMAND "${TORCH_CXX_FLAGS}")
+target_compile_options(doppel_torch INTERFACE ${doppel_torch_flags})
+
+# The torch headers, compiled once for the whole project.
+file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/pch/torch_pch.cpp
+  CONTENT "// Holds the precompiled torch header that every module reuses.\n")
+add_library(doppel_torch_pch OBJECT ${CMAKE_BINARY_DIR}/pch/torch_pch.cpp)
+target_link_libraries(doppel_torch_pch PRIVATE doppel_flags doppel_torch Threads::Threads)
+target_precompile_headers(doppel_torch_pch PRIVATE <torch/torch.h> <torch/script.h> <ATen/Parallel.h>)
+
+set(DOPPEL_ISA_FLAGS_avx2 -mavx2 -mfma -mf16c)
+set(DOPPEL_ISA_FLAGS_avx512 -mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx2 -mfma -mf16c -mprefer-vector-width=512)
+set(DOPPEL_ISAS baseline)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  list(APPEND DOPPEL_ISAS avx2 avx512)
+endif()
+
+# Kernels include no library's inline code but <cmath> and friends: a function that the linker may share between
+# instruction sets would end up compiled for the widest.
+function(doppel_kernels target)
+  foreach(isa IN LISTS DOPPEL_ISAS)
+    set(object ${target}_kernels_${isa})
+    add_library(${object} OBJECT ${ARGN})
+    target_include_directories(${object} PRIVATE ${DOPPEL_INCLUDE_DIR})
+    target_compile_definitions(${object} PRIVATE DOPPEL_ISA=${isa})
+    target_compile_options(${object} PRIVATE -O3 -fno-math-errno -fno-trapping-math ${DOPPEL_ISA_FLAGS_${isa}})
+    target_link_libraries(${object} PRIVATE doppel_flags)
+    target_sources(${target} PRIVATE $<TARGET_OBJECTS:${object}>)
+  endforeach()
+endfunction()
+
+function(doppel_unity target)
+  if(DOPPEL_UNITY_BATCH GREATER 1)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${DOPPEL_UNITY_BATCH})
+  endif()
+endfunction()
+
+# The target `headers` compiles every header of every module alone, which is how a user includes it. It is no part of the
+# ordinary build; scripts/check.sh asks for it. (In modules with TORCH the torch headers are there already.)
+function(doppel_module_headers name torch)
+  file(GLOB_RECURSE headers RELATIVE ${CMAKE_SOURCE_DIR}/src ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
+  list(FILTER headers EXCLUDE REGEX "lanes\\.h$")  # parts of kernel files, which refuse to stand alone
+  set(sources)
+  foreach(header IN LISTS headers)
+    string(MAKE_C_IDENTIFIER ${header} unit)
+    set(source ${CMAKE_BINARY_DIR}/headers/${unit}.cpp)
+    # Twice: the second time it must change nothing.
+    file(CONFIGURE OUTPUT ${source} CONTENT "#include \"doppel/${header}\"\n#include \"doppel/${header}\"\n")
+    list(APPEND sources ${source})
+  endforeach()
+  add_library(doppel_${name}_headers OBJECT EXCLUDE_FROM_ALL ${sources})
+  target_link_libraries(doppel_${name}_headers PRIVATE doppel_${name})
+  if(torch)
+    target_precompile_headers(doppel_${name}_headers REUSE_FROM doppel_torch_pch)
+  endif()
+  if(NOT TARGET headers)
+    add_custom_target(headers)
+  endif()
+  add_dependencies(headers doppel_${name}_headers)
+endfunction()
+
+function(doppel_module name)
+  cmake_parse_arguments(ARG "TORCH" "" "TORCH_SOURCES;KERNELS;GENERATED;DEPENDS" ${ARGN})
+  set(target doppel_${name})
+  file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
+  if(ARG_KERNELS OR ARG_TORCH_SOURCES)
+    list(REMOVE_ITEM sources ${ARG_KERNELS} ${ARG_TORCH_SOURCES})
+  endif()
+  add_library(${target} STATIC ${sources} ${ARG_GENERATED})
+  add_library(Doppel::${target} ALIAS ${target})
+  target_include_directories(${target} PUBLIC
+    $<BUILD_INTERFACE:${DOPPEL_INCLUDE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  target_compile_features(${target} PUBLIC cxx_std_17)
+  target_link_libraries(${target} PUBLIC doppel_flags Threads::Threads ${ARG_DEPENDS})
+  doppel_unity(${target})
+  if(ARG_TORCH)
+    target_link_libraries(${target} PUBLIC doppel_torch)
+    target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
+  elseif(ARG_TORCH_SOURCES)
+    add_library(${target}_torch OBJECT ${ARG_TORCH_SOURCES})
+    target_link_libraries(${target}_torch PRIVATE doppel_flags doppel_torch Threads::Threads ${ARG_DEPENDS})
+    target_include_directories(${target}_torch PRIVATE ${DOPPEL_INCLUDE_DIR})
+    target_precompile_headers(${target}_torch REUSE_FROM doppel_torch_pch)
+    doppel_unity(${target}_torch)
+    target_sources(${target} PRIVATE $<TARGET_OBJECTS:${target}_torch>)
+    target_link_libraries(${target} PUBLIC doppel_torch)
+  endif()
+  if(ARG_KERNELS)
+    doppel_kernels(${target} ${ARG_KERNELS})
+  endif()
+  set_property(GLOBAL APPEND PROPERTY DOPPEL_MODULES ${target})
+  if(DOPPEL_BUILD_TESTS)
+    doppel_module_headers(${name} "${ARG_TORCH}")
+  endif()
+endfunction()
+
+# A program that reuses the torch header: GCC takes a precompiled header only where the code is position-independent in
+# the same way, so -fPIC here too, not an executable's own -fPIE.
+function(doppel_reuse_torch_header program)
+  set_target_properties(${program} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+  target_compile_options(${program} PRIVATE -fPIC)
+  target_precompile_headers(${program} REUSE_FROM doppel_torch_pch)
+endfunction()
+
+function(doppel_test module)
+  cmake_parse_arguments(ARG "TORCH;REAL" "" "DEPENDS" ${ARGN})
+  set(target ${module}_test)
+  file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *_test.cpp)
+  add_executable(${target} ${sources})
+  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
+  target_compile_definitions(${target} PRIVATE DOPPEL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  target_link_libraries(${target} PRIVATE ${ARG_DEPENDS} GTest::gmock GTest::gtest_main)
+  doppel_unity(${target})
+  if(ARG_TORCH)
+    doppel_reuse_torch_header(${target})
+  endif()
+  add_test(NAME ${module} COMMAND ${target} --gtest_filter=-Real* --gtest_brief=1)
+  if(ARG_REAL)
+    add_test(NAME ${module}_real COMMAND ${target} --gtest_filter=Real* --gtest_brief=1)
+    set_tests_properties(${module}_real PROPERTIES LABELS real)
+  endif()
+endfunction()

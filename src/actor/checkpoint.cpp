@@ -1,0 +1,237 @@
+#include "doppel/actor/checkpoint.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <regex>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/text_reader.h"
+#include "doppel/core/crc32c.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+using TensorDict = c10::Dict<std::string, torch::Tensor>;
+using TextDict = c10::Dict<std::string, std::string>;
+
+std::string describe(const torch::Tensor& tensor) {
+  std::string shape;
+  for (std::int64_t size : tensor.sizes()) shape += (shape.empty() ? "" : ",") + std::to_string(size);
+  return fmt::format("{} [{}]", c10::toString(tensor.scalar_type()), shape);
+}
+
+/// The part of a reader's message that a user can use: LibTorch appends its call stack.
+std::string first_line(const char* what) {
+  const std::string text(what);
+  return text.substr(0, std::min<std::size_t>(text.find('\n'), 200));
+}
+
+/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler trusts what it reads, so a
+/// damaged file must be found before it gets there.
+constexpr const char* kSeal = "doppel crc32c ";
+constexpr std::size_t kSealSize = 14 + 8;
+
+std::string seal(const char* data, std::size_t size) { return fmt::format("{}{:08x}", kSeal, crc32c(data, size)); }
+
+void append_seal(std::vector<char>& archive) {
+  // A zip file ends in the length of its comment, which was 0.
+  archive[archive.size() - 2] = static_cast<char>(kSealSize);
+  const std::string comment = seal(archive.data(), archive.size());
+  archive.insert(archive.end(), comment.begin(), comment.end());
+}
+
+c10::IValue unpickle(const fs::path& path) {
+  const std::string bytes = read_file(path);
+  const FileLocation where{path.string(), 0};
+  const std::size_t size = bytes.size() < kSealSize ? 0 : bytes.size() - kSealSize;
+  if (size == 0 || bytes.compare(0, 2, "PK") != 0)
+    fail_at(where, "not a checkpoint: it holds {} bytes and is not a zip archive", bytes.size());
+  if (bytes.compare(size, std::string::npos, seal(bytes.data(), size)) != 0)
+    fail_at(where,
+            "the checkpoint is damaged or not one of Doppel's: its checksum does not match. Remove it; training "
+            "resumes from "
+            "an older one");
+  try {
+    return torch::pickle_load(std::vector<char>(bytes.begin(), bytes.end()));
+  } catch (const std::exception& e) {
+    fail_at(where, "not a checkpoint of Doppel ({})", first_line(e.what()));
+  }
+}
+
+}  // namespace
+
+const torch::Tensor& Checkpoint::tensor(const std::string& name) const {
+  const auto found = tensors_.find(name);
+  if (found == tensors_.end()) fail("{}: no tensor `{}`; the checkpoint belongs to another model", where_, name);
+  return found->second;
+}
+
+const std::string& Checkpoint::text(const std::string& name) const {
+  const auto found = texts_.find(name);
+  if (found == texts_.end()) fail("{}: no entry `{}`; the checkpoint belongs to another version", where_, name);
+  return found->second;
+}
+
+double Checkpoint::number(const std::string& name) const {
+  const auto value = parse_number(text(name));
+  if (!value) fail("{}: entry `{}` should be a number, found `{}`", where_, name, text(name));
+  return *value;
+}
+
+std::int64_t Checkpoint::integer(const std::string& name) const {
+  const double value = number(name);
+  if (!(value >= 0.0 && value < 9e15 && value == std::floor(value)))
+    fail("{}: entry `{}` should be a count, found `{}`", where_, name, text(name));
+  return static_cast<std::int64_t>(value);
+}
+
+void Checkpoint::copy_tensor(const std::string& name, torch::Tensor target) const {
+  const torch::Tensor& source = tensor(name);
+  if (source.sizes() != target.sizes() || source.scalar_type() != target.scalar_type())
+    fail("{}: `{}` is {}, the model wants {}; the checkpoint belongs to another character or configuration", where_,
+         name, describe(source), describe(target));
+  torch::NoGradGuard no_grad;
+  target.copy_(source);
+}
+
+void Checkpoint::save(const fs::path& path) const {
+  TensorDict tensors;
+  for (const auto& [name, tensor] : tensors_) {
+    // A view would drag its whole storage into the file.
+    const bool whole = tensor.is_contiguous() && tensor.storage().nbytes() == tensor.nbytes();
+    tensors.insert(name, whole ? tensor : tensor.clone(torch::MemoryFormat::Contiguous));
+  }
+  TextDict texts;
+  for (const auto& [name, text] : texts_) texts.insert(name, text);
+  c10::impl::GenericDict root(c10::StringType::get(), c10::AnyType::get());
+  root.insert("format", std::string(kFormat));
+  root.insert("texts", texts);
+  root.insert("tensors", tensors);
+  std::vector<char> bytes = torch::pickle_save(root);
+  append_seal(bytes);
+  write_atomically(path, [&bytes](const fs::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary);
+    out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    out.close();
+    if (!out) fail("cannot write {}: is the disk full?", temporary.string());
+  });
+}
+
+Checkpoint Checkpoint::load(const fs::path& path) {
+  const c10::IValue value = unpickle(path);
+  const FileLocation where{path.string(), 0};
+  Checkpoint checkpoint;
+  checkpoint.where_ = path.string();
+  try {
+    const auto root = value.toGenericDict();
+    const auto format = root.at("format").toStringRef();
+    if (format != kFormat) fail_at(where, "the format is `{}`; this program reads `{}`", format, kFormat);
+    for (const auto& entry : root.at("texts").toGenericDict())
+      checkpoint.texts_[entry.key().toStringRef()] = entry.value().toStringRef();
+    for (const auto& entry : root.at("tensors").toGenericDict())
+      checkpoint.tensors_[entry.key().toStringRef()] = entry.value().toTensor();
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& e) {
+    fail_at(where, "not a checkpoint of Doppel ({})", first_line(e.what()));
+  }
+  return checkpoint;
+}
+
+void save_module(const torch::nn::Module& module, const std::string& prefix, Checkpoint& checkpoint) {
+  for (const auto& item : module.named_parameters()) checkpoint.set_tensor(prefix + item.key(), item.value());
+  for (const auto& item : module.named_buffers())
+    if (item.value().defined()) checkpoint.set_tensor(prefix + item.key(), item.value());
+}
+
+void load_module(torch::nn::Module& module, const std::string& prefix, const Checkpoint& checkpoint) {
+  for (auto& item : module.named_parameters()) checkpoint.copy_tensor(prefix + item.key(), item.value());
+  for (auto& item : module.named_buffers())
+    if (item.value().defined()) checkpoint.copy_tensor(prefix + item.key(), item.value());
+}
+
+CheckpointFolder::CheckpointFolder(fs::path folder, int keep_last, std::int64_t keep_every)
+    : folder_(std::move(folder)), keep_last_(std::max(1, keep_last)), keep_every_(keep_every) {}
+
+fs::path CheckpointFolder::path(std::int64_t step) const { return folder_ / fmt::format("step-{:06}.pt", step); }
+
+std::vector<std::int64_t> CheckpointFolder::steps() const {
+  static const std::regex pattern("step-([0-9]{6,12})\\.pt");
+  std::vector<std::int64_t> steps;
+  if (!fs::is_directory(folder_)) return steps;
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    const std::string name = entry.path().filename().string();
+    std::smatch match;
+    if (std::regex_match(name, match, pattern)) steps.push_back(std::stoll(match[1]));
+  }
+  std::sort(steps.begin(), steps.end());
+  return steps;
+}
+
+std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest() const {
+  std::vector<std::int64_t> candidates = steps();
+  if (candidates.empty()) return std::nullopt;
+  // A checkpoint newer than `latest` is whole too (it was renamed into place), so the newest that reads is the one.
+  std::string first_error;
+  for (auto step = candidates.rbegin(); step != candidates.rend(); ++step) {
+    try {
+      return std::make_pair(*step, Checkpoint::load(path(*step)));
+    } catch (const Error& e) {
+      log::warn("{}", e.what());
+      if (first_error.empty()) first_error = e.what();
+    }
+  }
+  fail("no checkpoint in {} can be read; use --overwrite to start anew. {}", folder_.string(), first_error);
+}
+
+void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
+  fs::create_directories(folder_);
+  checkpoint.save(path(step));
+  write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  remove_leftovers();
+  prune();
+}
+
+void CheckpointFolder::prune() const {
+  std::vector<std::int64_t> all = steps();
+  const std::size_t kept = std::min(all.size(), static_cast<std::size_t>(keep_last_));
+  for (std::size_t i = 0; i + kept < all.size(); ++i) {
+    const bool milestone = keep_every_ > 0 && all[i] % keep_every_ == 0;
+    std::error_code ignored;
+    if (!milestone) fs::remove(path(all[i]), ignored);
+  }
+}
+
+void CheckpointFolder::remove_leftovers() const {
+  static const std::regex whole("(step-[0-9]{6,12}\\.pt)|latest"), ours(".*(step-[0-9]{6,12}|latest).*");
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder_, ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (std::regex_match(name, ours) && !std::regex_match(name, whole)) fs::remove(entry.path(), ignored);
+  }
+}
+
+void CheckpointFolder::keep_only(std::int64_t step) {
+  if (!fs::exists(path(step))) fail("{}: there is no checkpoint of step {}", folder_.string(), step);
+  write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  for (const std::int64_t other : steps()) {
+    std::error_code ignored;
+    if (other != step) fs::remove(path(other), ignored);
+  }
+}
+
+void CheckpointFolder::clear() {
+  std::error_code ignored;
+  if (!fs::is_directory(folder_)) return;
+  remove_leftovers();
+  for (std::int64_t step : steps()) fs::remove(path(step), ignored);
+  fs::remove(folder_ / "latest", ignored);
+}
+
+}  // namespace doppel

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <torch/torch.h>
+
+#include "doppel/actor/trained_actor.h"
+#include "doppel/render/buffers.h"
+
+namespace doppel {
+
+/// How a surface is coloured.
+struct Appearance {
+  torch::Tensor texture;   ///< [B or 1,Th,Tw,3] RGB 0..1
+  torch::Tensor lighting;  ///< [B or 1,C,3,9]; undefined: the texture's colours as they are
+};
+
+/// The texture of the template, unlit. @pre the template has one (TrainedActor::static_texture)
+Appearance static_appearance(const TrainedActor& actor);
+/// The texture of the template under the light that cameras learnt (6.6). @param cameras int64 [B,C]
+Appearance lit_appearance(TrainedActor& actor, const torch::Tensor& cameras);
+/// TexNet's texture for a motion and a view (6.8), unlit. @param dof_window [B,F+1,D] @param projection [B,3,4]
+Appearance dynamic_appearance(TrainedActor& actor, const torch::Tensor& dof_window, const torch::Tensor& projection);
+
+/// Draws a surface, with gradients to vertices, texture and lighting.
+/// @param vertices [B,N,3] world metres @param projection [B,C,3,4] pixels from world metres
+ShadedImage draw(const RenderMesh& mesh, const torch::Tensor& vertices, const Appearance& appearance,
+                 const torch::Tensor& projection, std::int64_t height, std::int64_t width, bool nearest = false);
+
+/// Draws as a camera films: the mean over samples x samples points of each pixel. Without gradients.
+SupersampledImage draw_filmed(const RenderMesh& mesh, const torch::Tensor& vertices, const Appearance& appearance,
+                              const torch::Tensor& projection, std::int64_t height, std::int64_t width, int samples);
+
+}  // namespace doppel

@@ -1,0 +1,108 @@
+#include "doppel/actor/run_folder.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <map>
+#include <regex>
+#include <set>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Keys that may change when a run is resumed. The capture is compared by what it holds (Stage::identity).
+const std::set<std::string> kFreeKeys = {
+    "capture",         "data.workers",     "train.max_minutes",   "train.checkpoint_every",
+    "train.keep_last", "train.keep_every", "train.images_every", "train.pictures_every"};
+
+void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& out) {
+  if (node.IsMap()) {
+    for (const auto& item : node) {
+      const std::string key = item.first.as<std::string>();
+      flatten(item.second, prefix.empty() ? key : prefix + "." + key, out);
+    }
+  } else if (node.IsDefined() && !node.IsNull()) {
+    YAML::Emitter emitter;
+    emitter << YAML::Flow << node;
+    out[prefix] = emitter.c_str();
+  }
+}
+
+/// What a kill in the middle of an atomic write leaves behind: `.report.4711-0.html` and the like.
+void remove_leftovers(const fs::path& folder) {
+  static const std::regex leftover("\\.(config|metrics|report|evaluation)\\.[0-9]+-[0-9]+\\.[a-z]+");
+  std::error_code ignored;
+  if (!fs::is_directory(folder)) return;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (std::regex_match(entry.path().filename().string(), leftover)) fs::remove(entry.path(), ignored);
+}
+
+std::map<std::string, std::string> flatten(const std::string& yaml) {
+  std::map<std::string, std::string> values;
+  try {
+    flatten(YAML::Load(yaml), "", values);
+  } catch (const YAML::Exception& e) {
+    fail("the run's config.yaml is not YAML ({}); use --overwrite or another --out", e.what());
+  }
+  for (const std::string& key : kFreeKeys) values.erase(key);
+  return values;
+}
+
+}  // namespace
+
+std::vector<std::string> config_differences(const std::string& old_yaml, const std::string& new_yaml) {
+  const auto before = flatten(old_yaml), after = flatten(new_yaml);
+  std::set<std::string> keys;
+  for (const auto& item : before) keys.insert(item.first);
+  for (const auto& item : after) keys.insert(item.first);
+  std::vector<std::string> differences;
+  for (const std::string& key : keys) {
+    const auto old_value = before.find(key), new_value = after.find(key);
+    const std::string from = old_value == before.end() ? "(default)" : old_value->second;
+    const std::string to = new_value == after.end() ? "(default)" : new_value->second;
+    if (from != to) differences.push_back(fmt::format("{}: {} -> {}", key, from, to));
+  }
+  return differences;
+}
+
+void RunFolder::open(const std::string& new_config, RunMode mode) const {
+  if (fs::exists(path_) && !fs::is_directory(path_))
+    fail<UsageError>("--out {}: this is a file; a run needs a folder", path_.string());
+  remove_leftovers(path_);
+  const bool has_run = fs::exists(config());
+  if (!has_run && fs::exists(path_) && !fs::is_empty(path_))
+    fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", path_.string());
+  const bool has_checkpoint = has_run && !CheckpointFolder(checkpoints()).steps().empty();
+  if (mode == RunMode::resume && !has_checkpoint)
+    fail<UsageError>("--resume: {} holds no checkpoint; leave --resume out to start a run there", path_.string());
+  if (has_checkpoint && mode != RunMode::overwrite) {
+    const auto differences = config_differences(read_file(config()), new_config);
+    if (!differences.empty())
+      fail<UsageError>(
+          "{} holds a run with another configuration:\n  {}\nUse the same configuration to resume it, another --out, "
+          "or "
+          "--overwrite to replace it.",
+          path_.string(), fmt::join(differences, "\n  "));
+  }
+  if (mode == RunMode::overwrite || !has_checkpoint) clear();
+  fs::create_directories(path_);
+  write_atomically(config(), new_config);
+}
+
+void RunFolder::clear() const {
+  std::error_code ignored;
+  CheckpointFolder(checkpoints()).clear();
+  for (const fs::path& file : {metrics(), report(), evaluation()}) fs::remove(file, ignored);
+  fs::remove_all(images(), ignored);
+  if (!fs::is_directory(path_)) return;
+  for (const auto& entry : fs::directory_iterator(path_, ignored))
+    if (entry.path().filename().string().rfind("events.out.tfevents.", 0) == 0) fs::remove(entry.path(), ignored);
+}
+
+}  // namespace doppel

@@ -1,0 +1,33 @@
+#include "doppel/actor/run_subject.h"
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+namespace {
+
+CharacterOptions read_character_options(const ConfigReader& reader) {
+  CharacterOptions o;
+  o.bone_rule =
+      reader.choice("bone_rule", {"exact", "prefix"}, "exact") == "exact" ? BoneRule::exact : BoneRule::prefix;
+  o.num_nodes = reader.get("num_nodes", o.num_nodes, at_least(4));
+  o.graph.metric =
+      reader.choice("metric", {"hops", "geodesic"}, "hops") == "hops" ? GraphMetric::hops : GraphMetric::geodesic;
+  o.rigidity = parse_rigidity_preset(reader.choice("rigidity", {"livecap", "graph", "laplacian"}, "graph"));
+  return o;
+}
+
+}  // namespace
+
+RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage) {
+  root.choice("stage", {stage}, stage);
+  const std::string capture = root.get("capture", "");
+  if (capture.empty())
+    fail<UsageError>("{}: no capture is named; add --set capture=DIR with the folder that `doppel prepare` wrote",
+                     document.path().string());
+  const std::filesystem::path folder = std::filesystem::absolute(document.path()).parent_path();
+  return {(folder / capture).lexically_normal(), root.get<long>("seed", 1, at_least(0L)),
+          read_character_options(root.section("character"))};
+}
+
+}  // namespace doppel

@@ -1,0 +1,224 @@
+#include "doppel/actor/trained_actor.h"
+
+#include <algorithm>
+
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/stored_stage.h"
+#include "doppel/core/error.h"
+#include "doppel/capture/capture.h"
+#include "doppel/data/loader.h"
+#include "doppel/render/projection.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run, const fs::path& capture_path) {
+  const ConfigReader root = stage.config.root();
+  actor.subject = RunSubject::read(stage.config, root, "egnet");
+  actor.subject.capture = fs::absolute(capture_path);
+  actor.trained_on_cameras = root.section("data").list<std::string>("cameras");
+  const Capture capture = read_capture(actor.subject.capture);
+  actor.frames_per_second = capture.fps;
+  actor.character = load_character(capture.character_path(), actor.subject.character);
+  check_character(stage, actor.character, run, capture.character_path());
+  actor.surface = CharacterSurface(actor.character);
+  actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
+  if (!actor.character.mesh.texture.empty() && actor.mesh->has_uvs())
+    actor.static_texture = texture_tensor(actor.character.mesh);
+  actor.egnet = EgNet(actor.character, EgNetConfig::read(root.section("model")));
+  load_evaluation_weights(*actor.egnet, stage.checkpoint);
+}
+
+void load_lighting(TrainedActor& actor, const StoredStage& stage) {
+  actor.lighting = Lighting(stage.checkpoint.tensor("model.trained").size(0), std::vector<int>{});
+  load_evaluation_weights(*actor.lighting, stage.checkpoint);
+}
+
+void load_delta_net(TrainedActor& actor, const StoredStage& stage) {
+  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::read(stage.config.root().section("model")));
+  load_evaluation_weights(*actor.deltanet, stage.checkpoint);
+}
+
+void load_tex_net(TrainedActor& actor, const StoredStage& stage) {
+  const TexNetConfig config = TexNetConfig::read(stage.config.root().section("model"));
+  actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(0));
+  actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+  load_evaluation_weights(*actor.texnet, stage.checkpoint);
+}
+
+void load_radiance(TrainedActor& actor, const StoredStage& stage) {
+  const ConfigReader root = stage.config.root();
+  actor.hybrid = Hybrid(actor.character, actor.deltanet, HybridConfig::read(root.section("model")));
+  load_evaluation_weights(*actor.hybrid, stage.checkpoint);
+  actor.field_viewer = std::make_shared<FieldViewer>(actor.character);
+  const FieldRays rays = FieldRays::read(root.section("rays"));
+  actor.field_image.samples = rays.samples;
+  actor.field_stencil = rays.stencil;
+}
+
+void load_nerf(TrainedActor& actor, const StoredStage& stage) {
+  const ConfigReader root = stage.config.root();
+  actor.nerf = PlainField(torch::zeros({1, 3}), PlainFieldConfig::read(root.section("model")));
+  load_evaluation_weights(*actor.nerf, stage.checkpoint);
+  const ConfigReader data = root.section("data");
+  actor.nerf_frame = nerf_frame(Dataset::open(actor.subject.capture),
+                                parse_split(data.choice("split", {"train", "test"}, "train")),
+                                data.list<long>("frames"));
+}
+
+/// What a trained stage adds to an actor, in the order the stages are trained in. EGNet, which begins every actor, is
+/// loaded before these.
+struct ActorPart {
+  const char* stage;
+  void (*load)(TrainedActor& actor, const StoredStage& stage);
+};
+constexpr ActorPart kActorParts[] = {{"lighting", load_lighting},
+                                     {"deltanet", load_delta_net},
+                                     {"texnet", load_tex_net},
+                                     {"radiance", load_radiance},
+                                     {"nerf", load_nerf}};
+
+/// A texture at another size. @param texture [1,Th,Tw,3] @return [size,size,3]
+torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
+  const torch::Tensor planes = texture.permute({0, 3, 1, 2});
+  const torch::Tensor out = planes.size(2) >= size && planes.size(3) >= size
+                                ? torch::adaptive_avg_pool2d(planes, {size, size})
+                                : torch::upsample_bilinear2d(planes, {size, size}, false);
+  return out[0].permute({1, 2, 0}).contiguous();
+}
+
+}  // namespace
+
+TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::path>& capture,
+                                const std::optional<std::string>& before) {
+  if (!fs::exists(RunFolder(run).config()))
+    fail("{} is not a run: it holds no config.yaml; give the --out folder of `doppel train`", run.string());
+  const auto egnet_stage = find_stage(run, "egnet");
+  if (!egnet_stage) fail("{} has no checkpoint of egnet yet; train it first", run.string());
+  TrainedActor actor;
+  // The run's own, which need not be the one that a borrowed EGNet was trained on.
+  load_egnet(actor, *egnet_stage, run, capture ? *capture : run_subject(run).capture);
+  actor.steps["egnet"] = egnet_stage->step;
+  for (const ActorPart& part : kActorParts) {
+    if (before == part.stage) break;
+    const auto stage = find_stage(run, part.stage);
+    if (!stage) continue;
+    part.load(actor, *stage);
+    actor.steps[part.stage] = stage->step;
+  }
+  return actor;
+}
+
+int TrainedActor::past_frames() const {
+  int longest = egnet->config().history();
+  if (deltanet) longest = std::max(longest, deltanet->config().past_frames);
+  if (texnet) longest = std::max(longest, texnet->config().past_frames);
+  if (hybrid) longest = std::max(longest, hybrid->config().motion.past_frames);
+  return longest;
+}
+
+std::pair<torch::Tensor, torch::Tensor> TrainedActor::deformation(const torch::Tensor& seen_window,
+                                                                  const torch::Tensor& dof_window) {
+  torch::NoGradGuard no_grad;
+  return egnet->forward(seen_window, dof_window);
+}
+
+torch::Tensor TrainedActor::coarse(const torch::Tensor& dof_window) {
+  torch::NoGradGuard no_grad;
+  const auto [A, T] = deformation(dof_window);
+  return surface->deformed(dof_window.select(1, -1).contiguous(), A, T);
+}
+
+torch::Tensor TrainedActor::fine(const torch::Tensor& dof_window) {
+  if (!deltanet) return coarse(dof_window);
+  torch::NoGradGuard no_grad;
+  return displaced(deltanet, dof_window);
+}
+
+torch::Tensor TrainedActor::displaced(DeltaNet& network, const torch::Tensor& dof_window) {
+  const auto [A, T] = deformation(dof_window);
+  const torch::Tensor window = last_rows(dof_window, network->config().past_frames);
+  return network->displaced(surface, window, A, T, network->forward(window));
+}
+
+torch::Tensor TrainedActor::refined(const torch::Tensor& dof_window) {
+  if (!hybrid) return fine(dof_window);
+  torch::NoGradGuard no_grad;
+  return displaced(hybrid->refined, dof_window);
+}
+
+FieldImage TrainedActor::radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height,
+                                    int64_t width) {
+  torch::NoGradGuard no_grad;
+  const FieldSurface around{displaced(hybrid->around, dof_window)[0], hybrid->vertex_values(dof_window)};
+  return field_viewer->draw(hybrid->field, around, projection, height, width, field_stencil, field_image);
+}
+
+torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection) {
+  torch::NoGradGuard no_grad;
+  const torch::Tensor vertices = texnet->config().surface_normals ? fine(dof_window) : torch::Tensor();
+  return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection, vertices));
+}
+
+std::string TrainedActor::digest() const {
+  std::string text = fmt::format("egnet {:08x}", weights_checksum(*egnet));
+  if (lighting) text += fmt::format(" lighting {:08x}", weights_checksum(*lighting));
+  if (deltanet) text += fmt::format(" deltanet {:08x}", weights_checksum(*deltanet));
+  return text;
+}
+
+void TrainedActor::require_texture(const std::string& what) const {
+  if (!mesh->has_uvs())
+    fail<UsageError>("{} needs texture coordinates, and the template of {} has none", what, character.name);
+  if (!static_texture.defined())
+    fail<UsageError>("{} needs a texture, and the template of {} has none; name one in its MTL file (map_Kd)", what,
+                     character.name);
+}
+
+torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
+                            const torch::Tensor& dof_window, const torch::Tensor& projection,
+                            const torch::Tensor& surface) {
+  const torch::Tensor window = last_rows(dof_window, config.past_frames);
+  const auto frames = window.size(1);
+  // Normals do not know where the root stands, so the window's translation need not be taken out.
+  torch::Tensor posed =
+      actor.surface->skinned(window.flatten(0, 1)).view({-1, frames, actor.character.num_vertices(), 3});
+  if (config.surface_normals) posed = at::cat({posed.narrow(1, 0, frames - 1), surface.unsqueeze(1)}, 1);
+  const torch::Tensor normals = space.normals(posed.flatten(0, 1)).view({-1, 3 * frames, space.size(), space.size()});
+  const CameraPlacement camera = camera_placement(projection);
+  const torch::Tensor centre = texnet_camera_centre(config, MotionWindow(actor.character.skeleton), camera.centre,
+                                                    window.select(1, -1).contiguous());
+  return texnet_input(normals, centre, camera.forward);
+}
+
+SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>& frames) {
+  const std::vector<SampleId> samples = chosen_samples(dataset, split, frames);
+  if (samples.size() != 1)
+    fail<UsageError>(
+        "nerf: a field without a mesh is of one frame, and the data holds {}; name it: --set nerf.data.frames=[{}]",
+        samples.size(), samples.front().frame);
+  return samples.front();
+}
+
+TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator) {
+  if (!actor.mesh->has_uvs()) actor.require_texture("texnet");
+  torch::Tensor base, light;
+  if (config.residual) {
+    actor.require_texture("texnet with model.residual");
+    base = resized(actor.static_texture, config.size);
+  }
+  if (config.lit) {
+    if (!actor.lighting)
+      fail<UsageError>(
+          "texnet: model.lit is true and the stage `lighting` has not been trained; train it first, or set "
+          "model.lit to false");
+    light = actor.lighting->mean().squeeze(0);
+  }
+  return TexNet(config, base, light, generator);
+}
+
+}  // namespace doppel

@@ -1,0 +1,332 @@
+#include "doppel/capture/capture.h"
+
+#include "doppel/capture/path_pattern.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <set>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/text_reader.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSchemaVersion = 1;
+constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames a second: anything above is a slip
+
+/// Names become keys of the store and parts of file names.
+void check_name(const ConfigReader& reader, const std::string& key, const std::string& name) {
+  const auto bad = [](char c) { return !(std::isalnum(static_cast<unsigned char>(c)) || std::strchr("_-.@", c)); };
+  if (name.empty() || name.size() > 64 || std::any_of(name.begin(), name.end(), bad))
+    reader.fail_at_key(key, "'{}' is no usable name: 1 to 64 letters, digits, '_', '-', '.' or '@' are allowed", name);
+}
+
+/// Tries a pattern with some numbers, so that a slip in its braces is reported at its line.
+void check_pattern(const ConfigReader& reader, const std::string& key, const std::string& pattern) {
+  try {
+    expand_pattern(pattern, 0, "0", 0);
+  } catch (const Error& e) {
+    reader.fail_at_key(key, "{}", e.what());
+  }
+}
+
+std::string read_pattern(const ConfigReader& reader, const std::string& key) {
+  const std::string pattern = reader.get<std::string>(key);
+  if (pattern.empty()) reader.fail_at_key(key, "is empty; a path is needed");
+  check_pattern(reader, key, pattern);
+  return pattern;
+}
+
+ChromaKey read_chroma_key(const ConfigReader& reader, bool has_background) {
+  ChromaKey key;
+  key.space =
+      reader.choice("space", {"hsv", "ycrcb"}, "ycrcb") == "hsv" ? ChromaKey::Space::hsv : ChromaKey::Space::ycrcb;
+  key.against_background = reader.choice("against", {"colour", "background"}, "colour") == "background";
+  if (key.against_background && !has_background)
+    reader.fail_at_key("against", "compares with the empty studio, but the capture names no `background` images");
+  if (reader.has("colour")) key.colour = reader.list<int>("colour");
+  const auto no_byte = [](int value) { return value < 0 || value > 255; };
+  if (key.colour.size() != 3 || std::any_of(key.colour.begin(), key.colour.end(), no_byte))
+    reader.fail_at_key("colour", "must be three numbers R, G, B from 0 to 255, as in [0, 177, 64]");
+  key.tolerance = reader.get("tolerance", key.tolerance, between(0.0, 181.0));
+  key.min_saturation = reader.get("min_saturation", key.min_saturation, between(0.0, 1.0));
+  key.smooth = reader.get("smooth", key.smooth, between(1, 31));
+  if (key.smooth % 2 == 0)
+    reader.fail_at_key("smooth", "is {}; the diameter of the median filter must be odd", key.smooth);
+  return key;
+}
+
+BackgroundSubtraction read_subtraction(const ConfigReader& reader) {
+  BackgroundSubtraction subtraction;
+  if (reader.has("empty")) subtraction.empty = read_pattern(reader, "empty");
+  if (reader.has("frames")) {
+    const std::vector<long> frames = reader.list<long>("frames");
+    if (frames.size() != 2 || frames[0] < 0 || frames[1] < frames[0] || frames[1] > kMaxFrame)
+      reader.fail_at_key("frames", "must be the first and the last frame of the empty scene, as in [0, 19]");
+    subtraction.first_frame = frames[0];
+    subtraction.last_frame = frames[1];
+  } else if (subtraction.empty.empty()) {
+    reader.fail_at_key("frames",
+                       "is missing: name the `empty` scene, or the frames of the sequence's own video in "
+                       "which nobody is there, as in `frames: [0, 19]`");
+  }
+  BackgroundOptions& model = subtraction.model;
+  model.threshold = reader.get("threshold", model.threshold, between(0.1, 100.0));
+  model.shadow = reader.get("shadow", model.shadow, between(0.05, 1.0));
+  model.refine = reader.get("refine", model.refine);
+  return subtraction;
+}
+
+void read_masks(const ConfigReader& reader, bool has_background, SequenceEntry& sequence) {
+  const int ways = reader.has("masks") + reader.has("chroma_key") + reader.has("background_subtraction");
+  if (ways != 1)
+    reader.fail_at_key("masks", "a sequence needs either `masks`, a `chroma_key` or a `background_subtraction`, {}",
+                       ways > 1 ? "only one of them" : "and has none");
+  if (reader.has("masks")) sequence.masks = read_pattern(reader, "masks");
+  if (reader.has("chroma_key")) sequence.chroma_key = read_chroma_key(reader.section("chroma_key"), has_background);
+  if (reader.has("background_subtraction"))
+    sequence.subtraction = read_subtraction(reader.section("background_subtraction"));
+  sequence.mask_threshold = reader.get("mask_threshold", sequence.mask_threshold, between(1, 255));
+  sequence.largest_component = reader.get("largest_component", sequence.largest_component);
+}
+
+void read_range(const ConfigReader& reader, SequenceEntry& sequence) {
+  const ConfigReader offsets = reader.section("frame_offset");
+  for (const std::string& camera : offsets.keys())
+    sequence.frame_offset[camera] = offsets.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+  sequence.first_frame = reader.get("first_frame", 0L, between(0L, kMaxFrame));
+  if (reader.has("last_frame")) sequence.last_frame = reader.get<long>("last_frame", between(0L, kMaxFrame));
+  if (sequence.last_frame && *sequence.last_frame < sequence.first_frame)
+    reader.fail_at_key("last_frame", "is {}, before first_frame {}", *sequence.last_frame, sequence.first_frame);
+  sequence.cuts = reader.list<long>("cuts");
+  for (std::size_t i = 0; i < sequence.cuts.size(); ++i)
+    if (sequence.cuts[i] < 0 || (i > 0 && sequence.cuts[i] <= sequence.cuts[i - 1]))
+      reader.fail_at_key("cuts", "must be motion rows >= 0 in ascending order; {} stands at place {}", sequence.cuts[i],
+                         i + 1);
+}
+
+SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
+  SequenceEntry sequence;
+  sequence.name = reader.get<std::string>("name");
+  check_name(reader, "name", sequence.name);
+  sequence.split = parse_split(reader.choice("split", {"train", "test"}));
+  sequence.videos = read_pattern(reader, "videos");
+  read_masks(reader, has_background, sequence);
+  if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
+  if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
+  sequence.motion = reader.get("motion", "");
+  read_range(reader, sequence);
+  return sequence;
+}
+
+PoseDetectorOptions read_detector(const ConfigReader& reader) {
+  PoseDetectorOptions detector;
+  detector.model = reader.get<std::string>("model");
+  detector.weights = reader.get("weights", "");
+  detector.input_height = reader.get("input_height", detector.input_height, between(8, 4096));
+  detector.scale = reader.get("scale", detector.scale, between(1e-9, 1e9));
+  if (reader.has("mean")) detector.mean = reader.list<double>("mean");
+  if (detector.mean.size() != 3)
+    reader.fail_at_key("mean", "must be three numbers, one for each channel of the network, as in [104, 117, 123]");
+  detector.rgb = reader.get("rgb", detector.rgb);
+  detector.threshold = reader.get("threshold", detector.threshold, between(1e-6, 1.0));
+  return detector;
+}
+
+/// What the keypoints are put on, and how they are made steady.
+void read_evidence(const ConfigReader& reader, Capture& capture) {
+  capture.landmarks = reader.get("landmarks", "");
+  capture.keypoint_map = reader.get("keypoint_map", "");
+  if (reader.has("detector")) capture.detector = read_detector(reader.section("detector"));
+  const ConfigReader filter = reader.section("keypoint_filter");
+  KeypointFilter& options = capture.keypoint_filter;
+  options.window = filter.get("window", options.window, between(0, 1000));
+  options.outlier = filter.get("outlier", options.outlier, between(1e-4, 1.0));
+  options.sigma = filter.get("sigma", options.sigma, between(0.0, 1000.0));
+}
+
+void read_sequences(const ConfigReader& reader, Capture& capture) {
+  std::set<std::string> names;
+  for (const ConfigReader& section : reader.sections("sequences")) {
+    capture.sequences.push_back(read_sequence(section, !capture.background.empty()));
+    if (!names.insert(capture.sequences.back().name).second)
+      section.fail_at_key("name", "two sequences are called '{}'", capture.sequences.back().name);
+  }
+  if (capture.sequences.empty()) reader.fail_at_key("sequences", "a capture needs at least one sequence");
+}
+
+fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
+  fs::path root = fs::absolute(folder / reader.get("root", ".")).lexically_normal();
+  if (!root.has_filename()) root = root.parent_path();  // "a/." becomes "a/", whose last part would be empty
+  if (!fs::is_directory(root)) reader.fail_at_key("root", "the folder {} does not exist", root.string());
+  return root;
+}
+
+YAML::Node chroma_key_node(const ChromaKey& key) {
+  YAML::Node node;
+  node["space"] = key.space == ChromaKey::Space::hsv ? "hsv" : "ycrcb";
+  node["against"] = key.against_background ? "background" : "colour";
+  node["colour"] = key.colour;
+  node["colour"].SetStyle(YAML::EmitterStyle::Flow);
+  node["tolerance"] = key.tolerance;
+  node["min_saturation"] = key.min_saturation;
+  node["smooth"] = key.smooth;
+  return node;
+}
+
+YAML::Node subtraction_node(const BackgroundSubtraction& subtraction) {
+  YAML::Node node;
+  if (!subtraction.empty.empty()) node["empty"] = subtraction.empty;
+  if (subtraction.last_frame) {
+    node["frames"] = std::vector<long>{subtraction.first_frame, *subtraction.last_frame};
+    node["frames"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  node["threshold"] = subtraction.model.threshold;
+  node["shadow"] = subtraction.model.shadow;
+  node["refine"] = subtraction.model.refine;
+  return node;
+}
+
+YAML::Node detector_node(const PoseDetectorOptions& detector) {
+  YAML::Node node;
+  node["model"] = detector.model.string();
+  if (!detector.weights.empty()) node["weights"] = detector.weights.string();
+  node["input_height"] = detector.input_height;
+  node["scale"] = detector.scale;
+  node["mean"] = detector.mean;
+  node["mean"].SetStyle(YAML::EmitterStyle::Flow);
+  node["rgb"] = detector.rgb;
+  node["threshold"] = detector.threshold;
+  return node;
+}
+
+YAML::Node filter_node(const KeypointFilter& filter) {
+  YAML::Node node;
+  node["window"] = filter.window;
+  node["outlier"] = filter.outlier;
+  node["sigma"] = filter.sigma;
+  return node;
+}
+
+YAML::Node sequence_node(const SequenceEntry& sequence) {
+  YAML::Node node;
+  node["name"] = sequence.name;
+  node["split"] = to_string(sequence.split);
+  node["videos"] = sequence.videos;
+  if (sequence.chroma_key)
+    node["chroma_key"] = chroma_key_node(*sequence.chroma_key);
+  else if (sequence.subtraction)
+    node["background_subtraction"] = subtraction_node(*sequence.subtraction);
+  else
+    node["masks"] = sequence.masks;
+  node["mask_threshold"] = sequence.mask_threshold;
+  node["largest_component"] = sequence.largest_component;
+  if (!sequence.keypoints.empty()) node["keypoints"] = sequence.keypoints;
+  if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
+  if (!sequence.motion.empty()) node["motion"] = sequence.motion;
+  for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
+  node["first_frame"] = sequence.first_frame;
+  if (sequence.last_frame) node["last_frame"] = *sequence.last_frame;
+  if (!sequence.cuts.empty()) {
+    node["cuts"] = sequence.cuts;
+    node["cuts"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  return node;
+}
+
+/// `root` as seen from `folder`, when a reader would still call it near.
+fs::path portable_root(const fs::path& root, const fs::path& folder) {
+  const fs::path relative = fs::weakly_canonical(root).lexically_relative(fs::weakly_canonical(folder));
+  const auto ups = std::count(relative.begin(), relative.end(), fs::path(".."));
+  return relative.empty() || ups > 1 ? fs::absolute(root).lexically_normal() : relative;
+}
+
+}  // namespace
+
+Split parse_split(const std::string& word) {
+  if (word == "train") return Split::train;
+  if (word == "test") return Split::test;
+  fail<UsageError>("'{}' is no split; the splits are train and test", word);
+}
+
+std::string to_string(Split split) { return split == Split::train ? "train" : "test"; }
+
+long SequenceEntry::offset(const std::string& camera) const {
+  const auto found = frame_offset.find(camera);
+  return found == frame_offset.end() ? 0 : found->second;
+}
+
+fs::path Capture::resolve(const std::string& written) const {
+  const fs::path path(written);
+  return (path.is_absolute() ? path : root / path).lexically_normal();
+}
+
+std::string Capture::source(const std::string& pattern, int file_index, const std::string& camera) const {
+  return resolve(expand_camera(pattern, file_index, camera)).string();
+}
+
+bool Capture::has_keypoints() const {
+  return detector || std::any_of(sequences.begin(), sequences.end(),
+                                 [](const SequenceEntry& sequence) { return !sequence.keypoints.empty(); });
+}
+
+Capture read_capture(const fs::path& file_or_folder) {
+  const fs::path file = fs::is_directory(file_or_folder) ? file_or_folder / "capture.yaml" : file_or_folder;
+  const ConfigDocument document = ConfigDocument::load(file);
+  const ConfigReader reader = document.root();
+  if (!reader.has("doppel_capture"))
+    reader.fail_at_key("", "is no capture description: the key `doppel_capture: {}` is missing", kSchemaVersion);
+  const long version = reader.get<long>("doppel_capture");
+  if (version != kSchemaVersion)
+    reader.fail_at_key("doppel_capture", "has version {}; this program reads version {}", version, kSchemaVersion);
+
+  Capture capture;
+  capture.file = fs::absolute(file).lexically_normal();
+  capture.root = read_root(reader, capture.file.parent_path());
+  capture.name = reader.get("name", capture.root.filename().string());
+  check_name(reader, "name", capture.name);
+  capture.character = reader.get<std::string>("character");
+  capture.calibration = reader.get<std::string>("calibration");
+  capture.fps = reader.get("fps", 25.0, between(1e-3, 1e5));
+  capture.cameras = reader.list<std::string>("cameras");
+  for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
+  if (std::set<std::string>(capture.cameras.begin(), capture.cameras.end()).size() != capture.cameras.size())
+    reader.fail_at_key("cameras", "names a camera twice");
+  if (reader.has("background")) capture.background = read_pattern(reader, "background");
+  read_evidence(reader, capture);
+  read_sequences(reader, capture);
+  reader.finish();
+  return capture;
+}
+
+void write_capture(const fs::path& path, const Capture& capture) {
+  YAML::Node node;
+  node["doppel_capture"] = kSchemaVersion;
+  node["name"] = capture.name;
+  node["root"] = portable_root(capture.root, fs::absolute(path).parent_path()).string();
+  node["character"] = capture.character;
+  node["calibration"] = capture.calibration;
+  node["fps"] = capture.fps;
+  if (!capture.cameras.empty()) {
+    node["cameras"] = capture.cameras;
+    node["cameras"].SetStyle(YAML::EmitterStyle::Flow);
+  }
+  if (!capture.background.empty()) node["background"] = capture.background;
+  if (!capture.landmarks.empty()) node["landmarks"] = capture.landmarks;
+  if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
+  if (capture.detector) node["detector"] = detector_node(*capture.detector);
+  if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
+  for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
+  YAML::Emitter emitter;
+  emitter << node;
+  write_atomically(path, std::string(emitter.c_str()) + "\n");
+}
+
+}  // namespace doppel

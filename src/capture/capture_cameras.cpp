@@ -1,0 +1,52 @@
+#include "doppel/capture/capture_cameras.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/geometry/calibration.h"
+
+namespace doppel {
+
+namespace {
+
+std::string joined_names(const std::vector<Camera>& cameras) {
+  std::string names;
+  for (const Camera& camera : cameras) names += (names.empty() ? "" : ", ") + camera.name;
+  return names;
+}
+
+}  // namespace
+
+CaptureCameras choose_cameras(const Capture& capture) {
+  const std::vector<Camera> all = read_calibration(capture.calibration_path());
+  std::vector<std::string> wanted = capture.cameras;
+  if (wanted.empty())
+    for (const Camera& camera : all) wanted.push_back(camera.name);
+  CaptureCameras chosen;
+  for (const std::string& name : wanted) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const Camera& c) { return c.name == name; });
+    if (found == all.end())
+      fail("{} asks for camera '{}', but {} has {}", capture.name, name, capture.calibration, joined_names(all));
+    chosen.cameras.push_back(*found);
+    chosen.file_index.push_back(static_cast<int>(found - all.begin()));
+  }
+  return chosen;
+}
+
+Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source) {
+  if (camera.width == images.width && camera.height == images.height) return camera;
+  const double calibrated = static_cast<double>(camera.width) / camera.height;
+  const double seen = static_cast<double>(images.width) / images.height;
+  if (std::abs(seen / calibrated - 1.0) > 0.01)
+    fail(
+        "camera {}: {} shows {}x{} pixels, but the calibration is for {}x{}, another aspect ratio; the images were "
+        "cropped or turned, or this is the calibration of other cameras",
+        camera.name, source, images.width, images.height, camera.width, camera.height);
+  log::info("camera {}: calibration for {}x{} scaled to the video's {}x{}", camera.name, camera.width, camera.height,
+            images.width, images.height);
+  return camera.scaled_to(images.width, images.height);
+}
+
+}  // namespace doppel

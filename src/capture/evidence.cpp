@@ -1,0 +1,143 @@
+#include "doppel/capture/evidence.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/character/landmarks.h"
+#include "doppel/core/log.h"
+#include "doppel/capture/mask.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
+constexpr float kLargestShare = 1.5f;  ///< pixels: a whole body is never smaller
+
+std::string chosen_map(const Capture& capture) {
+  if (!capture.keypoint_map.empty()) return capture.keypoint_map;
+  if (capture.detector) return kDefaultMap;
+  const bool tables =
+      std::all_of(capture.sequences.begin(), capture.sequences.end(), [](const SequenceEntry& sequence) {
+        return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints).extension() == ".csv";
+      });
+  return tables ? kNamesMap : kDefaultMap;
+}
+
+KeypointMap load_map(const Capture& capture, const std::string& name) {
+  const std::vector<std::string> builtin = builtin_keypoint_maps();
+  const bool is_builtin = std::find(builtin.begin(), builtin.end(), name) != builtin.end();
+  return read_keypoint_map(is_builtin ? name : capture.resolve(name).string());
+}
+
+/// Some detectors can be told to write parts of the image's size, 0 to 1.
+void check_pixels(const std::vector<std::vector<Keypoint>>& frames) {
+  float largest = 0.0f;
+  for (const auto& landmarks : frames)
+    for (const Keypoint& point : landmarks) largest = std::max({largest, std::abs(point.x), std::abs(point.y)});
+  if (largest > 0.0f && largest <= kLargestShare)
+    fail(
+        "no keypoint lies more than {} from the image's corner: these are parts of the image's size, pixels are "
+        "needed (OpenPose: without --keypoint_scale)",
+        largest);
+}
+
+void count_frame(const std::optional<People>& people, const std::vector<Keypoint>& landmarks, KeypointFacts& facts) {
+  ++facts.frames;
+  facts.missing_files += !people.has_value();
+  facts.nobody += !people || people->empty();
+  facts.several += people && people->size() > 1;
+  const auto seen = std::count_if(landmarks.begin(), landmarks.end(),
+                                  [](const Keypoint& point) { return point.confidence >= kSeenConfidence; });
+  facts.unsure += people && !people->empty() && seen == 0;
+  facts.seen += landmarks.empty() ? 0.0 : static_cast<double>(seen) / static_cast<double>(landmarks.size());
+}
+
+void undistort(const Undistorter& undistorter, People& people) {
+  for (Person& person : people)
+    for (Keypoint& point : person) {
+      if (point.confidence <= 0.0f) continue;
+      const Eigen::Vector2d pixel = undistorter.apply(Eigen::Vector2d(point.x, point.y));
+      point.x = static_cast<float>(pixel.x());
+      point.y = static_cast<float>(pixel.y());
+    }
+}
+
+}  // namespace
+
+EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
+  EvidencePlan plan;
+  if (!capture.has_keypoints()) return plan;
+  const std::string name = chosen_map(capture);
+  const bool by_name = name == kNamesMap;
+  plan.map_name = name;
+  if (by_name && capture.detector)
+    fail("{} has a detector, whose points have an order and no names: `keypoint_map` must be a map, not '{}'",
+         capture.name, kNamesMap);
+  if (!by_name) plan.map = load_map(capture, name);
+  if (!capture.landmarks.empty())
+    plan.landmarks = read_landmarks(capture.resolve(capture.landmarks), character);
+  else
+    plan.landmarks = by_name ? character.skeleton.markers : known_markers(character.skeleton, plan.map);
+  if (by_name) plan.map = map_of_names(plan.landmarks);
+  if (!plan.landmarks.empty()) {
+    LandmarkPicker(plan.map, plan.landmarks);  // refuses landmarks that the map does not know
+    return plan;
+  }
+  const std::string sentence = fmt::format(
+      "{} has keypoints, but the keypoint map '{}' knows none of the skeleton's {} markers; name a placement file of "
+      "landmarks with `landmarks`, or another `keypoint_map`",
+      capture.name, name, character.skeleton.markers.size());
+  if (!capture.keypoint_map.empty()) fail("{}", sentence);
+  log::warn("{}. The keypoints are left out", sentence);
+  return plan;
+}
+
+std::vector<Keypoint> pick_person(std::optional<People> people, const std::function<cv::Mat()>& mask,
+                                  const LandmarkPicker& picker, const Undistorter& undistorter) {
+  if (!people) return picker.pick(std::optional<Person>());
+  undistort(undistorter, *people);
+  return picker.pick(choose_person(*people, people->size() > 1 ? mask() : cv::Mat()));
+}
+
+PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
+  PoseDetectorOptions options = *capture.detector;
+  options.model = capture.resolve(options.model.string());
+  if (!options.weights.empty()) options.weights = capture.resolve(options.weights.string());
+  return PoseDetector(options, layout);
+}
+
+KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
+                            const Camera& camera, long first, long last, const std::vector<long>& cuts,
+                            const KeypointFilter& filter) {
+  const Undistorter undistorter(camera);
+  KeypointTrack track;
+  for (long frame = first; frame <= last; ++frame) {
+    const std::optional<People> found = people(frame);
+    track.frames.push_back(pick_person(
+        found, [&] { return mask(frame); }, picker, undistorter));
+    count_frame(found, track.frames.back(), track.facts);
+  }
+  if (track.facts.frames > 0) track.facts.seen /= static_cast<double>(track.facts.frames);
+  check_pixels(track.frames);
+  std::vector<long> segments;
+  for (const long cut : cuts) segments.push_back(cut - first);
+  filter_keypoints(track.frames, segments, filter, std::max(camera.width, camera.height));
+  return track;
+}
+
+std::vector<std::string> keypoint_doubts(const KeypointFacts& facts) {
+  std::vector<std::string> doubts;
+  if (facts.missing_files == facts.frames)
+    doubts.push_back("none of the keypoint files is there; check the path and its number of digits");
+  else if (facts.missing_files > 0)
+    doubts.push_back(fmt::format("{} of {} keypoint files are missing; nobody is taken to be seen there",
+                                 facts.missing_files, facts.frames));
+  if (facts.unsure > 0 && facts.unsure == facts.frames - facts.nobody)
+    doubts.push_back(fmt::format("all keypoints have a confidence below {}; they will hardly count", kSeenConfidence));
+  if (facts.missing_files < facts.frames && facts.nobody == facts.frames)
+    doubts.push_back("nobody was found in any frame");
+  return doubts;
+}
+
+}  // namespace doppel

@@ -1,0 +1,46 @@
+#include "doppel/capture/joint_detections.h"
+
+#include <climits>
+
+#include "doppel/core/text_reader.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kMillimetre = 1e-3;
+constexpr double kFarthest = 10.0;
+
+/// The place of the row's point in the layout.
+std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
+  const auto place =
+      static_cast<std::size_t>(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
+  if (reader.tokens()[2] != layout.points[place])
+    reader.fail_here("point {} is called '{}', but in '{}' it is '{}'", place, reader.tokens()[2].substr(0, 60),
+                     layout.name, layout.points[place]);
+  return place;
+}
+
+}  // namespace
+
+std::map<long, std::vector<JointDetection>> read_joint_detections(const std::filesystem::path& csv,
+                                                                  const PointLayout& layout) {
+  TextReader reader(csv, "a table of joints in space", Separator::comma);
+  reader.require_header("frame,index,name,x_mm,y_mm,z_mm");
+  std::map<long, std::vector<JointDetection>> frames;
+  while (reader.next_row(6)) {
+    const long frame = reader.integer(0, "the frame", 0, INT_MAX);
+    const std::size_t place = point_of(reader, layout);
+    std::vector<JointDetection>& joints = frames.try_emplace(frame, layout.points.size()).first->second;
+    if (joints[place].seen) reader.fail_here("the point '{}' of frame {} is given twice", layout.points[place], frame);
+    const Eigen::Vector3d millimetres(reader.number(3, "x"), reader.number(4, "y"), reader.number(5, "z"));
+    joints[place] = {kMillimetre * millimetres, true};
+    if (joints[place].position.norm() > kFarthest)
+      reader.fail_here("the point '{}' lies {:.4g} m from the body's root; millimetres are expected, relative to it",
+                       layout.points[place], joints[place].position.norm());
+  }
+  if (frames.empty()) reader.fail_here("the table has no rows");
+  return frames;
+}
+
+}  // namespace doppel

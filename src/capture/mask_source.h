@@ -1,0 +1,41 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "doppel/capture/background_model.h"
+#include "doppel/capture/capture.h"
+#include "doppel/capture/mask.h"
+#include "doppel/capture/video.h"
+
+namespace doppel {
+
+/// The masks of one camera in one sequence: from its mask files, or cut out of its images by colour or by subtraction
+/// of the empty scene, as the capture says: thresholded, 0 or 255, of the image's size and without lens distortion.
+class MaskSource {
+ public:
+  /// Opens the mask files or the image of the empty studio, or learns the empty scene.
+  /// @param camera with its distortion, at the resolution of the images
+  /// @param file_index its place in the calibration file
+  /// @throws FileError when one of them cannot be read
+  MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
+  /// Cuts them out of images by a model that has learnt the empty scene, whatever the sequence says.
+  MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera);
+
+  /// Whether `read` needs the image.
+  bool needs_image() const { return !masks_; }
+  /// @param frame of the video, in ascending order @param image of this frame, BGR, as filmed; unused unless needed
+  cv::Mat read(long frame, const cv::Mat& image);
+
+ private:
+  cv::Mat find(long frame, const cv::Mat& image);
+
+  SequenceEntry sequence_;
+  Undistorter undistort_;
+  std::unique_ptr<FrameReader> masks_;
+  cv::Mat background_;
+  std::optional<BackgroundModel> model_;
+};
+
+}  // namespace doppel

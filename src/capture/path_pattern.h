@@ -1,0 +1,20 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace doppel {
+
+/// Fills in the placeholders of a path pattern.
+/// - `{camera}` the camera's index in the calibration file, `{camera:03}` with at least three digits
+/// - `{name}` its name, `{frame}` and `{frame:012}` the frame number
+/// @param frame not needed when the pattern has no {frame}
+/// @throws Error for an unknown placeholder, an unclosed brace, or more than 20 digits
+std::string expand_pattern(const std::string& pattern, int camera, const std::string& name,
+                           std::optional<long> frame = std::nullopt);
+/// As above, but keeps `{frame...}` as it stands.
+std::string expand_camera(const std::string& pattern, int camera, const std::string& name);
+/// Whether a pattern holds {frame}.
+bool has_frame_placeholder(const std::string& pattern);
+
+}  // namespace doppel

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+
+namespace doppel {
+
+struct PrepareOptions {
+  std::filesystem::path out;  ///< folder for capture.yaml, store/ and report.json
+  int mask_size = 350;        ///< side of the cropped masks (thesis A.2)
+  int image_size = 512;       ///< side of the cropped images
+  double margin = 0.1;        ///< around the mask's box, of its longer side
+  int jpeg_quality = 95;      ///< of the cropped images; 0: lossless PNG
+  int threads = 1;            ///< cameras worked on at once (two at most)
+  int chunk_frames = 16;      ///< frames per transaction
+  long limit_frames = 0;      ///< only so many frames of each sequence; 0: all
+  bool overwrite = false;     ///< throw away what was prepared with other settings
+  bool force = false;         ///< go on where a check would stop, with a warning
+};
+
+}  // namespace doppel

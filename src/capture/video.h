@@ -1,0 +1,32 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+namespace doppel {
+
+/// One camera's images in order, from a video file or from an image per frame. Videos are decoded once, strictly
+/// forward: seeking by frame number is not exact in most containers.
+class FrameReader {
+ public:
+  virtual ~FrameReader() = default;
+  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be asked for in ascending
+  /// order; those in between are skipped. The result may share memory with the reader until the next call.
+  /// @throws FileError naming the frame when it is missing or cannot be decoded
+  virtual cv::Mat read(long frame) = 0;
+  /// Size of the images.
+  virtual cv::Size size() = 0;
+  /// Exact number of frames (for images: the highest frame number + 1). May decode a whole video when its header
+  /// cannot be trusted; `expected` is what the header must say to be trusted.
+  virtual long num_frames(long expected) = 0;
+  virtual const std::string& source() const = 0;
+};
+
+enum class PixelFormat { colour, grey };
+
+/// Opens a video file, or a pattern that holds `{frame}`. @throws FileError when it is missing or no video
+std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format);
+
+}  // namespace doppel

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+#include "doppel/data/batch.h"
+#include "doppel/data/dataset.h"
+#include "doppel/data/sampling.h"
+
+namespace doppel {
+
+/// Keeps silhouettes and decoded images in memory up to a common budget: what came first stays, since every epoch
+/// visits everything anyway. Thread-safe. Never changes what a caller gets.
+class CropCache {
+ public:
+  explicit CropCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
+  std::shared_ptr<const SilhouetteCrop> silhouette(const Dataset& dataset, const SampleId& sample, int camera);
+  /// @param pixels the same in all calls
+  std::shared_ptr<const ImageCrop> image(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
+  /// The same, kept apart: what networks see has a resolution of its own.
+  std::shared_ptr<const ImageCrop> person(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
+
+ private:
+  template <typename Crop>
+  using Items = std::unordered_map<std::uint64_t, std::shared_ptr<const Crop>>;
+  template <typename Crop, typename Make>
+  std::shared_ptr<const Crop> get(Items<Crop>& items, std::uint64_t key, const Make& make);
+
+  std::mutex mutex_;
+  Items<SilhouetteCrop> silhouettes_;
+  Items<ImageCrop> images_, people_;
+  std::size_t bytes_ = 0, max_bytes_;
+};
+
+/// Loads the items of one batch. All must have the same number of cameras.
+Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
+                  const BatchOptions& options);
+
+/// The batch of given samples with given cameras, without a loader (evaluation, overlays).
+/// @param cameras per sample, all of the same length
+/// @throws UsageError for no samples, or images larger than the stored ones
+Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
+                 const std::vector<std::vector<int>>& cameras, const BatchOptions& options);
+Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
+                 const std::vector<std::vector<int>>& cameras, int past_frames);
+
+}  // namespace doppel

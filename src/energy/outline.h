@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "doppel/energy/evidence.h"
+#include "doppel/energy/pose_model.h"
+#include "doppel/energy/terms/silhouette_term.h"
+
+namespace doppel {
+
+/// Finds the vertices on the outline of a surface in every camera, with the window of each camera's outline field as
+/// its image (`boundary_vertices`).
+class OutlineFinder {
+ public:
+  /// @param pixels side of the windows @param most of one camera; more are thinned out evenly
+  OutlineFinder(const Character& character, std::vector<Camera> cameras, int pixels, int most);
+  ~OutlineFinder();
+  OutlineFinder(OutlineFinder&&) noexcept;
+  OutlineFinder& operator=(OutlineFinder&&) noexcept;
+
+  /// @param vertices [N] world metres
+  std::vector<OutlineVertex> find(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+  /// Intersection over union of the drawn surface and the mask in the windows, mean over the cameras that see the
+  /// person; 0 when none does.
+  double overlap(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+
+ private:
+  struct State;
+  struct Windows;
+  std::unique_ptr<const State> state_;
+};
+
+/// Keeps those before `first`, and every so many of the others that at most `most` of these stay.
+void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most);
+
+/// The posed surface, [N] world metres.
+std::vector<Eigen::Vector3d> posed_vertices(const PoseModel& model, const PosedBody& body);
+
+}  // namespace doppel

@@ -1,0 +1,110 @@
+#include "doppel/eval/actor_evaluation.h"
+
+#include "doppel/actor/draw.h"
+#include "doppel/eval/cloud_metrics.h"
+#include "doppel/eval/image_metrics.h"
+#include "doppel/losses/chamfer.h"
+
+namespace doppel {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kFilmedSamples = 3;  // along each side of a camera's pixel
+
+std::string titled(const ActorEvaluation& evaluation, const std::string& title) {
+  return title + ", " + to_string(evaluation.split);
+}
+
+/// DoF windows of samples, [B,F+1,D].
+torch::Tensor dof_windows(const ActorEvaluation& evaluation, const std::vector<SampleId>& samples) {
+  std::vector<torch::Tensor> all;
+  for (const SampleId& sample : samples)
+    all.push_back(evaluation.dataset.dof_window(sample, evaluation.actor.past_frames()));
+  return torch::stack(all);
+}
+
+/// What the camera of a request sees of a radiance field in one of its frames.
+FieldImage field_image(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request,
+                         std::size_t b) {
+  const torch::Tensor projection = request.projection[static_cast<std::int64_t>(b)][0];
+  if (drawing == Drawing::nerf) return evaluation.actor.nerf->draw(projection, request.size, request.size);
+  return evaluation.actor.radiance(dof_windows(evaluation, {request.samples[b]}), projection, request.size,
+                                   request.size);
+}
+
+/// A pixel counts as covered where more than half of it is; its colour is that of the person alone.
+RenderedImages field_images(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request) {
+  std::vector<torch::Tensor> colour, covered;
+  for (std::size_t b = 0; b < request.samples.size(); ++b) {
+    const FieldImage seen = field_image(evaluation, drawing, request, b);
+    colour.push_back(seen.colour / seen.opacity.clamp_min(0.5).unsqueeze(2));
+    covered.push_back(seen.opacity > 0.5);
+  }
+  return RenderedImages{torch::stack(colour), torch::stack(covered)};
+}
+
+Appearance appearance(TrainedActor& actor, Drawing drawing, const torch::Tensor& dof_window,
+                      const ImageRequest& request) {
+  if (drawing == Drawing::lit) return lit_appearance(actor, torch::full({1, 1}, request.camera, torch::kInt64));
+  if (drawing == Drawing::dynamic_texture)
+    return dynamic_appearance(actor, dof_window, request.projection.select(1, 0));
+  return static_appearance(actor);
+}
+
+RenderedImages surface_images(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request) {
+  TrainedActor& actor = evaluation.actor;
+  const torch::Tensor window = dof_windows(evaluation, request.samples);
+  const Appearance look = appearance(actor, drawing, window, request);
+  const torch::Tensor vertices = actor.fine(window);
+  const ShadedImage drawn = draw(*actor.mesh, vertices, look, request.projection, request.size, request.size);
+  const auto filmed = [mesh = actor.mesh, request, vertices, look](std::size_t b) {
+    const auto i = static_cast<std::int64_t>(b);
+    const torch::Tensor own = look.texture.size(0) == 1 ? look.texture : look.texture.narrow(0, i, 1);
+    const SupersampledImage image =
+        draw_filmed(*mesh, vertices.narrow(0, i, 1), {own, look.lighting}, request.filmed_projection(b),
+                    request.sides[b], request.sides[b], kFilmedSamples);
+    return at::cat({image.image, image.alpha.unsqueeze(-1)}, -1)[0][0];
+  };
+  return RenderedImages{drawn.colour, drawn.mask, filmed};
+}
+
+}  // namespace
+
+Json evaluate_actor_surface(const ActorEvaluation& evaluation, const std::string& title,
+                            torch::Tensor (TrainedActor::*surface)(const torch::Tensor&)) {
+  const auto deformed = [&](const std::vector<SampleId>& samples) {
+    return (evaluation.actor.*surface)(dof_windows(evaluation, samples));
+  };
+  return evaluate_surface(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces, deformed,
+                          evaluation.options, titled(evaluation, title))
+      .to_json();
+}
+
+Json evaluate_actor_drawing(const ActorEvaluation& evaluation, const std::string& title, Drawing drawing) {
+  const bool field = drawing == Drawing::radiance || drawing == Drawing::nerf;
+  const auto render = [&](const ImageRequest& request) {
+    return field ? field_images(evaluation, drawing, request) : surface_images(evaluation, drawing, request);
+  };
+  return evaluate_images(evaluation.dataset, evaluation.split, render, evaluation.options, titled(evaluation, title))
+      .to_json();
+}
+
+Json evaluate_actor_cloud(const ActorEvaluation& evaluation) {
+  const auto cloud = [&](const ImageRequest& request) {
+    const FieldImage seen = field_image(evaluation, Drawing::radiance, request, 0);
+    const torch::Tensor pixels = (seen.opacity > 0).nonzero().flip({1});
+    const PixelRays rays = pixel_rays(request.projection[0][0], pixels);
+    RenderedRays points;
+    points.opacity = seen.opacity.masked_select(seen.opacity > 0);
+    points.depth = seen.depth.masked_select(seen.opacity > 0);
+    return point_cloud(points, rays.origin, rays.direction);
+  };
+  const auto result =
+      evaluate_clouds(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces,
+                      evaluation.actor.character.num_vertices(), cloud, evaluation.options, titled(evaluation, "cloud"));
+  return result ? result->to_json() : Json();
+}
+
+}  // namespace doppel

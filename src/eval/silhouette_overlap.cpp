@@ -1,0 +1,287 @@
+#include "doppel/eval/silhouette_overlap.h"
+
+#include <ATen/Parallel.h>
+
+#include <algorithm>
+#include <map>
+
+#include "doppel/core/error.h"
+#include "doppel/core/progress.h"
+#include "doppel/data/loader.h"
+#include "doppel/eval/ground_truth.h"
+#include "doppel/eval/mean.h"
+#include "doppel/eval/surface_metrics.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/rasterizer.h"
+#include "doppel/render/seen_vertices.h"
+
+namespace doppel {
+
+namespace {
+
+/// Frames drawn at once; bounds the memory for coverage images.
+constexpr std::size_t kFramesAtOnce = 8;
+
+/// Cameras with images of one size, which are drawn together.
+struct CameraGroup {
+  int width, height;
+  std::vector<int> cameras;
+  torch::Tensor projection;  ///< [C,3,4]
+};
+
+std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector<int>& indices) {
+  std::map<std::pair<int, int>, CameraGroup> groups;
+  for (int index : indices) {
+    const Camera& camera = dataset.camera(index);
+    CameraGroup& group =
+        groups.try_emplace({camera.width, camera.height}, CameraGroup{camera.width, camera.height, {}, {}})
+            .first->second;
+    group.cameras.push_back(index);
+  }
+  std::vector<CameraGroup> out;
+  for (auto& [size, group] : groups) {
+    std::vector<Camera> cameras;
+    for (int index : group.cameras) cameras.push_back(dataset.camera(index));
+    group.projection = projection_tensor(cameras);
+    out.push_back(std::move(group));
+  }
+  return out;
+}
+
+/// Overlaps of B frames with the cameras of a group, [B][C].
+std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraGroup& group, Rasterizer& rasterizer,
+                                           const std::vector<SampleId>& samples, const torch::Tensor& vertices) {
+  const auto num_frames = static_cast<std::int64_t>(samples.size()),
+             num_cameras = static_cast<std::int64_t>(group.cameras.size());
+  const torch::Tensor covered =
+      rasterizer
+          .coverage_projected(vertices, group.projection.expand({num_frames, num_cameras, 3, 4}).contiguous(),
+                              group.height, group.width)
+          .contiguous();
+  const std::uint8_t* pixels = covered.data_ptr<std::uint8_t>();
+  const std::int64_t image = std::int64_t{group.width} * group.height;
+  std::vector<std::vector<Overlap>> result(samples.size(), std::vector<Overlap>(group.cameras.size()));
+  at::parallel_for(0, num_frames * num_cameras, 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      const std::int64_t b = i / num_cameras, c = i % num_cameras;
+      const cv::Mat mask = dataset.mask(samples[b], group.cameras[c]);
+      if (mask.cols != group.width || mask.rows != group.height)
+        fail("camera {}: the mask of frame {} is {}x{}, the camera {}x{}", dataset.camera(group.cameras[c]).name,
+             samples[b].frame, mask.cols, mask.rows, group.width, group.height);
+      const cv::Mat whole = mask.isContinuous() ? mask : mask.clone();
+      result[b][c] = overlap(whole.data, pixels + i * image, image);
+    }
+  });
+  return result;
+}
+
+/// Which vertices of a surface the cameras of a capture see. @param vertices [N,3] @return bool [N]
+torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, const torch::Tensor& vertices,
+                              const torch::Tensor& faces) {
+  const torch::Tensor corners = faces.to(torch::kInt64);
+  torch::Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
+  for (int index : dataset.camera_indices({})) {
+    const Camera& camera = dataset.camera(index);
+    const torch::Tensor projection = projection_tensor({camera}).contiguous();
+    const RasterImage& image =
+        rasterizer.rasterize_projected(vertices.unsqueeze(0), projection.unsqueeze(0), camera.height, camera.width);
+    seen |= seen_vertices(image.face_id[0], corners, vertices, camera_placement(projection[0]).centre);
+  }
+  return seen;
+}
+
+/// Means over frames of what separates a surface from the true one, metres.
+struct TruthErrors {
+  Mean vertex, hausdorff, surface, seen_surface;
+
+  /// @param vertices, expected [N,3] @param seen bool [N]
+  void add(const torch::Tensor& vertices, const torch::Tensor& expected, const torch::Tensor& faces,
+           const torch::Tensor& seen) {
+    vertex.add((vertices - expected).norm(2, 1).mean().item<double>());
+    const SurfaceGap gap = surface_gap(vertices, faces, expected, faces);
+    hausdorff.add(gap.hausdorff);
+    surface.add(gap.mean);
+    if (seen.any().item<bool>()) seen_surface.add(gap.from_a.masked_select(seen).mean().item<double>());
+  }
+  void write(SurfaceResult& result) const {
+    if (vertex.count == 0) return;
+    result.vertex_error_mm = 1000.0 * vertex.value();
+    result.Hausdorff_mm = 1000.0 * hausdorff.value();
+    result.surface_distance_mm = 1000.0 * surface.value();
+    if (seen_surface.count > 0) result.seen_distance_mm = 1000.0 * seen_surface.value();
+  }
+};
+
+/// A figure of the table: its key in JSON and how it is shown.
+struct Column {
+  const char* key;
+  const char* title;
+  double factor;
+  int digits;
+  const char* unit;
+};
+constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
+                               {"RVIoU", "RVIoU", 1, 4, ""},
+                               {"SVIoU", "SVIoU", 1, 4, ""},
+                               {"outside", "outside", 100, 2, " %"},
+                               {"missing", "missing", 100, 2, " %"},
+                               {"vertex_error_mm", "vertex error", 1, 2, " mm"},
+                               {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
+                               {"surface_distance_mm", "off the surface", 1, 2, " mm"},
+                               {"seen_distance_mm", "where seen", 1, 2, " mm"},
+                               {"noise_mm", "noise", 1, 2, " mm"},
+                               {"3DPCK", "3DPCK", 1, 1, " %"},
+                               {"AUC", "AUC", 1, 1, " %"},
+                               {"MPJPE_mm", "MPJPE", 1, 1, " mm"},
+                               {"GLE_mm", "GLE", 1, 1, " mm"},
+                               {"keypoint_error_px", "keypoints", 1, 1, " px"},
+                               {"frames_without_pose", "frames without pose", 1, 0, ""},
+                               {"MSE", "MSE", 1, 2, ""},
+                               {"PSNR", "PSNR", 1, 2, " dB"},
+                               {"SSIM", "SSIM", 1, 4, ""},
+                               {"seconds", "drawn in", 1, 3, " s"}};
+
+/// SVIoU and RVIoU: the input camera against all others.
+void split_by_input(SurfaceResult& result, const std::string& input_camera) {
+  Mean others;
+  for (const auto& [name, iou] : result.cameras) {
+    if (name == input_camera)
+      result.SVIoU = iou;
+    else
+      others.add(iou);
+  }
+  if (others.count > 0) result.RVIoU = others.value();
+}
+
+}  // namespace
+
+Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count) {
+  Overlap result;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const bool in_a = a[i] != 0, in_b = b[i] != 0;
+    result.intersection += in_a && in_b;
+    result.united += in_a || in_b;
+    result.only_b += in_b && !in_a;
+  }
+  return result;
+}
+
+nlohmann::ordered_json SurfaceResult::to_json() const {
+  nlohmann::ordered_json json;
+  json["AMVIoU"] = AMVIoU;
+  if (RVIoU) json["RVIoU"] = *RVIoU;
+  if (SVIoU) json["SVIoU"] = *SVIoU;
+  if (vertex_error_mm) json["vertex_error_mm"] = *vertex_error_mm;
+  if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
+  if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
+  if (seen_distance_mm) json["seen_distance_mm"] = *seen_distance_mm;
+  json["outside"] = outside;
+  json["missing"] = missing;
+  for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
+  return json;
+}
+
+std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, const EvaluationOptions& options) {
+  if (options.frames.empty()) return dataset.samples(split, options.every);
+  return chosen_samples(dataset, split, options.frames);
+}
+
+SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
+                               const SurfaceFunction& surface, const EvaluationOptions& options,
+                               const std::string& title) {
+  torch::NoGradGuard no_grad;
+  const std::vector<int> cameras = dataset.camera_indices(options.cameras);
+  if (!options.input_camera.empty()) {
+    const int input = dataset.camera_index(options.input_camera);
+    if (std::find(cameras.begin(), cameras.end(), input) == cameras.end())
+      fail<UsageError>("the input camera {} is not among those compared", options.input_camera);
+  }
+  const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
+  const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
+  Rasterizer rasterizer(faces);
+  GroundTruth truth(dataset);
+  std::map<int, Mean> per_camera;
+  TruthErrors errors;
+  Overlap total;
+  Progress progress(title, static_cast<std::int64_t>(samples.size()));
+  for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
+    const std::size_t last = std::min(first + kFramesAtOnce, samples.size());
+    const std::vector<SampleId> part(samples.begin() + static_cast<std::ptrdiff_t>(first),
+                                     samples.begin() + static_cast<std::ptrdiff_t>(last));
+    const torch::Tensor vertices = surface(part).to(torch::kFloat32).contiguous();
+    for (const CameraGroup& group : groups) {
+      const auto result = overlaps(dataset, group, rasterizer, part, vertices);
+      for (const auto& frame : result)
+        for (std::size_t c = 0; c < group.cameras.size(); ++c) {
+          if (const auto iou = frame[c].iou()) per_camera[group.cameras[c]].add(*iou);
+          total += frame[c];
+        }
+    }
+    for (std::size_t b = 0; b < part.size(); ++b) {
+      const torch::Tensor expected = truth.at(part[b], vertices.size(1));
+      if (expected.defined())
+        errors.add(vertices[static_cast<std::int64_t>(b)], expected, faces,
+                   seen_by_cameras(dataset, rasterizer, expected, faces));
+    }
+    progress.advance(static_cast<std::int64_t>(part.size()));
+  }
+  SurfaceResult result;
+  for (int camera : cameras)
+    if (per_camera.count(camera)) result.cameras.emplace_back(dataset.camera(camera).name, per_camera[camera].value());
+  if (result.cameras.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
+  for (const auto& [name, iou] : result.cameras) result.AMVIoU += iou / static_cast<double>(result.cameras.size());
+  if (!options.input_camera.empty()) split_by_input(result, options.input_camera);
+  result.outside = static_cast<double>(total.only_b) / static_cast<double>(total.united);
+  result.missing =
+      static_cast<double>(total.united - total.intersection - total.only_b) / static_cast<double>(total.united);
+  errors.write(result);
+  return result;
+}
+
+nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
+                                           const EvaluationOptions& options) {
+  nlohmann::ordered_json json;
+  json["metric"] =
+      "AMVIoU: IoU of the drawn surface and the mask at full resolution, mean over frames, then over cameras";
+  json["capture"] = dataset.capture().name;
+  json["every"] = options.every;
+  if (!options.frames.empty()) json["only_frames"] = options.frames;
+  for (Split split : splits) json["frames"][to_string(split)] = evaluated_samples(dataset, split, options).size();
+  for (int index : dataset.camera_indices(options.cameras)) {
+    const Camera& camera = dataset.camera(index);
+    json["cameras"].push_back(camera.name);
+    json["resolution"][camera.name] = {camera.width, camera.height};
+  }
+  for (const SequenceEntry& entry : dataset.capture().sequences)
+    json["mask_threshold"][entry.name] =
+        entry.masks_from_images() ? nlohmann::ordered_json(entry.chroma_key ? "chroma key" : "background subtraction")
+                                    : nlohmann::ordered_json(entry.mask_threshold);
+  return json;
+}
+
+std::string evaluation_table(const nlohmann::ordered_json& evaluation) {
+  std::string out;
+  const auto& protocol = evaluation.at("protocol");
+  for (const auto& [split, methods] : evaluation.at("splits").items()) {
+    out += fmt::format("{} split, {} frames, {} cameras\n", split, protocol.at("frames").at(split).get<long>(),
+                       protocol.at("cameras").size());
+    if (const auto left_out = protocol.value("left_out", nlohmann::ordered_json::object()); left_out.contains(split))
+      out += "  left out: " + left_out.at(split).get<std::string>() + "\n";
+    for (const auto& [method, result] : methods.items()) {
+      out += fmt::format("  {:<10}", method);
+      for (const Column& column : kColumns)
+        if (result.contains(column.key))
+          out += fmt::format("  {} {:.{}f}{}", column.title, column.factor * result.at(column.key).get<double>(),
+                             column.digits, column.unit);
+      if (result.contains("filmed")) out += fmt::format("  as filmed {:.2f}", result["filmed"]["MSE"].get<double>());
+      out += "  |";
+      for (const auto& [camera, value] : result.at("cameras").items())
+        out += value.is_number() ? fmt::format("  {}: {:.4f}", camera, value.get<double>())
+                                 : fmt::format("  {}: {:.1f}", camera, value.at("MSE").get<double>());
+      out += "\n";
+    }
+  }
+  return out;
+}
+
+}  // namespace doppel

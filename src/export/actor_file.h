@@ -1,0 +1,78 @@
+#pragma once
+
+#include <torch/script.h>
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "doppel/character/character.h"
+#include "doppel/export/script_file.h"
+
+namespace doppel {
+
+/// What an exported actor says of itself, beside its tensors.
+struct ActorDescription {
+  std::string name;
+  int past_frames = 2;                   ///< F: the actor takes F + 1 frames of motion, oldest first
+  std::vector<std::string> dof_names;    ///< [D] the columns of its input
+  std::vector<std::string> joint_names;  ///< [J]
+  int num_vertices = 0;
+  double frames_per_second = 25.0;  ///< of the motion it was trained on: the window carries velocities
+  std::string fingerprint;          ///< of the character (Character::fingerprint)
+  int texture_size = 0;             ///< T: texels along a side of its dynamic texture; 0: it has none
+};
+
+/// The function an actor file holds: DoF window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
+using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
+
+/// The second function, of an actor with a dynamic texture: DoF window [B,F+1,D] and the camera's projection [B,3,4]
+/// (pixels from world metres) -> RGB texture [B,T,T,3], 0..1, row 0 at v = 1.
+using TextureFunction = std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&)>;
+
+struct ActorFunctions {
+  ActorFunction geometry;
+  TextureFunction texture;  ///< may be empty
+};
+
+/// Writes one TorchScript file that needs nothing of Doppel to run: plain aten operations, parameters kept as
+/// parameters. `torch::jit::load` and Python's `torch.jit.load` take it.
+///
+/// Extra files inside: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint), `faces.npy`
+/// [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
+///
+/// The module's method `forward` is the geometry; with a texture there is a second method,
+/// `textured(window, projection) -> (vertices, texture)`.
+///
+/// @param functions   the actor; while they are traced the layers take their references by themselves
+///                    (layers/reference_scope.h). Traced on random input of one batch size and then held against
+///                    themselves on another, so a size that the trace has baked in is found here
+/// @param modules     what they compute with; their parameters and buffers become the file's, under their names
+/// @throws Error when a traced function differs from the given one by more than 1e-5 m (1e-4 in colours) on input it
+/// has not seen, or holds an operation that is not aten's
+void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
+                 const ActorFunctions& functions, const ScriptModules& modules);
+
+/// An actor file, read back.
+class ActorFile {
+ public:
+  /// @throws FileError when it is not an actor file (with what is missing)
+  static ActorFile load(const std::filesystem::path& path);
+
+  const ActorDescription& description() const { return description_; }
+  /// [B,F+1,D] -> [B,N,3] @throws Error for another shape
+  torch::Tensor forward(const torch::Tensor& window) const;
+  /// Vertices [B,N,3] and texture [B,T,T,3] as one camera sees them. @param projection [B,3,4]
+  /// @throws Error for another shape, or when the file has no texture (description().texture_size)
+  std::pair<torch::Tensor, torch::Tensor> textured(const torch::Tensor& window, const torch::Tensor& projection) const;
+
+ private:
+  void check_window(const torch::Tensor& window) const;
+  mutable torch::jit::script::Module module_;
+  ActorDescription description_;
+};
+
+}  // namespace doppel

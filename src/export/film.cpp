@@ -1,0 +1,161 @@
+#include "doppel/export/film.h"
+
+#include <cmath>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "doppel/core/angles.h"
+#include "doppel/actor/draw.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/render/image_tensor.h"
+#include "doppel/capture/video_file.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/soft_light.h"
+
+namespace doppel {
+namespace {
+
+using Eigen::Vector3d;
+using torch::Tensor;
+
+constexpr double kGrey = 0.75;
+
+class FilmWriter : public SequenceWriter {
+ public:
+  FilmWriter(const std::filesystem::path& folder, const Character& character, std::unique_ptr<CameraPath> path,
+             const FilmOptions& options)
+      : folder_(folder),
+        mesh_(character.mesh),
+        render_mesh_(character.mesh),
+        camera_path_(std::move(path)),
+        options_(options) {
+    const int width = camera_path_->width(), height = camera_path_->height();
+    if (!mesh_.texture.empty() && render_mesh_.has_uvs()) texture_ = texture_tensor(mesh_);
+    cv::Mat behind(height, width, CV_8UC3,
+                   cv::Scalar(options.backdrop.colour[0], options.backdrop.colour[1], options.backdrop.colour[2]));
+    if (!options.backdrop.image.empty())
+      behind = fit_backdrop(options.backdrop, width, height, camera_path_->name() == "turntable");
+    behind_ = tensor_of(behind);
+    std::filesystem::create_directories(folder);
+    if (options.video)
+      video_ = std::make_unique<VideoFile>(folder / (camera_path_->name() + ".mp4"), cv::Size(width, height),
+                                           options.frames_per_second);
+  }
+
+  void write(const PosedFrame& frame) override {
+    const float* vertices = frame.vertices;
+    const Camera camera = camera_path_->at(frame_, vertices);
+    if (std::abs(winding_number(mesh_, vertices, camera.centre())) > 0.5)
+      fail(
+          "filming {}: in frame {} the camera stands inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
+          "camera, or check the units of the calibration",
+          camera.name, frame_, camera.centre().x(), camera.centre().y(), camera.centre().z());
+    const cv::Mat image = draw(frame, camera);
+    if (video_) video_->write(image);
+    if (options_.images) write_image(image);
+    ++frame_;
+  }
+
+  void close() override {
+    if (frame_ > 0 && !seen_)
+      log::warn("filming {}: the actor is in no frame of it; do motion and camera share one world?",
+                camera_path_->name());
+    if (video_) video_->close();
+  }
+
+ private:
+  cv::Mat draw(const PosedFrame& frame, const Camera& camera) {
+    torch::NoGradGuard no_grad;
+    if (options_.radiance) return draw_radiance(frame, camera);
+    const Tensor vertices = torch::from_blob(const_cast<float*>(frame.vertices), {1, mesh_.num_vertices(), 3});
+    const Tensor projection = projection_tensor({camera}).unsqueeze(0);
+    const bool dynamic = options_.actor && options_.actor->description().texture_size > 0;
+    Appearance look;
+    look.texture = dynamic ? options_.actor->textured(frame.window.unsqueeze(0), projection[0]).second : texture_;
+    // Without a texture and without light nothing but an outline could be seen.
+    if (!dynamic && (options_.light == Light::soft || !texture_.defined()))
+      look.lighting = soft_light(camera, texture_.defined() ? 1.0 : kGrey);
+    const SupersampledImage drawn = draw_filmed(render_mesh_, vertices, look, projection, camera.height, camera.width,
+                                                options_.supersampling);
+    seen_ = seen_ || drawn.alpha.gt(0).any().item<bool>();
+    return image_of(drawn.over(behind_)[0][0]);
+  }
+
+  cv::Mat draw_radiance(const PosedFrame& frame, const Camera& camera) {
+    const FieldImage drawn =
+        options_.radiance(frame.window.unsqueeze(0), projection_tensor({camera})[0], camera.height, camera.width);
+    seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();
+    return image_of(drawn.colour + (1.0 - drawn.opacity.unsqueeze(2)) * behind_);
+  }
+
+  void write_image(const cv::Mat& image) const {
+    const std::filesystem::path path = folder_ / fmt::format("{}_{:06}.png", camera_path_->name(), frame_);
+    if (!cv::imwrite(path.string(), image)) fail("the image {} cannot be written", path.string());
+  }
+
+  std::filesystem::path folder_;
+  TriangleMesh mesh_;
+  RenderMesh render_mesh_;
+  std::unique_ptr<CameraPath> camera_path_;
+  FilmOptions options_;
+  Tensor texture_, behind_;
+  std::unique_ptr<VideoFile> video_;
+  int frame_ = 0;
+  bool seen_ = false;
+};
+
+}  // namespace
+
+cv::Vec3b parse_colour(const std::string& text) {
+  static const std::map<std::string, cv::Vec3b> words{{"black", {0, 0, 0}},
+                                                      {"white", {255, 255, 255}},
+                                                      {"grey", {128, 128, 128}},
+                                                      {"green", {0, 177, 64}},
+                                                      {"blue", {187, 71, 0}}};
+  if (const auto word = words.find(text); word != words.end()) return word->second;
+  if (text.size() == 7 && text[0] == '#' && text.find_first_not_of("0123456789abcdefABCDEF", 1) == std::string::npos) {
+    const unsigned long rgb = std::stoul(text.substr(1), nullptr, 16);
+    return {static_cast<uchar>(rgb & 255), static_cast<uchar>(rgb >> 8 & 255), static_cast<uchar>(rgb >> 16)};
+  }
+  fail<UsageError>("'{}' is neither an image that exists nor a colour; colours: black white grey green blue #rrggbb",
+                   text);
+}
+
+cv::Mat fit_backdrop(const Backdrop& backdrop, int width, int height, bool may_crop) {
+  cv::Mat image = backdrop.image;
+  const double ratio = (static_cast<double>(image.cols) / image.rows) / (static_cast<double>(width) / height);
+  if (std::abs(ratio - 1.0) > 0.01) {
+    if (!may_crop)
+      fail<UsageError>(
+          "{} has {} x {} pixels, the camera {} x {}: an image behind a calibrated camera must have its proportions",
+          backdrop.name, image.cols, image.rows, width, height);
+    const int columns = ratio > 1 ? static_cast<int>(std::lround(image.cols / ratio)) : image.cols;
+    const int rows = ratio < 1 ? static_cast<int>(std::lround(image.rows * ratio)) : image.rows;
+    image = image(cv::Rect((image.cols - columns) / 2, (image.rows - rows) / 2, columns, rows));
+  }
+  cv::Mat fitted;
+  cv::resize(image, fitted, {width, height}, 0, 0, image.cols > width ? cv::INTER_AREA : cv::INTER_LINEAR);
+  return fitted;
+}
+
+double winding_number(const TriangleMesh& mesh, const float* vertices, const Vector3d& point) {
+  double sum = 0.0;
+  for (const Triangle& face : mesh.faces) {
+    std::array<Vector3d, 3> to;
+    for (std::size_t i = 0; i < 3; ++i)
+      to[i] = Eigen::Map<const Eigen::Vector3f>(vertices + 3 * face[i]).cast<double>() - point;
+    const double a = to[0].norm(), b = to[1].norm(), c = to[2].norm();
+    sum += std::atan2(to[0].dot(to[1].cross(to[2])),
+                      a * b * c + to[0].dot(to[1]) * c + to[1].dot(to[2]) * a + to[2].dot(to[0]) * b);
+  }
+  return sum / (2 * kPi);
+}
+
+std::unique_ptr<SequenceWriter> make_film_writer(const std::filesystem::path& folder, const Character& character,
+                                                 std::unique_ptr<CameraPath> path, const FilmOptions& options) {
+  return std::make_unique<FilmWriter>(folder, character, std::move(path), options);
+}
+
+}  // namespace doppel

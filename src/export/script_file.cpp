@@ -1,0 +1,166 @@
+#include "doppel/export/script_file.h"
+
+#include <torch/csrc/jit/frontend/tracer.h>
+
+#include <limits>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+
+namespace doppel {
+namespace {
+
+using torch::jit::Stack;
+
+struct KindWords {
+  const char* type;      ///< of the TorchScript module
+  const char* key;       ///< of metadata.json: the version
+  const char* name;      ///< in messages
+  const char* contents;  ///< what to say to somebody who took it for the other kind
+};
+const KindWords& words_of(ScriptKind kind) {
+  static const KindWords actor{
+      "Actor", "doppel_actor", "actor",
+      "an actor, which takes a motion; files that take images come from `doppel export` on a "
+      "run of posenet or deepcap"};
+  static const KindWords pose{
+      "Pose", "doppel_pose", "pose file",
+      "a pose file, which takes images of a person (examples/capture_person.py); motions drive "
+      "actors, which come from `doppel export` on a run of egnet or ddc"};
+  return kind == ScriptKind::actor ? actor : pose;
+}
+
+/// TorchScript attribute names hold no dots; the tree of modules becomes a tree of script modules.
+torch::jit::script::Module mirror(const torch::nn::Module& module, const std::string& name,
+                                  const std::shared_ptr<torch::jit::CompilationUnit>& unit) {
+  torch::jit::script::Module result("__torch__.doppel." + name, unit);
+  for (const auto& p : module.named_parameters(/*recurse=*/false))
+    if (p.value().defined()) result.register_parameter(p.key(), p.value(), /*is_buffer=*/false);
+  for (const auto& b : module.named_buffers(/*recurse=*/false))
+    if (b.value().defined()) result.register_buffer(b.key(), b.value());
+  for (const auto& child : module.named_children())
+    result.register_module(child.key(), mirror(*child.value(), name + "_" + child.key(), unit));
+  return result;
+}
+
+void check_operations(const torch::jit::Block* block) {
+  for (const torch::jit::Node* node : block->nodes()) {
+    const std::string space = node->kind().ns().toUnqualString();
+    if (space != "aten" && space != "prim")
+      fail("exporting: the traced function calls {}, which no host without Doppel has", node->kind().toQualString());
+    for (const torch::jit::Block* inner : node->blocks()) check_operations(inner);
+  }
+}
+
+/// Several results as one.
+Stack packed(const Stack& results) {
+  if (results.size() == 1) return results;
+  return {c10::ivalue::Tuple::create(std::vector<torch::jit::IValue>(results.begin(), results.end()))};
+}
+
+template <typename Rows>
+std::string index_bytes(const Rows& rows) {
+  return npy_bytes(rows.data(), "<i4", {static_cast<std::int64_t>(rows.size()), 3});
+}
+
+torch::jit::ExtraFilesMap mesh_files(const TriangleMesh& mesh) {
+  torch::jit::ExtraFilesMap files;
+  files["faces.npy"] = index_bytes(mesh.faces);
+  if (mesh.uvs.empty()) return files;
+  std::vector<float> uvs;
+  for (const Eigen::Vector2d& uv : mesh.uvs) {
+    uvs.push_back(static_cast<float>(uv.x()));
+    uvs.push_back(static_cast<float>(uv.y()));
+  }
+  files["uvs.npy"] = npy_bytes(uvs.data(), "<f4", {static_cast<std::int64_t>(uvs.size() / 2), 2});
+  files["face_uvs.npy"] = index_bytes(mesh.face_uvs);
+  return files;
+}
+
+/// The largest difference; infinite between tensors of different shapes or types.
+double difference(const torch::Tensor& found, const torch::Tensor& expected) {
+  if (!found.sizes().equals(expected.sizes()) || found.scalar_type() != expected.scalar_type())
+    return std::numeric_limits<double>::infinity();
+  return (found.to(torch::kFloat64) - expected.to(torch::kFloat64)).abs().max().item<double>();
+}
+
+}  // namespace
+
+ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules)
+    : kind_(kind),
+      module_(std::string("__torch__.doppel.") + words_of(kind).type, std::make_shared<torch::jit::CompilationUnit>()) {
+  for (const auto& [name, module] : modules)
+    module_.register_module(name, mirror(*module, name, module_._ivalue()->compilation_unit()));
+}
+
+void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
+  const torch::NoGradGuard no_grad;
+  const auto [state, outputs] = torch::jit::tracer::trace(
+      inputs, [&](Stack given) { return packed(function(given)); },
+      [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true, /*force_outplace=*/false,
+      &module_);
+  const auto full_name = c10::QualifiedName(*module_.type()->name(), name);
+  module_.type()->addMethod(module_._ivalue()->compilation_unit()->create_function(full_name, state->graph));
+  check_operations(state->graph->block());
+}
+
+void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const Function& function,
+                             const std::vector<double>& tolerances) const {
+  const torch::NoGradGuard no_grad;
+  const Stack expected = function(unseen);
+  const torch::jit::IValue found = module_.get_method(name)(unseen);
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const torch::Tensor result = expected.size() == 1 ? found.toTensor() : found.toTuple()->elements()[i].toTensor();
+    const double found_difference = difference(result, expected[i].toTensor());
+    if (!(found_difference <= tolerances.at(i)))
+      fail(
+          "exporting: result {} of the traced `{}` differs from the model's by {:.2g} on input it has not seen; {:.2g} "
+          "is allowed",
+          i + 1, name, found_difference, tolerances.at(i));
+  }
+}
+
+void ScriptFileWriter::save(const std::filesystem::path& path, const Character& character,
+                            const nlohmann::ordered_json& metadata) {
+  nlohmann::ordered_json all{{words_of(kind_).key, kScriptVersion}};
+  all.update(metadata);
+  torch::jit::ExtraFilesMap files = mesh_files(character.mesh);
+  files["metadata.json"] = all.dump(1);
+  module_.eval();
+  write_atomically(path, [&](const std::filesystem::path& temporary) { module_.save(temporary.string(), files); });
+}
+
+ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) {
+  const FileLocation where{path.string()};
+  const KindWords& words = words_of(kind);
+  if (!std::filesystem::is_regular_file(path))
+    fail_at(where, "is not a file; `doppel export` writes {}s from runs", words.name);
+  ScriptFile file;
+  torch::jit::ExtraFilesMap extra{{"metadata.json", ""}};
+  try {
+    file.module = torch::jit::load(path.string(), c10::nullopt, extra);
+  } catch (const std::exception&) {
+    fail_at(where, "is not a TorchScript file, or is damaged; `doppel export` writes {}s", words.name);
+  }
+  const ScriptKind other = kind == ScriptKind::actor ? ScriptKind::pose : ScriptKind::actor;
+  try {
+    file.metadata = nlohmann::json::parse(extra.at("metadata.json"));
+    if (file.metadata.contains(words_of(other).key)) fail_at(where, "is {}", words_of(other).contents);
+    if (file.metadata.at(words.key) != kScriptVersion)
+      fail_at(where, "is of version {}; {}s of version {} can be read", file.metadata.at(words.key).dump(), words.name,
+              kScriptVersion);
+  } catch (const nlohmann::json::exception& e) {
+    fail_metadata(path, kind, e);
+  }
+  file.module.eval();
+  return file;
+}
+
+void fail_metadata(const std::filesystem::path& path, ScriptKind kind, const nlohmann::json::exception& error) {
+  fail_at({path.string()},
+          "is a TorchScript file, but not a Doppel {}: its metadata.json is missing or incomplete ({})",
+          words_of(kind).name, error.what());
+}
+
+}  // namespace doppel

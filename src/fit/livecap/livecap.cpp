@@ -1,0 +1,288 @@
+#include "doppel/fit/livecap/livecap.h"
+
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "doppel/core/error.h"
+#include "doppel/energy/inliers.h"
+#include "doppel/energy/alignment.h"
+#include "doppel/core/clock.h"
+#include "doppel/energy/fit_problem.h"
+#include "doppel/fit/livecap/single_view_start.h"
+#include "doppel/energy/outline.h"
+#include "doppel/energy/terms/keypoint_term.h"
+#include "doppel/energy/terms/limit_term.h"
+#include "doppel/energy/terms/point_term.h"
+#include "doppel/energy/terms/prior_term.h"
+#include "doppel/energy/terms/relative_point_term.h"
+#include "doppel/energy/terms/silhouette_term.h"
+#include "doppel/fit/thesis_units.h"
+
+namespace doppel {
+namespace {
+
+using Points = std::vector<std::optional<Eigen::Vector3d>>;
+using Terms = std::vector<std::unique_ptr<PoseTerm>>;
+
+constexpr std::size_t kFewestLandmarks = 4;
+
+void check(const LivecapOptions& options) {
+  check_fit(options);
+  check_not_negative("joint weight", options.joint_weight);
+  if (options.keypoint_weight == 0.0 && options.joint_weight == 0.0)
+    fail("the keypoint weight and the joint weight of the fit are 0; without either nothing can be tracked");
+}
+
+RobustKernel kernel(double thesis_pixels) {
+  return {RobustKernel::Kind::geman_mcclure, reference_from_thesis(thesis_pixels)};
+}
+
+std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
+  std::vector<Eigen::Vector3d> points;
+  for (int m = 0; m < model.num_landmarks(); ++m) points.push_back(model.landmark(body, m));
+  return points;
+}
+
+}  // namespace
+
+LivecapOptions::LivecapOptions() {
+  keypoint_weight = 460.0;  // lambda_2D
+  silhouette_weight = 200.0;
+  limit_weight = 1e6;
+  temporal_weight = 1.5;
+  steady_weight = 3000.0;
+  prior_weight = 500.0;  // for DoFs that nothing else determines
+  outline_vertices = 300;
+  solver.iterations = 6;
+  solver.initial_damping = 1e-6;
+  inlier_threshold = 21.0;
+}
+
+/// What the terms of one frame read.
+struct LivecapTracker::Evidence {
+  FrameEvidence frame;  ///< of the one camera
+  Points joints;        ///< [M] world axes, with the body's bone lengths
+};
+
+struct LivecapTracker::Fit {
+  TrackedFrame frame;
+  double cost = std::numeric_limits<double>::infinity();  ///< of all terms
+};
+
+LivecapTracker::LivecapTracker(const Character& character, const std::vector<Marker>& landmarks,
+                               const std::vector<int>& dofs, const Camera& camera, const LivecapOptions& options)
+    : model_(character, landmarks, dofs),
+      cameras_{camera},
+      options_(options),
+      viewer_(character, camera, options.outline_pixels),
+      roles_(landmark_roles(landmarks)),
+      tree_(character.skeleton, landmarks, character.rest_dofs),
+      rigidity_(rigidity_of_landmarks(model_)),
+      history_(character.rest_dofs),
+      rest_vertices_(character.mesh.vertices),
+      surface_(character, cameras_.front(), options.nonrigid) {
+  check(options);
+  if (landmarks.size() < kFewestLandmarks)
+    fail("tracking from one camera needs at least {} landmarks on the skeleton, received {}", kFewestLandmarks,
+         landmarks.size());
+  if (!model_.root())
+    fail(
+        "tracking from one camera needs a root that can be placed and turned freely; all of its six DoFs must be "
+        "unknown");
+  for (std::size_t m = 0; !options.faces && m < landmarks.size(); ++m)
+    if (roles_.detection[m] < 1.0) roles_.detection[m] = 0.0;
+}
+
+void LivecapTracker::cut() {
+  pause();
+  history_.cut();
+}
+
+void LivecapTracker::pause() {
+  history_.clear();
+  forget_surface();
+}
+
+void LivecapTracker::forget_surface() {
+  surface_.cut();
+  bend(model_.character().mesh.vertices);
+}
+
+void LivecapTracker::bend(std::vector<Eigen::Vector3d> rest_vertices) {
+  rest_vertices_ = std::move(rest_vertices);
+  model_.set_rest_vertices(rest_vertices_);
+}
+
+FrameResult LivecapTracker::track(const LivecapInput& input) {
+  const auto start = Clock::now();
+  Evidence evidence{{input.view}, {}};
+  for (const auto& joint : input.joints)
+    evidence.joints.push_back(joint ? std::optional<Eigen::Vector3d>(cameras_.front().R.transpose() * *joint)
+                                    : std::nullopt);
+  if (options_.joint_weight == 0.0) evidence.joints.clear();
+  if (!evidence.joints.empty())
+    evidence.joints =
+        tree_.with_lengths_of(std::move(evidence.joints), landmarks_of(model_, model_.pose(history_.last(), false)));
+  evidence.joints.resize(static_cast<std::size_t>(model_.num_landmarks()));
+  FrameResult frame;
+  frame.pose = track_pose(evidence);
+  remember(frame.pose);
+  frame.pose_seconds = seconds_since(start);
+  track_surface(input, frame);
+  frame.surface_seconds = seconds_since(start) - frame.pose_seconds;
+  return frame;
+}
+
+TrackedFrame LivecapTracker::track_pose(const Evidence& evidence) {
+  Fit best;
+  best.frame.dofs = history_.last();
+  const Inliers inliers = count_inliers(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame,
+                                           reference_from_thesis(options_.inlier_threshold));
+  best.frame.keypoints = inliers.keypoints;
+  if (inliers.keypoints < options_.min_keypoints) return best.frame;
+  if (!history_.empty()) {
+    const std::vector<double> expected = history_.predicted(model_.root());
+    best = fit(evidence, expected, &expected);
+  }
+  if (best.frame.found()) return best.frame;
+  Fit anew = start_anew(evidence);
+  anew.frame.iterations += best.frame.iterations;
+  if (!anew.frame.found()) {
+    best.frame.dofs = history_.last();
+    return best.frame;
+  }
+  anew.frame.state = history_.state_of_restart();
+  return anew.frame;
+}
+
+void LivecapTracker::remember(const TrackedFrame& found) {
+  if (found.state != FrameState::tracked) forget_surface();
+  history_.remember(found);
+}
+
+Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected,
+                            double keypoint_weight) const {
+  Terms result;
+  const LivecapOptions& o = options_;
+  if (keypoint_weight > 0.0)
+    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
+                                                               per_square_reference_pixel(keypoint_weight),
+                                                               kernel(o.keypoint_scale), roles_.detection));
+  std::vector<PointTerm::Target> joints;
+  for (std::size_t m = 0; m < evidence.joints.size(); ++m)
+    if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
+  if (!joints.empty())
+    result.push_back(
+        std::make_unique<RelativePointTerm>("joints", std::move(joints), per_square_metre(o.joint_weight)));
+  if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
+  if (o.prior_weight > 0.0)
+    result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
+  if (!expected) return result;
+  if (o.steady_weight > 0.0) result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));
+  if (o.temporal_weight == 0.0) return result;
+  const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
+  std::vector<PointTerm::Target> targets;
+  for (std::size_t m = 0; m < last.size(); ++m) targets.push_back({static_cast<int>(m), last[m], roles_.steadiness[m]});
+  result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), per_square_metre(o.temporal_weight)));
+  return result;
+}
+
+/// A bend that makes the whole outline larger looks like a step towards the camera. If the pose were found with it, the
+/// two would trade places from frame to frame and nothing would hold the depth. So the pose is found with the bend less
+/// the step along the camera's ray that explains most of how the outline changed.
+void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline) {
+  const Camera& camera = cameras_.front();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const OutlineVertex& vertex : outline) middle += surface.vertices.col(vertex.vertex);
+  const Eigen::Vector3d ray = (middle / static_cast<double>(outline.size()) - camera.centre()).normalized();
+  double both = 0.0, own = 0.0;
+  for (const OutlineVertex& vertex : outline) {
+    const auto v = static_cast<std::size_t>(vertex.vertex);
+    const auto projected = project_with_jacobian(camera, surface.vertices.col(vertex.vertex));
+    if (!projected) continue;
+    const Eigen::RowVector3d across =
+        (projected->jacobian * surface.normals[v]).normalized().transpose() * projected->jacobian;
+    const double bend = across * surface.turns[v] * (rest_vertices_[v] - model_.character().mesh.vertices[v]);
+    both += across.dot(ray) * bend;
+    own += across.dot(ray) * across.dot(ray);
+  }
+  if (!(own > 0.0)) return;
+  std::vector<Eigen::Vector3d> rest = rest_vertices_;
+  for (std::size_t v = 0; v < rest.size(); ++v) rest[v] -= both / own * (surface.turns[v].transpose() * ray);
+  model_.set_rest_vertices(std::move(rest));
+}
+
+/// The outline of the surface as it was bent last, in a pose.
+std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& evidence, const std::vector<double>& dofs) {
+  const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
+  std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
+  set_depth_aside(surface, outline);
+  thin_out(outline, 0, options_.outline_vertices);
+  // The thesis's weight is that of a vertex; the term shares its own among them.
+  const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
+  return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
+                                                     kernel(options_.silhouette_scale));
+}
+
+/// @param expected where the last frames lead, or null
+LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<double> start,
+                                        const std::vector<double>* expected) {
+  Terms all = terms(evidence, expected, options_.keypoint_weight);
+  if (options_.silhouette_weight > 0.0 && !evidence.frame.front().outline.empty())
+    all.push_back(silhouette_term(evidence, start));
+  const SolverSummary summary = doppel::fit(model_, std::move(all), start, options_.solver);
+  Fit result;
+  result.frame.iterations = summary.iterations;
+  result.frame.terms = summary.terms;
+  result.frame.reason = summary.reason;
+  result.cost = summary.final_cost;
+  const Inliers inliers = count_inliers(model_, model_.pose(start, false), cameras_, evidence.frame,
+                                           reference_from_thesis(options_.inlier_threshold));
+  result.frame.dofs = std::move(start);
+  result.frame.keypoints = inliers.keypoints;
+  result.frame.inlier_ratio = inliers.ratio;
+  result.frame.keypoint_error = inliers.error;
+  const bool good = inliers.keypoints >= options_.min_keypoints && inliers.ratio >= options_.min_inlier_ratio &&
+                    std::isfinite(summary.final_cost);
+  result.frame.state = good ? FrameState::tracked : FrameState::lost;
+  return result;
+}
+
+/// Of all poses to start from, the last one that was found among them, the one whose fit explains most of what was seen. As
+/// many keypoints must agree with it as a frame needs: where only some of a few do, the others may have led anywhere.
+/// Nothing but keypoints says where the body stands before an outline is near: they lead even where their weight is 0.
+LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
+  Fit best;
+  best.frame.dofs = history_.last();
+  int steps = 0;
+  SolverOptions solver = options_.solver;
+  solver.iterations = options_.start_iterations;
+  const double led = options_.keypoint_weight > 0.0 ? options_.keypoint_weight : LivecapOptions().keypoint_weight;
+  auto starts = single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints, evidence.joints,
+                                   rigidity_, model_.character().rest_dofs);
+  if (!history_.segment_begins()) starts.push_back(history_.last());
+  for (std::vector<double>& start : starts) {
+    steps += doppel::fit(model_, terms(evidence, nullptr, led), start, solver).iterations;
+    Fit found = fit(evidence, std::move(start), nullptr);
+    steps += found.frame.iterations;
+    if (found.cost < best.cost) best = std::move(found);
+  }
+  best.frame.iterations = steps;
+  const auto agreeing = std::lround(best.frame.inlier_ratio * best.frame.keypoints);
+  if (agreeing < options_.min_keypoints) best.frame.state = FrameState::lost;
+  return best;
+}
+
+void LivecapTracker::track_surface(const LivecapInput& input, FrameResult& frame) {
+  const PosedSurface posed =
+      pose_surface(model_, model_.pose(frame.pose.dofs, false), model_.character().mesh.vertices);
+  frame.vertices = posed.vertices;
+  if (!options_.surface || !frame.pose.found() || input.view.outline.empty()) return;
+  NonrigidSurface found = surface_.fit(posed, input.view.outline, input.image);
+  frame.vertices = std::move(found.vertices);
+  frame.surface_terms = std::move(found.terms);
+  bend(surface_.rest_vertices());
+}
+
+}  // namespace doppel

@@ -1,0 +1,59 @@
+#include "doppel/fit/livecap/livecap_config.h"
+
+#include "doppel/fit/config_terms.h"
+
+namespace doppel {
+namespace {
+
+void read_photometric(const ConfigReader& reader, NonrigidOptions& surface) {
+  surface.photometric_weight = reader.get("weight", surface.photometric_weight, between(0.0, 1e12));
+  surface.colour_threshold = reader.get("threshold", surface.colour_threshold, between(0.0, 2.0));
+  surface.match_exposure = reader.get("match_exposure", surface.match_exposure);
+  if (reader.has("kernels")) surface.blur_kernels = reader.list<int>("kernels");
+  for (const int size : surface.blur_kernels)
+    if (size < 1 || size > 255 || size % 2 == 0)
+      reader.fail_at_key("kernels", "a kernel is {} pixels; it must be odd, 1 to 255", size);
+  if (surface.blur_kernels.empty()) reader.fail_at_key("kernels", "there is no kernel; one step is taken for each");
+}
+
+void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
+  NonrigidOptions& surface = fit.nonrigid;
+  fit.surface = reader.get("enabled", fit.surface);
+  read_photometric(reader.section("photometric"), surface);
+  read_image_term(reader, "silhouette", surface.silhouette_weight, surface.silhouette_scale);
+  const ConfigReader silhouette = reader.section("silhouette");
+  surface.part_mask = silhouette.get("parts", surface.part_mask);
+  surface.part_growth = silhouette.get("growth", surface.part_growth, between(0.0, 1000.0));
+  surface.window_pixels = silhouette.get("pixels", surface.window_pixels, between(16, 4096));
+  read_weight(reader, "smoothness", surface.smoothness_weight);
+  read_weight(reader, "length", surface.length_weight);
+  read_weight(reader, "velocity", surface.velocity_weight);
+  read_weight(reader, "acceleration", surface.acceleration_weight);
+  surface.materials = reader.get("materials", surface.materials);
+  surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
+  surface.warp_displacements = reader.get("warp", surface.warp_displacements);
+  surface.snap = reader.get("snap", surface.snap);
+  reader.renamed("lonely_motion", "max_isolated_motion");
+  surface.max_isolated_motion = reader.get("max_isolated_motion", surface.max_isolated_motion, between(0.0, 1e6));
+  surface.conjugate_gradients = reader.get("conjugate_gradients", surface.conjugate_gradients, between(1, 10000));
+}
+
+}  // namespace
+
+LivecapConfig read_livecap_config(const ConfigDocument& document) {
+  LivecapConfig config;
+  LivecapOptions& fit = config.fit;
+  const ConfigReader root = document.root();
+  read_pose_fit(root, fit);
+  fit.faces = root.section("keypoints").get("faces", fit.faces);
+  read_weight(root, "joints", fit.joint_weight);
+  fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
+  read_surface(root.section("surface"), fit);
+  config.dofs = DofChoice::read(root);
+  config.smoothing = root.get("smoothing", config.smoothing, between(0.0, 1000.0));
+  config.filter = root.get("filter", config.filter);
+  root.finish();
+  return config;
+}
+
+}  // namespace doppel

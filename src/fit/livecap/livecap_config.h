@@ -1,0 +1,20 @@
+#pragma once
+
+#include "doppel/core/config.h"
+#include "doppel/fit/dof_choice.h"
+#include "doppel/fit/livecap/livecap.h"
+
+namespace doppel {
+
+/// How a person is tracked with one camera: what `configs/track/livecap.yaml` holds.
+struct LivecapConfig {
+  LivecapOptions fit;
+  DofChoice dofs;
+  double smoothing = 0.0;  ///< sigma of the Gaussian over the poses, frames; 0: none
+  bool filter = true;      ///< averages the vertices with those of the frames before and after, 0.15 0.7 0.15 (4.8)
+};
+
+/// Every key may be missing. @throws FileError for unknown keys and impossible values
+LivecapConfig read_livecap_config(const ConfigDocument& document);
+
+}  // namespace doppel

@@ -1,0 +1,115 @@
+#include "doppel/fit/surface/snapping.h"
+
+#include <cmath>
+#include <optional>
+
+#include "doppel/fit/thesis_units.h"
+
+namespace doppel {
+namespace {
+
+using Eigen::Matrix3Xd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr int kSteps = 20;            // of a walk; each is Newton's on the distance
+constexpr double kArrived = 0.1;      // pixels of the thesis's image
+constexpr double kLeastJacobian = 0.05;  // squared: on a ridge of the distance there is no way to go
+
+/// Where the walk along the distance ends, in pixels of the image.
+std::optional<Vector2d> walk(const OutlineTerm::Evidence& evidence, const OutlineVertex& vertex, const Vector2d& start,
+                             double farthest) {
+  const double reference = reference_pixels(evidence.camera);
+  const double enough = thesis_pixels_to_image(evidence.camera, kArrived);
+  const char part = evidence.vertex_part[static_cast<std::size_t>(vertex.vertex)];
+  Vector2d pixel = start;
+  for (int step = 0; step < kSteps; ++step) {
+    const OutlineField::Sample sample = evidence.field.at(pixel);
+    const double ahead = sample.distance - vertex.distance / reference;
+    if (std::abs(ahead) < enough) return pixel;
+    if (!(sample.gradient.squaredNorm() > kLeastJacobian)) return std::nullopt;
+    pixel -= ahead / sample.gradient.squaredNorm() * sample.gradient;
+    if (!((pixel - start).norm() <= farthest) || !evidence.parts.allows(part, pixel)) return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+/// The point at the same depth that is seen at another pixel.
+Vector3d at_own_depth(const Camera& camera, const Vector3d& point, const Vector2d& pixel) {
+  const double depth = camera.camera_from_world(point).z();
+  const Vector3d ray = camera.K.inverse() * Vector3d(pixel.x(), pixel.y(), 1.0);
+  return camera.R.transpose() * (depth * ray - camera.t);
+}
+
+/// Vertices within some rings of marked ones that are not marked themselves and may move, ascending.
+std::vector<int> followers(const MeshTopology& topology, std::vector<char> marked, const std::vector<double>& rigidity,
+                           const SnapOptions& options) {
+  const std::vector<char> leaders = marked;
+  for (int ring = 0; ring < options.rings; ++ring) {
+    const std::vector<char> inner = marked;
+    for (int v = 0; v < topology.num_vertices(); ++v)
+      if (inner[static_cast<std::size_t>(v)])
+        for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n)
+          marked[static_cast<std::size_t>(*n)] = 1;
+  }
+  std::vector<int> result;
+  for (std::size_t v = 0; v < marked.size(); ++v)
+    if (marked[v] && !leaders[v] && rigidity[v] <= options.softest) result.push_back(static_cast<int>(v));
+  return result;
+}
+
+/// Each follower goes where it lies to the middle of its neighbours as it did before.
+void warp(Matrix3Xd& vertices, const Matrix3Xd& before, const std::vector<int>& moving, const MeshTopology& topology,
+          int sweeps) {
+  for (int sweep = 0; sweep < sweeps; ++sweep)
+    for (const int v : moving) {
+      Vector3d sum = Vector3d::Zero();
+      for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n)
+        sum += vertices.col(*n) - before.col(*n);
+      vertices.col(v) = before.col(v) + sum / topology.one_ring().size(v);
+    }
+}
+
+}  // namespace
+
+int snap_outline(Matrix3Xd& vertices, const OutlineTerm::Evidence& evidence, const std::vector<OutlineVertex>& outline,
+                 const MeshTopology& topology, const std::vector<double>& rigidity,
+                 const std::vector<char>& was_outline, const SnapOptions& options) {
+  const Matrix3Xd before = vertices;
+  const double farthest = thesis_pixels_to_image(evidence.camera, options.farthest);
+  std::vector<char> snapped(rigidity.size(), 0);
+  int count = 0;
+  for (const OutlineVertex& vertex : outline) {
+    const auto v = static_cast<std::size_t>(vertex.vertex);
+    if (rigidity[v] > options.softest) continue;
+    const auto projected = project_with_jacobian(evidence.camera, before.col(vertex.vertex));
+    if (!projected || belongs_to_opposite_outline(*projected, evidence.normals[v], evidence.field.at(projected->pixel)))
+      continue;
+    const auto pixel = walk(evidence, vertex, projected->pixel, farthest);
+    if (!pixel) continue;
+    const Vector3d there = at_own_depth(evidence.camera, before.col(vertex.vertex), *pixel);
+    const double share = was_outline.empty() || was_outline[v] ? 1.0 : options.newcomer;
+    vertices.col(vertex.vertex) += share * (there - before.col(vertex.vertex));
+    snapped[v] = 1;
+    ++count;
+  }
+  warp(vertices, before, followers(topology, snapped, rigidity, options), topology, options.sweeps);
+  return count;
+}
+
+int clamp_isolated_motion(Matrix3Xd& vertices, const Matrix3Xd& before, const MeshTopology& topology, double factor) {
+  const Eigen::VectorXd moved = (vertices - before).colwise().norm();
+  int count = 0;
+  for (int v = 0; v < topology.num_vertices(); ++v) {
+    if (topology.one_ring().size(v) == 0) continue;
+    double around = 0.0;
+    for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n) around += moved[*n];
+    around /= topology.one_ring().size(v);
+    if (moved[v] <= factor * around) continue;
+    vertices.col(v) = before.col(v) + around / moved[v] * (vertices.col(v) - before.col(v));
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace doppel

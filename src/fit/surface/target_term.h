@@ -1,0 +1,24 @@
+#pragma once
+
+#include "doppel/fit/surface/surface_term.h"
+
+namespace doppel {
+
+/// Vertices stay near given places: V_i - q_i, metres. With the last frame's vertices this is the velocity term (4.14),
+/// with those that the last two frames lead to, 2 V^{t-1} - V^{t-2}, the acceleration term (4.15).
+class TargetTerm : public SurfaceTerm {
+ public:
+  /// @param targets [3,N], must outlive the term; @param weight per squared metre
+  TargetTerm(std::string name, const Eigen::Matrix3Xd& targets, double weight);
+
+  std::string name() const override { return name_; }
+  Element element() const override { return Element::vertex; }
+  PointRows rows(int vertex, const SurfacePoints& vertices) const override;
+
+ private:
+  std::string name_;
+  const Eigen::Matrix3Xd& targets_;
+  double weight_;
+};
+
+}  // namespace doppel

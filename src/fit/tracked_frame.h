@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "doppel/solver/least_squares.h"
+
+namespace doppel {
+
+enum class FrameState {
+  tracked,      ///< followed from the frame before
+  initialised,  ///< the first of a segment
+  recovered,    ///< found by a new start
+  lost,         ///< too few inliers: the pose is a guess
+};
+std::string to_string(FrameState state);
+
+/// The pose of a frame, and how well it fits.
+struct TrackedFrame {
+  std::vector<double> dofs;  ///< [D]
+  FrameState state = FrameState::lost;
+  int keypoints = 0;            ///< confident detections
+  double inlier_ratio = 0.0;    ///< share of them that are inliers
+  double keypoint_error = 0.0;  ///< mean distance of the inliers, reference pixels
+  int iterations = 0;           ///< Gauss-Newton steps of all fits of this frame
+  std::vector<TermCost> terms;  ///< at the end
+  ConvergenceReason reason = ConvergenceReason::iteration_limit;  ///< of the last fit
+
+  bool found() const { return state != FrameState::lost; }
+};
+
+/// What a tracker finds of a frame. Methods leave empty what they do not find.
+struct FrameResult {
+  TrackedFrame pose;
+  Eigen::Matrix3Xd vertices;            ///< [3,N] world metres; of a lost frame those of the last pose that was found
+  std::vector<double> graph;            ///< [K*6] A and T of each node in turn (5.9)
+  std::vector<TermCost> surface_terms;  ///< of the surface stage
+  double pose_seconds = 0.0, surface_seconds = 0.0;
+};
+
+}  // namespace doppel

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <torch/types.h>
+
+namespace doppel {
+
+/// 8-bit colours [...,3] to float32 0..1.
+/// @throws UsageError for another type
+torch::Tensor image_float(const torch::Tensor& image);
+
+/// What an image shows at pixels. @param image [H,W,...] @param pixels int64 [R,2] column, row @return [R,...]
+torch::Tensor at_pixels(const torch::Tensor& image, const torch::Tensor& pixels);
+
+/// Takes `times` pixels off the edge of masks (3x3 square, applied `times` times). What lies beyond the image counts as
+/// foreground: a mask that the image's border cuts off is not eroded there.
+/// @param mask bool or uint8 [B,C,H,W], non-zero = foreground
+/// @return uint8 [B,C,H,W], 0 or 1
+/// @throws UsageError for another type or shape, or times < 0
+torch::Tensor erode_mask(const torch::Tensor& mask, int times);
+/// The same in plain tensor operations.
+torch::Tensor erode_mask_reference(const torch::Tensor& mask, int times);
+
+}  // namespace doppel

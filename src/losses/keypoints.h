@@ -1,0 +1,54 @@
+#pragma once
+
+/// Keypoint losses: projected landmarks against their 2D detections.
+///
+///   L = mean over cameras and batch of  sum over m of lambda_m sigma_cm |s_c (pi_c(p_m) - k_cm)|^2
+///
+/// Equations: 5.6, with the landmarks of the skeleton, and 5.12, with those of the deformed graph and lambda = 1. The
+/// scale s_c = 1024 / image width makes weights independent of the resolution.
+/// Letters: B batch, C cameras, M landmarks.
+
+#include <torch/torch.h>
+
+#include <string>
+#include <vector>
+
+namespace doppel {
+
+/// What landmarks are compared with.
+struct KeypointTarget {
+  torch::Tensor keypoints;   ///< [B,C,M,3] x, y in pixels of the undistorted image, confidence sigma
+  torch::Tensor projection;  ///< [B,C,3,4] K [R|t]: those pixels from world metres
+  torch::Tensor scale;       ///< [B,C] 1024 / image width
+};
+
+struct KeypointLossOptions {
+  double confidence_threshold = 0.4;  ///< detections below do not count (5.2)
+  double nearest_depth = 0.1;         ///< metres; landmarks nearer to a camera, or behind it, do not count there
+};
+
+/// The mean is over cameras in which at least one detection counts; 0 without any.
+/// @param points [B,M,3] world, metres
+/// @param lambda [M] weights of the landmarks; undefined: 1
+/// @return scalar >= 0, in the type of `points`
+/// Gradient: to `points`; detections and landmarks that are not finite have none.
+/// @throws UsageError naming the argument, with the shape found
+torch::Tensor keypoint_loss(const torch::Tensor& points, const KeypointTarget& target, const torch::Tensor& lambda = {},
+                            const KeypointLossOptions& options = {});
+
+/// Distance in scaled pixels between projections and the detections that count, mean over the batch, for reports; 0
+/// without any. @return scalar without gradient
+torch::Tensor keypoint_error(const torch::Tensor& points, const KeypointTarget& target,
+                             const KeypointLossOptions& options = {});
+
+/// The kinds of landmarks that the schedule tells apart: torso (neck, shoulders, hips), elbows and knees, others.
+enum class LandmarkKind { torso, elbow_or_knee, other };
+/// By the name, whatever its side and spelling: "left_shoulder", "RShoulder", "mid_hip".
+LandmarkKind landmark_kind(const std::string& name);
+
+/// lambda_m of 5.6: in the first third of a training stage 3 for the torso, 2 for elbows and knees, 1 for others; then
+/// 3 for all.
+/// @param progress of the stage, 0 to 1 @return float32 [M]
+torch::Tensor landmark_weights(const std::vector<std::string>& names, double progress);
+
+}  // namespace doppel

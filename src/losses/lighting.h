@@ -1,0 +1,31 @@
+#pragma once
+
+/// Lighting loss: squared differences of colour where both images surely show the person.
+///
+///   L = 1/2 sum over views, pixels of M, {R,G,B} of (255 (r - t))^2 / (3 |M|),   M = erode(mask and drawing)
+///
+/// Outside of M one of the two is background, which would draw the light towards black.
+/// Equation: 6.13
+
+#include <torch/types.h>
+
+namespace doppel {
+
+struct LightingLossOptions {
+  int erosion = 1;  ///< pixels taken off the edge of mask and drawing
+};
+
+/// @param rendered float [B,C,H,W,3], RGB 0..1
+/// @param covered bool or uint8 [B,C,H,W]: where something is drawn
+/// @param target the type of `rendered` [B,C,H,W,3]
+/// @param target_mask bool or uint8 [B,C,H,W]: foreground
+/// @return scalar >= 0; 0 when no pixel counts
+/// Gradients: to `rendered` and `target`. No second derivative. Kernel and reference as in chroma.h.
+/// @throws UsageError with what was found
+torch::Tensor lighting_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,
+                            const torch::Tensor& target_mask, const LightingLossOptions& options = {});
+torch::Tensor lighting_loss_reference(const torch::Tensor& rendered, const torch::Tensor& covered,
+                                      const torch::Tensor& target, const torch::Tensor& target_mask,
+                                      const LightingLossOptions& options = {});
+
+}  // namespace doppel

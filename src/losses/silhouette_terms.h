@@ -1,0 +1,23 @@
+#pragma once
+
+#include "doppel/losses/silhouette_types.h"
+
+namespace doppel::silhouette {
+
+/// Residual per crop pixel in each view, both [B,C].
+struct ResidualScales {
+  torch::Tensor model_to_data, data_to_model;
+};
+
+/// The two ways to compute the silhouette loss; arguments already checked, see silhouette_loss. `normals` [B,N,3].
+SilhouetteLoss reference(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
+                         const SilhouetteTarget& target, const ResidualScales& scales,
+                         const SilhouetteOptions& options);
+
+SilhouetteLoss fused(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
+                     const SilhouetteTarget& target, const ResidualScales& scales, const SilhouetteOptions& options);
+
+/// A vertex takes part in the model-to-data sum when it lies this far inside the crop, pixels.
+constexpr double kInset = 2;
+
+}  // namespace doppel::silhouette

@@ -1,0 +1,151 @@
+#include "doppel/nets/radiance_field.h"
+
+#include <cmath>
+#include <string>
+
+#include "doppel/core/error.h"
+#include "doppel/layers/op_support.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr uint64_t kRadianceFieldSeed = 1;
+
+/// He's bound for what a ReLU follows.
+torch::nn::Linear make_linear(int64_t inputs, int64_t outputs, bool bias, at::Generator& generator) {
+  torch::nn::Linear layer(torch::nn::LinearOptions(inputs, outputs).bias(bias));
+  const torch::NoGradGuard no_grad;
+  const double bound = std::sqrt(6.0 / static_cast<double>(inputs));
+  layer->weight.uniform_(-bound, bound, generator);
+  if (bias) layer->bias.zero_();
+  return layer;
+}
+
+int64_t encoded(int64_t channels, int octaves) { return channels * (1 + 2 * octaves); }
+
+}  // namespace
+
+RadianceFieldConfig RadianceFieldConfig::read(const ConfigReader& reader, const RadianceFieldConfig& defaults) {
+  RadianceFieldConfig config = defaults;
+  config.features = reader.get("features", config.features, between(1, 4096));
+  config.layers = reader.get("layers", config.layers, between(1, 32));
+  config.width = reader.get("width", config.width, between(1, 8192));
+  config.view_width = reader.get("view_width", config.view_width, between(1, 8192));
+  config.distance_octaves = reader.get("distance_octaves", config.distance_octaves, between(0, 20));
+  config.view_dependent = reader.get("view_dependent", config.view_dependent);
+  config.direction_octaves = reader.get("direction_octaves", config.direction_octaves, between(0, 20));
+  config.place_octaves = reader.get("place_octaves", config.place_octaves, between(0, 20));
+  config.density_unit = reader.get("density_unit", config.density_unit, between(1e-6, 1e3));
+  config.t_mi = reader.get("t_mi", config.t_mi, between(1e-6, 1e3));
+  config.t_ma = reader.get("t_ma", config.t_ma, between(1e-6, 1e3));
+  config.margin = reader.get("margin", config.margin, between(0.0, 1e3));
+  return config;
+}
+
+void RadianceFieldConfig::check() const {
+  std::string faults;
+  const auto require = [&](bool met, const std::string& fault) {
+    if (!met) faults += "\n  " + fault;
+  };
+  require(features > 0, fmt::format("features must be at least 1, found {}", features));
+  require(layers > 0, fmt::format("layers must be at least 1, found {}", layers));
+  require(width > 0 && view_width > 0,
+          fmt::format("width and view_width must be at least 1, found {} and {}", width, view_width));
+  require(distance_octaves >= 0 && direction_octaves >= 0 && place_octaves >= 0,
+          fmt::format("octaves must not be negative, found {} of distance, {} of direction and {} of place",
+                      distance_octaves, direction_octaves, place_octaves));
+  require(density_unit > 0, fmt::format("density_unit must be greater than 0 m, found {}", density_unit));
+  require(t_mi > 0 && t_ma > 0, fmt::format("t_mi and t_ma must be greater than 0 m, found {} and {}", t_mi, t_ma));
+  require(margin >= 0, fmt::format("margin must not be negative, found {}", margin));
+  if (!faults.empty()) fail<UsageError>("the configuration of the radiance field cannot be used:{}", faults);
+}
+
+Tensor positional_encoding(const Tensor& x, int octaves) {
+  std::vector<Tensor> parts{x};
+  for (int k = 0; k < octaves; ++k) {
+    const Tensor angle = x * std::ldexp(M_PI, k);
+    parts.push_back(angle.sin());
+    parts.push_back(angle.cos());
+  }
+  return torch::cat(parts, -1);
+}
+
+RadianceFieldImpl::RadianceFieldImpl(const RadianceFieldConfig& config, std::optional<at::Generator> generator)
+    : config_(config) {
+  config_.check();
+  at::Generator draw = generator ? *generator : at::detail::createCPUGenerator(kRadianceFieldSeed);
+  trunk_ = register_module("trunk", torch::nn::ModuleList());
+  for (int i = 0; i < config_.layers; ++i)
+    trunk_->push_back(make_linear(i == 0 ? num_inputs() : config_.width, config_.width, true, draw));
+  density_ = register_module("density", make_linear(config_.width, 1, true, draw));
+  view_of_hidden_ = register_module("view_of_hidden", make_linear(config_.width, config_.view_width, true, draw));
+  if (config_.view_dependent)
+    view_of_direction_ = register_module(
+        "view_of_direction", make_linear(encoded(3, config_.direction_octaves), config_.view_width, false, draw));
+  colour_ = register_module("colour", make_linear(config_.view_width, 3, true, draw));
+}
+
+int64_t RadianceFieldImpl::num_inputs() const {
+  const int64_t place = config_.place_octaves > 0 ? encoded(3, config_.place_octaves) : 0;
+  return config_.features + place + encoded(1, config_.distance_octaves);
+}
+
+Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
+  Tensor hidden = inputs;
+  for (const auto& layer : *trunk_) hidden = layer->as<torch::nn::Linear>()->forward(hidden).relu_();
+  return hidden;
+}
+
+Tensor RadianceFieldImpl::density(const Tensor& hidden) {
+  return torch::nn::functional::softplus(density_->forward(hidden).squeeze(-1)) / config_.density_unit;
+}
+
+Tensor RadianceFieldImpl::view_term(const Tensor& direction) {
+  if (view_of_direction_) return view_of_direction_->forward(positional_encoding(direction, config_.direction_octaves));
+  std::vector<int64_t> shape = direction.sizes().vec();
+  shape.back() = config_.view_width;
+  return torch::zeros(shape, direction.options());
+}
+
+Tensor RadianceFieldImpl::colour(const Tensor& hidden, const Tensor& view_term) {
+  return colour_->forward((view_of_hidden_->forward(hidden) + view_term).relu_()).sigmoid();
+}
+
+FieldValues RadianceFieldImpl::forward(const Tensor& values, const Tensor& distance, const Tensor& direction) {
+  check_shape("radiance field", "values", values, {-1, config_.vertex_values()}, "[P,H]");
+  check_shape("radiance field", "distance", distance, {values.size(0)}, "[P]");
+  check_shape("radiance field", "direction", direction, {values.size(0), 3}, "[P,3]");
+  std::vector<Tensor> inputs{values.narrow(1, 0, config_.features)};
+  if (config_.place_octaves > 0)
+    inputs.push_back(positional_encoding(values.narrow(1, config_.features, 3), config_.place_octaves));
+  inputs.push_back(positional_encoding(distance.unsqueeze(1), config_.distance_octaves));
+  const Tensor hidden = trunk(torch::cat(inputs, 1));
+  return {density(hidden), colour(hidden, view_term(direction))};
+}
+
+RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
+                          const Tensor& origin, const Tensor& direction, const RaySamples& samples) {
+  const RadianceFieldConfig& config = field->config();
+  const int64_t R = samples.t.size(0), K = samples.t.size(1);
+  const Tensor points = samples.points(origin, direction).reshape({1, R * K, 3});
+  const ClosestPoints at = closest->forward(surface.vertices.unsqueeze(0), points);
+  const Tensor distance = at.distance.squeeze(0);
+  // Only what is near the mesh goes through the network: nothing else can be dense.
+  const Tensor rows =
+      ((distance <= config.t_ma + config.margin) & (distance >= -config.t_mi - config.margin)).nonzero().squeeze(1);
+  const Tensor carried = closest->interpolate(at, surface.values.unsqueeze(0)).squeeze(0).index_select(0, rows);
+  const Tensor looks = direction.index_select(0, torch::div(rows, K, "floor"));
+  const FieldValues values =
+      field->forward(carried, normalised_distance(distance.index_select(0, rows), config.t_mi, config.t_ma), looks);
+  const auto spread = [&](const Tensor& of) {
+    std::vector<int64_t> shape = of.sizes().vec();
+    shape[0] = R * K;
+    return torch::zeros(shape, of.options()).index_copy(0, rows, of);
+  };
+  return render_volume(spread(values.density).view({R, K}), spread(values.colour).view({R, K, 3}), samples);
+}
+
+}  // namespace doppel

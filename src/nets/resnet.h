@@ -1,0 +1,94 @@
+#pragma once
+
+/// ResNet (He et al. 2016) with the layers, parameter names and shapes of torchvision, so that its published weights
+/// fit. The classifier `fc` is left out: the network ends with the mean over the image.
+
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/core/config.h"
+
+namespace doppel {
+
+/// Two 3x3 convolutions (18 layers), or 1x1, 3x3, 1x1 with four times the channels (50 layers), beside a shortcut.
+class ResidualUnitImpl : public torch::nn::Module {
+ public:
+  /// @param inputs channels @param width of the 3x3 convolutions @param outputs channels; with another number than
+  /// `inputs`, or a stride, the shortcut is a 1x1 convolution
+  ResidualUnitImpl(int64_t inputs, int64_t width, int64_t outputs, int64_t stride, bool bottleneck);
+  torch::Tensor forward(const torch::Tensor& features);
+
+ private:
+  std::vector<torch::nn::Conv2d> convolutions_;  ///< conv1, conv2[, conv3]
+  std::vector<torch::nn::BatchNorm2d> norms_;    ///< bn1, bn2[, bn3]
+  torch::nn::Sequential shortcut_{nullptr};      ///< downsample, or none
+};
+TORCH_MODULE(ResidualUnit);
+
+enum class ResNetKind { resnet18, resnet50 };
+
+class ResNetImpl : public torch::nn::Module {
+ public:
+  /// @param generator draws the initial convolutions (He et al. 2015, fan out)
+  ResNetImpl(ResNetKind kind, at::Generator generator);
+
+  /// @param image [B,3,H,W], sides of at least 32, colours with ImageNet's mean and deviation taken out
+  /// @return [B,features()]
+  /// @throws UsageError for another shape
+  torch::Tensor forward(const torch::Tensor& image);
+
+  int64_t features() const { return features_; }  ///< 512 or 2048
+
+ private:
+  int64_t features_;
+  torch::nn::Conv2d first_{nullptr};
+  torch::nn::BatchNorm2d first_norm_{nullptr};
+  std::vector<torch::nn::Sequential> layers_;
+};
+TORCH_MODULE(ResNet);
+
+/// What PoseNet and DefNet are configured by.
+struct BackboneConfig {
+  ResNetKind kind = ResNetKind::resnet50;
+  int input_size = 256;              ///< S: side of the images
+  std::filesystem::path pretrained;  ///< weights to start from (weights_file.h); empty: random ones
+  /// Batch normalisation keeps the statistics it has: those of `pretrained`, when batches are too small for their own.
+  bool freeze_norm = false;
+  /// Deviation of the last layer's first weights: small, so that training starts from what its bias says.
+  double head_scale = 1e-3;
+
+  /// Keys: `backbone: resnet18 | resnet50`, `input_size`, `pretrained`, `freeze_norm`, `head_scale`.
+  /// @throws FileError at the key
+  static BackboneConfig read(const ConfigReader& reader);
+};
+
+/// A ResNet with one fully connected layer behind it.
+class BackboneImpl : public torch::nn::Module {
+ public:
+  /// @param outputs numbers per image @param head_bias [outputs] what comes out at first
+  /// @param generator draws the initial weights; by default a fresh one with a fixed seed
+  BackboneImpl(const BackboneConfig& config, int64_t outputs, const torch::Tensor& head_bias,
+               std::optional<at::Generator> generator);
+
+  /// @param image [B,3,S,S] @return [B,outputs]
+  torch::Tensor forward(const torch::Tensor& image);
+  void train(bool on = true) override;
+
+  /// Takes over the weights of `config.pretrained`; nothing without it. The head stays.
+  /// @throws FileError when they are of another architecture
+  void load_pretrained();
+
+  const BackboneConfig& config() const { return config_; }
+
+ private:
+  BackboneConfig config_;
+  ResNet resnet_{nullptr};
+  torch::nn::Linear head_{nullptr};
+};
+TORCH_MODULE(Backbone);
+
+}  // namespace doppel

@@ -1,0 +1,126 @@
+#include "doppel/nets/tex_net.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/layers/op_support.h"
+#include "doppel/render/sh_lighting.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr int kSmallest = 16, kLargest = 4096;
+constexpr double kCentreUnit = 4.0;  // metres: brings the place of a camera near the size of a normal
+constexpr double kResidualHeadScale = 0.01;
+
+bool is_power_of_two(int number) { return number > 0 && (number & (number - 1)) == 0; }
+
+int log2_of(int power) {
+  int exponent = 0;
+  while (power > 1) {
+    power /= 2;
+    ++exponent;
+  }
+  return exponent;
+}
+
+const std::vector<std::string> kCentreWords{"absolute", "root_relative"};
+
+}  // namespace
+
+TexNetConfig TexNetConfig::preset(const std::string& name) {
+  if (name != "paper") fail<UsageError>("unknown TexNet preset '{}'; there is paper", name);
+  return {};  // the defaults are the thesis
+}
+
+TexNetConfig TexNetConfig::read(const ConfigReader& reader) {
+  TexNetConfig config = preset(reader.choice("preset", {"paper"}, "paper"));
+  config.size = reader.get("size", config.size, between(kSmallest, kLargest));
+  if (!is_power_of_two(config.size)) reader.fail_at_key("size", "must be a power of two, found {}", config.size);
+  reader.renamed("window", "past_frames");
+  config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
+  config.levels = reader.get("levels", config.levels, between(0, std::min(10, log2_of(config.size))));
+  config.camera_centre = reader.choice("camera_centre", kCentreWords,
+                                       kCentreWords[static_cast<std::size_t>(config.camera_centre)]) == "absolute"
+                             ? CameraCentre::absolute
+                             : CameraCentre::root_relative;
+  config.residual = reader.get("residual", config.residual);
+  config.lit = reader.get("lit", config.lit);
+  if (config.lit && !config.residual)
+    reader.fail_at_key("lit", "light falls on the static texture; it needs `residual: true`");
+  config.surface_normals = reader.get("surface_normals", config.surface_normals);
+  if (config.residual) config.unet.head_scale = kResidualHeadScale;
+  config.unet = UNetConfig::read(reader, config.unet);
+  return config;
+}
+
+int TexNetConfig::num_levels() const { return levels > 0 ? levels : std::min(10, log2_of(size)); }
+
+void TexNetConfig::check() const {
+  std::string faults;
+  const auto require = [&](bool met, const std::string& fault) {
+    if (!met) faults += "\n  " + fault;
+  };
+  require(is_power_of_two(size) && size >= kSmallest && size <= kLargest,
+          fmt::format("size must be a power of two between {} and {}, found {}", kSmallest, kLargest, size));
+  require(past_frames >= 0, fmt::format("past_frames must not be negative, found {}", past_frames));
+  require(levels >= 0 && levels <= std::min(10, log2_of(size)),
+          fmt::format("levels must lie between 0 (chosen by the size) and {}, found {}", std::min(10, log2_of(size)),
+                      levels));
+  require(residual || !lit, "lit needs residual: light falls on the static texture");
+  if (!faults.empty()) fail<UsageError>("the configuration of TexNet cannot be used:{}", faults);
+}
+
+Tensor texnet_input(const Tensor& normals, const Tensor& centre, const Tensor& forward) {
+  check_shape("texnet_input", "normals", normals, {-1, -1, -1, -1}, "[B,3(F+1),T,T]");
+  const int64_t B = normals.size(0), T = normals.size(2);
+  check_shape("texnet_input", "centre", centre, {B, 3}, "[B,3]");
+  check_shape("texnet_input", "forward", forward, {B, 3}, "[B,3]");
+  const Tensor camera = at::cat({centre / kCentreUnit, forward}, 1).to(normals.options());
+  return at::cat({normals, camera.unsqueeze(-1).unsqueeze(-1).expand({-1, -1, T, normals.size(3)})}, 1);
+}
+
+Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindow& motion, const Tensor& centre,
+                            const Tensor& dofs) {
+  check_shape("texnet_camera_centre", "centre", centre, {-1, 3}, "[B,3]");
+  if (config.camera_centre == CameraCentre::absolute) return centre;
+  return centre - motion.translation(dofs);
+}
+
+TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture, const Tensor& lighting,
+                       std::optional<at::Generator> generator)
+    : config_(config) {
+  config_.check();
+  config_.unet.levels = config_.num_levels();
+  unet_ = register_module("unet", UNet(config_.num_inputs(), 3, config_.unet, std::move(generator)));
+  if (!config_.residual) return;
+  check_shape("texnet", "static_texture", static_texture, {config_.size, config_.size, 3}, "[T,T,3]");
+  static_texture_ = register_buffer(
+      "static_texture", static_texture.detach().to(torch::kFloat32).permute({2, 0, 1}).unsqueeze(0).contiguous());
+  if (!config_.lit) return;
+  check_shape("texnet", "lighting", lighting, {3, kShBasis}, "[3,9]");
+  lighting_ = register_buffer("lighting", lighting.detach().to(torch::kFloat32).clone());
+}
+
+/// What the output is added to, [B,3,T,T] or [1,3,T,T].
+Tensor TexNetImpl::base(const Tensor& input) const {
+  if (!config_.lit) return static_texture_;
+  torch::NoGradGuard no_grad;
+  const Tensor normals = input.narrow(1, 3 * config_.past_frames, 3).permute({0, 2, 3, 1});  // of the last frame
+  return static_texture_ * sh_basis(normals).matmul(lighting_.t()).permute({0, 3, 1, 2});
+}
+
+Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> generator) {
+  check_shape("texnet", "input", input, {-1, config_.num_inputs(), config_.size, config_.size}, "[B,3(F+1)+6,T,T]");
+  const Tensor raw = at::tanh(unet_->forward(input, std::move(generator)));
+  if (!config_.residual) return ((raw + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
+  const Tensor sum = base(input) + raw;
+  // The gradient passes the bounds: a texel that has left the range would otherwise never come back.
+  const Tensor texture = sum + (sum.clamp(0.0, 1.0) - sum).detach();
+  return texture.permute({0, 2, 3, 1}).contiguous();
+}
+
+}  // namespace doppel

@@ -1,0 +1,171 @@
+#include "doppel/nets/unet.h"
+
+#include <ATen/CPUGeneratorImpl.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/layers/op_support.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr uint64_t kUNetSeed = 2021;
+constexpr int kMaxLevels = 10;
+constexpr int kDropoutLevels = 3;
+constexpr double kInitialDeviation = 0.02;
+
+const std::vector<std::string> kUpsamplingWords{"transposed", "bilinear_conv"};
+
+torch::nn::BatchNorm2d make_norm(int64_t channels, const UNetConfig& config) {
+  return torch::nn::BatchNorm2d(
+      torch::nn::BatchNorm2dOptions(channels).eps(config.norm_epsilon).momentum(config.norm_momentum));
+}
+
+}  // namespace
+
+UNetConfig UNetConfig::read(const ConfigReader& reader, const UNetConfig& defaults) {
+  UNetConfig config = defaults;
+  config.width = reader.get("width", config.width, between(0.01, 4.0));
+  config.upsample = reader.choice("upsample", kUpsamplingWords,
+                                  kUpsamplingWords[static_cast<std::size_t>(config.upsample)]) == "transposed"
+                        ? Upsampling::transposed
+                        : Upsampling::bilinear_conv;
+  config.dropout = reader.get("dropout", config.dropout, between(0.0, 0.95));
+  config.norm_epsilon = reader.get("norm_epsilon", config.norm_epsilon, between(1e-12, 1.0));
+  config.norm_momentum = reader.get("norm_momentum", config.norm_momentum, between(0.0, 1.0));
+  config.leaky_slope = reader.get("leaky_slope", config.leaky_slope, between(0.0, 1.0));
+  config.head_scale = reader.get("head_scale", config.head_scale, between(0.0, 10.0));
+  return config;
+}
+
+void UNetConfig::check() const {
+  std::string faults;
+  const auto require = [&](bool met, const std::string& fault) {
+    if (!met) faults += "\n  " + fault;
+  };
+  require(levels >= 1 && levels <= kMaxLevels,
+          fmt::format("levels must lie between 1 and {}, found {}", kMaxLevels, levels));
+  require(width > 0.0, fmt::format("width must be positive, found {}", width));
+  require(dropout >= 0.0 && dropout < 1.0, fmt::format("dropout must lie in [0, 1), found {}", dropout));
+  require(norm_epsilon > 0.0, fmt::format("norm_epsilon must be positive, found {}", norm_epsilon));
+  require(norm_momentum >= 0.0 && norm_momentum <= 1.0,
+          fmt::format("norm_momentum must lie in [0, 1], found {}", norm_momentum));
+  require(head_scale >= 0.0, fmt::format("head_scale must not be negative, found {}", head_scale));
+  if (!faults.empty()) fail<UsageError>("the configuration of the UNet cannot be used:{}", faults);
+}
+
+int64_t UNetConfig::channels(int level) const {
+  const double full = std::min(512, 16 << std::min(level, 5));
+  return std::max<int64_t>(1, std::llround(full * width));
+}
+
+Tensor dropout(const Tensor& features, double probability, at::Generator generator) {
+  if (probability <= 0.0) return features;
+  const Tensor kept = at::empty(features.sizes(), features.options()).bernoulli_(1.0 - probability, generator);
+  return features * kept.div_(1.0 - probability);
+}
+
+Tensor transposed_convolution(const Tensor& features, const Tensor& weight, const Tensor& bias) {
+  // Along one axis, output 2m takes taps 3 and 1 at inputs m-1 and m; output 2m+1 takes 2 and 0 at m and m+1. Tap 4 is
+  // 0.
+  const Tensor taps = torch::tensor({3, 1, 4, 4, 2, 0}, torch::kInt64);
+  const Tensor chosen = at::constant_pad_nd(weight, {0, 1, 0, 1}).index_select(2, taps).index_select(3, taps);
+  const int64_t in = weight.size(0), out = weight.size(1);
+  const Tensor kernels = chosen.view({in, out, 2, 3, 2, 3}).permute({1, 2, 4, 0, 3, 5}).reshape({4 * out, in, 3, 3});
+  const Tensor doubled = at::pixel_shuffle(at::conv2d(features, kernels, {}, 1, 1), 2);
+  return bias.defined() ? doubled + bias.view({1, -1, 1, 1}) : doubled;
+}
+
+UNetImpl::UNetImpl(int64_t inputs, int64_t outputs, const UNetConfig& config, std::optional<at::Generator> generator)
+    : config_(config), inputs_(inputs) {
+  config.check();
+  const auto name = [](const char* what, int level) { return what + std::to_string(level); };
+  for (int level = 0; level < config.levels; ++level) {
+    const int64_t in = level == 0 ? inputs : config.channels(level - 1), out = config.channels(level);
+    down_.push_back(register_module(
+        name("down", level), torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, 4).stride(2).padding(1).bias(false))));
+    if (level > 0) down_norm_.push_back(register_module(name("down_norm", level), make_norm(out, config)));
+  }
+  // up level i brings the resolution of level i back to that of level i - 1, so the last one is number 0.
+  for (int level = config.levels - 1; level >= 0; --level) {
+    const int64_t in = config.channels(level) * (level == config.levels - 1 ? 1 : 2);
+    const int64_t out = level == 0 ? outputs : config.channels(level - 1);
+    if (config.upsample == Upsampling::transposed)
+      up_transposed_.push_back(register_module(
+          name("up", level), torch::nn::ConvTranspose2d(
+                                 torch::nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(level == 0))));
+    else
+      up_convolution_.push_back(register_module(
+          name("up", level), torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, 3).padding(1).bias(level == 0))));
+    if (level > 0) up_norm_.push_back(register_module(name("up_norm", level), make_norm(out, config)));
+  }
+  initialise(generator ? *generator : at::detail::createCPUGenerator(kUNetSeed));
+}
+
+void UNetImpl::initialise(at::Generator generator) {
+  torch::NoGradGuard no_grad;
+  for (auto& item : named_parameters()) {
+    if (item.value().dim() == 4)
+      item.value().normal_(0.0, kInitialDeviation, generator);
+    else if (item.key() == "up0.bias")
+      item.value().zero_();
+  }
+  named_parameters()["up0.weight"].mul_(config_.head_scale);
+}
+
+Tensor UNetImpl::down(int level, const Tensor& features) {
+  const Tensor x = down_[level]->forward(features);
+  return at::leaky_relu(level == 0 ? x : down_norm_[level - 1]->forward(x), config_.leaky_slope);
+}
+
+Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::Generator>& generator) {
+  const int step = config_.levels - 1 - level;
+  Tensor x;
+  if (config_.upsample == Upsampling::transposed) {
+    x = transposed_convolution(features, up_transposed_[step]->weight, up_transposed_[step]->bias);
+  } else {
+    x = up_convolution_[step]->forward(
+        at::upsample_bilinear2d(features, c10::nullopt, false, std::vector<double>{2.0, 2.0}));
+  }
+  if (level == 0) return x;
+  x = up_norm_[step]->forward(x);
+  if (step < kDropoutLevels && is_training() && config_.dropout > 0.0) x = dropout(x, config_.dropout, *generator);
+  return at::relu(x);
+}
+
+void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
+  check_shape("unet", "image", image, {-1, inputs_, -1, -1}, "[B,Cin,H,W]");
+  const int64_t step = int64_t{1} << config_.levels, H = image.size(2), W = image.size(3);
+  if (H % step != 0 || W % step != 0 || H == 0 || W == 0)
+    fail<UsageError>("a UNet of {} levels takes images whose sides are multiples of {}, found {} x {}", config_.levels,
+                     step, H, W);
+  if (!is_training()) return;
+  if (config_.levels > 1 && image.size(0) * (H / step) * (W / step) == 1)
+    fail<UsageError>(
+        "batch normalisation of a single value gives 0: a training batch of 1 whose innermost map is one pixel ({} "
+        "levels, {} x {}) cannot be used; use a larger batch or fewer levels",
+        config_.levels, H, W);
+  if (config_.dropout > 0.0 && config_.levels > 1 && !has_generator)
+    fail<UsageError>("a UNet in training needs the generator of its dropout; pass one, or set dropout: 0");
+}
+
+Tensor UNetImpl::forward(const Tensor& image, std::optional<at::Generator> generator) {
+  check_input(image, generator.has_value());
+  if (image.size(0) == 0) {
+    const int64_t outputs = named_parameters()["up0.bias"].size(0);
+    return image.new_zeros({0, outputs, image.size(2), image.size(3)});
+  }
+  std::vector<Tensor> skips;
+  Tensor x = image;
+  for (int level = 0; level < config_.levels; ++level) skips.push_back(x = down(level, x));
+  for (int level = config_.levels - 1; level >= 0; --level)
+    x = up(level, level == config_.levels - 1 ? x : at::cat({x, skips[level]}, 1), generator);
+  return x;
+}
+
+}  // namespace doppel

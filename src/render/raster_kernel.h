@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+
+#include "doppel/core/cpu_dispatch.h"
+#include "doppel/render/raster_view.h"
+
+namespace doppel::kernels {
+
+/// Corners are rounded to this many parts of a pixel.
+constexpr int kSubpixelBits = 8;
+constexpr int kSubpixels = 1 << kSubpixelBits;
+/// A tile is one 64-bit word of coverage wide.
+constexpr int kTile = 64;
+/// Rows of a tile buffer carry one vector more, so that the last vector of a row may overhang.
+constexpr int kTileStride = kTile + 16;
+/// Vertices whose pixel lies outside [kGuardMin, kGuardMax] are cut like those behind the near plane; it keeps the
+/// edge functions of a tile within 32 bits for images up to kMaxImage.
+constexpr float kGuardMin = -8192, kGuardMax = 24576;
+constexpr int kMaxImage = 16384;
+
+/// Tiles that the bounding box of a face touches; x0 = -1: the face must be cut first.
+struct FaceTiles {
+  std::int32_t face;
+  std::int16_t x0, y0, x1, y1;
+};
+
+/// A triangle left over from cutting a face; `inverse depth = iz + izx * u + izy * v` of the whole face.
+struct CutTriangle {
+  std::int32_t x[3], y[3];  ///< in parts of a pixel
+  double iz, izx, izy;
+  float iz_min, iz_max;
+  std::int32_t face;
+};
+
+/// Part of a tile, pixels, end exclusive; empty when x1 <= x0.
+struct TileRect {
+  std::int16_t x0 = kTile, y0 = kTile, x1 = 0, y1 = 0;
+};
+
+/// What a tile collects while faces are drawn. `inverse_depth` starts at 0, `face` at -1.
+struct TileBuffer {
+  alignas(64) float inverse_depth[kTile * kTileStride];
+  alignas(64) std::int32_t face[kTile * kTileStride];
+};
+
+/// Faces to draw into the tile that starts at pixel (x0, y0): an index, or ~i for cut[i].
+struct TileWork {
+  const std::int32_t* entries;
+  std::int64_t count;
+  const CutTriangle* cut;
+  int x0, y0;
+};
+
+/// Images of a view; null ones are left out.
+struct RasterOutput {
+  std::int32_t* face_id = nullptr;
+  float* depth = nullptr;
+  float* barycentrics = nullptr;
+};
+
+DOPPEL_DECLARE_KERNEL(void, project_vertices, (const RasterView& view, std::int64_t begin, std::int64_t end))
+/// Writes the faces of [begin, end) that can cover a pixel, ascending; `out` has room for all. @return how many
+DOPPEL_DECLARE_KERNEL(std::int64_t, bound_faces,
+                      (const RasterView& view, std::int64_t begin, std::int64_t end, FaceTiles* out))
+DOPPEL_DECLARE_KERNEL(void, draw_tile,
+                      (const RasterView& view, const TileWork& work, TileBuffer& tile, TileRect& touched))
+/// `rows` [64], bit x of rows[y] is pixel (x0 + x, y0 + y).
+DOPPEL_DECLARE_KERNEL(void, cover_tile, (const RasterView& view, const TileWork& work, std::uint64_t* rows))
+/// Writes `rect` of the tile to the images and resets it in the buffer.
+DOPPEL_DECLARE_KERNEL(void, resolve_tile,
+                      (const RasterView& view, int x0, int y0, TileRect rect, TileBuffer& tile,
+                       const RasterOutput& out))
+
+}  // namespace doppel::kernels

@@ -1,0 +1,186 @@
+#include "doppel/synth/body_field.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace doppel::synth {
+
+namespace {
+
+using Eigen::Vector3d;
+
+/// Polynomial smooth minimum: rounds the crease between two fields over a width of about k.
+double smooth_min(double a, double b, double k) {
+  const double h = std::max(k - std::abs(a - b), 0.0) / k;
+  return std::min(a, b) - h * h * k * 0.25;
+}
+
+double smooth_max(double a, double b, double k) { return -smooth_min(-a, -b, k); }
+
+/// A cone with spherical ends of radius ra at a and rb at b.
+double round_cone(const Vector3d& p, const Vector3d& a, const Vector3d& b, double ra, double rb) {
+  const Vector3d axis = b - a, from_a = p - a;
+  const double t = std::clamp(from_a.dot(axis) / axis.squaredNorm(), 0.0, 1.0);
+  return (from_a - t * axis).norm() - (ra + t * (rb - ra));
+}
+
+/// An ellipsoid, first-order exact at its surface.
+double ellipsoid(const Vector3d& p, const Vector3d& centre, const Vector3d& radii) {
+  const Vector3d q = p - centre;
+  const double k0 = q.cwiseQuotient(radii).norm();
+  const double k1 = q.cwiseQuotient(radii.cwiseProduct(radii)).norm();
+  return k1 > 1e-12 ? k0 * (k0 - 1) / k1 : -radii.minCoeff();
+}
+
+double torso(const Vector3d& p) {
+  double d = ellipsoid(p, {0, 1.27, -0.005}, {0.158, 0.205, 0.112});
+  d = smooth_min(d, ellipsoid(p, {0, 1.075, -0.002}, {0.136, 0.15, 0.097}), 0.08);
+  d = smooth_min(d, ellipsoid(p, {0, 0.93, -0.01}, {0.158, 0.125, 0.118}), 0.06);
+  const Vector3d q(std::abs(p.x()), p.y(), p.z());
+  d = smooth_min(d, round_cone(q, {0.03, 1.42, -0.02}, BodyPlan::shoulder(), 0.055, 0.056), 0.06);
+  d = smooth_min(d, ellipsoid(q, {0.066, 1.285, 0.075}, {0.06, 0.058, 0.052}), 0.05);
+  return d;
+}
+
+double head(const Vector3d& p) {
+  double d = ellipsoid(p, {0, 1.637, 0.012}, {0.074, 0.108, 0.093});
+  d = smooth_min(d, ellipsoid(p, {0, 1.583, 0.04}, {0.05, 0.06, 0.058}), 0.04);
+  d = smooth_min(d, round_cone(p, {0, 1.645, 0.1}, {0, 1.612, 0.119}, 0.009, 0.0135), 0.018);
+  d = smooth_min(d, ellipsoid({std::abs(p.x()), p.y(), p.z()}, {0.078, 1.625, 0.0}, {0.011, 0.03, 0.018}), 0.012);
+  return smooth_min(d, round_cone(p, {0, 1.42, -0.018}, {0, 1.575, -0.002}, 0.056, 0.05), 0.03);
+}
+
+double hair(const Vector3d& p) {
+  double d = ellipsoid(p, {0, 1.655, -0.008}, {0.088, 0.105, 0.101});
+  d = smooth_min(d, ellipsoid(p, {0, 1.60, -0.045}, {0.072, 0.09, 0.06}), 0.03);
+  // A hairline: the cap is cut away in front of a slanted plane, so that the face stays free.
+  const double face = Vector3d(0, -0.66, 0.75).dot(p - Vector3d(0, 1.683, 0.06));
+  d = smooth_max(d, face, 0.015);
+  return smooth_min(d, ellipsoid(p, {0, 1.685, -0.125}, {0.05, 0.046, 0.043}), 0.02);
+}
+
+double hand(const Vector3d& p) {
+  const Vector3d along = BodyPlan::arm_direction(), thick = along.cross(Vector3d::UnitZ()).normalized(),
+                 wide = thick.cross(along);
+  const Vector3d q = p - BodyPlan::wrist();
+  const Vector3d local(q.dot(along), q.dot(wide), q.dot(thick));
+  double d = ellipsoid(local, {0.055, 0.0, 0.0}, {0.068, 0.044, 0.023});
+  d = smooth_min(d, ellipsoid(local, {0.118, -0.003, 0.005}, {0.062, 0.037, 0.0165}), 0.03);
+  const double side = wide.z() > 0 ? 1 : -1;
+  return smooth_min(d, round_cone(local, {0.03, side * 0.026, 0.004}, {0.092, side * 0.06, 0.012}, 0.017, 0.0115),
+                    0.016);
+}
+
+double foot(const Vector3d& p) {
+  const Vector3d heel(0.105, 0.043, -0.052), ball(0.12, 0.04, 0.1);
+  double d = round_cone(p, heel, ball, 0.044, 0.047);
+  d = smooth_min(d, ellipsoid(p, {0.124, 0.03, 0.142}, {0.046, 0.036, 0.062}), 0.03);
+  d = smooth_min(d, round_cone(p, BodyPlan::ankle(), {0.108, 0.15, -0.02}, 0.046, 0.044), 0.03);
+  return smooth_max(d, -p.y(), 0.012);
+}
+
+/// Distances to the six parts of the left limbs.
+std::array<double, kLimbParts> limbs(const Vector3d& p) {
+  const Vector3d calf(0.104, 0.36, -0.018);
+  double shin = round_cone(p, BodyPlan::knee(), BodyPlan::ankle(), 0.062, 0.05);
+  shin = smooth_min(shin, ellipsoid(p, calf, {0.06, 0.13, 0.062}), 0.04);
+  return {smooth_min(round_cone(p, BodyPlan::shoulder(), BodyPlan::elbow(), 0.061, 0.051),
+                     ellipsoid(p, BodyPlan::shoulder(), {0.063, 0.06, 0.061}), 0.03),
+          round_cone(p, BodyPlan::elbow(), BodyPlan::wrist(), 0.047, 0.0305),
+          hand(p),
+          round_cone(p, BodyPlan::hip(), BodyPlan::knee(), 0.092, 0.062),
+          shin,
+          foot(p)};
+}
+
+/// A bell with folds that grow towards the hem, hollow from below.
+double skirt(const Vector3d& p) {
+  const double drop = std::clamp((BodyPlan::kWaist - p.y()) / (BodyPlan::kWaist - BodyPlan::kHem), -0.1, 1.1);
+  const double down = std::max(drop, 0.0);
+  const double angle = std::atan2(p.x(), p.z());
+  const double folds = 0.02 * down * down * std::cos(9 * angle + 0.4) + 0.008 * down * std::cos(5 * angle - 0.9);
+  const double radius = 0.118 + 0.078 * std::sqrt(down + 0.004) + 0.128 * down + folds;
+  const double rho = std::hypot(p.x() / 1.13, p.z() + 0.008 * down);
+  const double outer = (rho - radius) * 0.9;
+  const double inner = (rho - (radius - 0.034)) * 0.9;
+  // The cavity reaches only a part of the way up: above it the garment is one with the body.
+  const double cavity = smooth_max(inner, p.y() - (BodyPlan::kHem + 0.17), 0.04);
+  double d = smooth_max(outer, -cavity, 0.02);
+  d = smooth_max(d, BodyPlan::kHem - p.y(), 0.018);
+  return smooth_max(d, p.y() - (BodyPlan::kWaist + 0.01), 0.03);
+}
+
+}  // namespace
+
+double smooth_step(double low, double high, double x) {
+  const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+std::array<double, kNumParts> BodyField::part_distances(const Vector3d& p) const {
+  std::array<double, kNumParts> d;
+  d[kTorso] = torso(p);
+  d[kSkirt] = skirt(p);
+  d[kHead] = head(p);
+  d[kHair] = hair(p);
+  const auto left = limbs(p), right = limbs(mirrored(p));
+  std::copy(left.begin(), left.end(), d.begin() + kLeftArm);
+  std::copy(right.begin(), right.end(), d.begin() + kRightArm);
+  return d;
+}
+
+double BodyField::distance(const Vector3d& p) const {
+  const auto part = part_distances(p);
+  double d = smooth_min(part[kTorso], part[kHead], 0.035);
+  d = smooth_min(d, part[kHair], 0.008);
+  for (const int side : {kLeftArm, kRightArm}) {
+    double arm = smooth_min(part[side], part[side + 1], 0.025);
+    arm = smooth_min(arm, part[side + 2], 0.02);
+    d = smooth_min(d, arm, 0.05);
+    double leg = smooth_min(part[side + 3], part[side + 4], 0.03);
+    leg = smooth_min(leg, part[side + 5], 0.02);
+    d = smooth_min(d, leg, 0.03);
+  }
+  return smooth_min(d, part[kSkirt], 0.022);
+}
+
+Vector3d BodyField::gradient(const Vector3d& p) const {
+  constexpr double kStep = 1e-4;
+  Vector3d g;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vector3d step = kStep * Vector3d::Unit(axis);
+    g[axis] = (distance(p + step) - distance(p - step)) / (2 * kStep);
+  }
+  return g;
+}
+
+Part BodyField::part(const Vector3d& p) const {
+  auto d = part_distances(p);
+  d[kHair] -= 0.002;  // where cap and skull coincide it is hair that shows
+  return static_cast<Part>(std::min_element(d.begin(), d.end()) - d.begin());
+}
+
+Vector3d BodyField::project(const Vector3d& p) const {
+  Vector3d x = p;
+  for (int step = 0; step < 4; ++step) {
+    const Vector3d g = gradient(x);
+    const double slope = g.squaredNorm();
+    if (slope < 1e-3) break;
+    const Vector3d move = distance(x) / slope * g;
+    x -= move.norm() > 0.01 ? Vector3d(move * (0.01 / move.norm())) : move;
+  }
+  return x;
+}
+
+double BodyField::openness(const Vector3d& p, const Vector3d& normal) const {
+  double blocked = 0, weight = 1, total = 0;
+  for (const double reach : {0.015, 0.04, 0.08, 0.14}) {
+    blocked += weight * std::clamp((reach - distance(p + reach * normal)) / reach, 0.0, 1.0);
+    total += weight;
+    weight *= 0.8;
+  }
+  return 1 - blocked / total;
+}
+
+}  // namespace doppel::synth

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/videoio.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/synth/studio.h"
+#include "doppel/synth/synth_options.h"
+
+namespace doppel::synth {
+
+/// Writes the sequences of a capture folder as the public datasets lay them out.
+class SequenceWriter {
+ public:
+  /// @param folder of the sequence, e.g. `<capture>/training`
+  SequenceWriter(const std::filesystem::path& folder, const std::vector<Camera>& cameras, double fps);
+
+  void write_shot(int camera, const Studio::Shot& shot);
+  /// Landmarks as an OpenPose BODY_25 file. @param body25 x, y, confidence of the 25 points
+  void write_keypoints(int camera, int frame, const std::vector<double>& body25);
+  /// The same landmarks as a network places them in space: a row each of the camera's table. @param points [25] from
+  /// the root, camera axes, metres; not finite: none
+  void write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points);
+  void write_motion_rows(const Motion& motion);
+  /// Completes the videos.
+  void close();
+
+ private:
+  std::filesystem::path folder_;
+  std::vector<cv::VideoWriter> images_, masks_;
+  std::vector<std::ofstream> joints_;  ///< a table a camera
+  std::vector<std::string> names_;     ///< [25] of the points
+};
+
+/// "007"
+std::string three_digits(int number);
+
+/// The skeleton's landmark for each BODY_25 point, -1 where there is none.
+std::vector<int> body25_markers(const Skeleton& skeleton);
+
+/// The text of `capture.yaml` and `README.txt`.
+std::string capture_yaml(const SynthOptions& options, const std::string& name);
+std::string readme_text(const SynthOptions& options);
+
+}  // namespace doppel::synth

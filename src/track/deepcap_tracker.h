@@ -1,0 +1,37 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/actor/trained_pose.h"
+#include "doppel/data/person_crop.h"
+#include "doppel/energy/pose_model.h"
+#include "doppel/fit/tracked_frame.h"
+
+namespace doppel {
+
+/// Captures frames of one camera by trained networks (chapter 5), each frame by itself.
+class DeepcapTracker {
+ public:
+  /// @param trained must outlive the tracker @param camera without distortion
+  /// @param landmarks of the keypoints, in their order
+  /// @throws Error when the landmarks lack one that the run was trained with
+  DeepcapTracker(TrainedPose& trained, const Camera& camera, const std::vector<Marker>& landmarks);
+
+  /// @param image BGR and @param mask of the camera, without distortion
+  /// @return pose and graph; the pose is lost where the keypoints do not determine the position
+  FrameResult capture(const cv::Mat& image, const cv::Mat& mask, const std::vector<Keypoint>& keypoints);
+  /// The deformed surface. @param graph [K*6] @return float32 [N,3] world metres
+  torch::Tensor surface(const std::vector<double>& dofs, const std::vector<double>& graph) const;
+
+  const PoseModel& model() const { return model_; }
+
+ private:
+  PersonView view_of(const PersonInput& input, const std::vector<Keypoint>& keypoints) const;
+
+  TrainedPose& trained_;
+  Camera camera_;
+  PoseModel model_;
+  std::vector<int> source_;  ///< [M of the run] index into the footage's landmarks
+};
+
+}  // namespace doppel

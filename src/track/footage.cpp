@@ -1,0 +1,300 @@
+#include "doppel/track/footage.h"
+
+#include <algorithm>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/capture/capture_cameras.h"
+#include "doppel/capture/capture_layouts.h"
+#include "doppel/data/dataset.h"
+#include "doppel/capture/evidence.h"
+#include "doppel/capture/mask_source.h"
+#include "doppel/capture/video.h"
+#include "doppel/capture/path_pattern.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// ---- a prepared folder ----
+
+class PreparedReader : public FootageReader {
+ public:
+  PreparedReader(const Dataset& dataset, int sequence, int outline_pixels)
+      : dataset_(dataset), sequence_(sequence), outline_pixels_(outline_pixels) {}
+
+  FootageFrame read(long frame, bool images) override {
+    FootageFrame result;
+    const SampleId sample{sequence_, frame};
+    for (int c = 0; c < static_cast<int>(dataset_.cameras().size()); ++c) {
+      result.masks.push_back(dataset_.mask(sample, c));
+      result.evidence.push_back({dataset_.keypoints(sample, c), OutlineField(result.masks.back(), outline_pixels_)});
+      if (images) result.images.push_back(image(frame, c));
+    }
+    return result;
+  }
+
+  /// The stored window in its place; the rest of the image is not stored.
+  cv::Mat image(long frame, int camera) override {
+    const SampleId sample{sequence_, frame};
+    const CropBox box = dataset_.crop_box(sample, camera);
+    const Camera& seen = dataset_.camera(camera);
+    cv::Mat whole(seen.height, seen.width, CV_8UC3, cv::Scalar::all(0));
+    const cv::Mat crop = box.empty() ? cv::Mat() : dataset_.crop_image(sample, camera);
+    if (crop.empty()) return whole;
+    cv::Mat window;
+    cv::resize(crop, window, {box.side, box.side}, 0.0, 0.0, cv::INTER_AREA);
+    const cv::Rect place = cv::Rect(box.u0, box.v0, box.side, box.side) & cv::Rect({}, whole.size());
+    window(place - cv::Point(box.u0, box.v0)).copyTo(whole(place));
+    return whole;
+  }
+
+ private:
+  const Dataset& dataset_;
+  int sequence_, outline_pixels_;
+};
+
+class PreparedFootage : public Footage {
+ public:
+  PreparedFootage(const fs::path& folder, int outline_pixels)
+      : dataset_(Dataset::open(folder)),
+        character_(load_character(dataset_.character_path())),
+        outline_pixels_(outline_pixels) {
+    dataset_.require_landmarks();
+    for (std::size_t i = 0; i < dataset_.sequences().size(); ++i) {
+      const DatasetSequence& sequence = dataset_.sequences()[i];
+      const std::string& motion = dataset_.capture().sequences[i].motion;
+      sequences_.push_back({static_cast<int>(i), sequence.name, sequence.first_frame, sequence.last_frame,
+                            sequence.cuts, motion.empty() ? "" : dataset_.capture().resolve(motion).string()});
+    }
+  }
+
+  const Capture& capture() const override { return dataset_.capture(); }
+  const Character& character() const override { return character_; }
+  const std::vector<Camera>& cameras() const override { return dataset_.cameras(); }
+  const std::vector<Marker>& landmarks() const override { return dataset_.landmarks(); }
+  const std::vector<FootageSequence>& sequences() const override { return sequences_; }
+  std::unique_ptr<FootageReader> read(int sequence) const override {
+    return std::make_unique<PreparedReader>(dataset_, sequence, outline_pixels_);
+  }
+
+ private:
+  Dataset dataset_;
+  Character character_;
+  int outline_pixels_;
+  std::vector<FootageSequence> sequences_;
+};
+
+// ---- a capture's own files ----
+
+/// A camera of a capture and the files of one sequence that belong to it.
+struct View {
+  const SequenceEntry& entry;
+  const Capture& capture;
+  Camera camera;  ///< with its distortion
+  int file_index;
+
+  std::string source(const std::string& pattern) const { return capture.source(pattern, file_index, camera.name); }
+  std::unique_ptr<FrameReader> open_images() const { return open_frames(source(entry.videos), PixelFormat::colour); }
+  MaskSource open_masks() const { return MaskSource(capture, entry, camera, file_index); }
+};
+
+/// Keypoints and masks of one camera, frame after frame.
+class ViewReader {
+ public:
+  ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
+      : first_frame_(sequence.first_frame),
+        offset_(view.entry.offset(view.camera.name)),
+        undistort_(view.camera),
+        masks_(view.open_masks()),
+        picker_(plan.map, plan.landmarks) {
+    if (!view.entry.joints3d.empty())
+      joints_ = read_joint_detections(view.source(view.entry.joints3d), plan.map.layout);
+    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) ||
+        masks_.needs_image())
+      videos_ = view.open_images();
+    follow(view, plan, sequence);
+  }
+
+  void read(long frame, bool images, int outline_pixels, FootageFrame& result) {
+    const cv::Mat filmed = images || masks_.needs_image() ? filmed_image(frame) : cv::Mat();
+    const cv::Mat mask = masks_.read(frame + offset_, filmed);
+    const auto row = static_cast<std::size_t>(frame - first_frame_);
+    result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
+    result.masks.push_back(mask);
+    if (images) result.images.push_back(undistorted(filmed));
+    const auto joints = joints_.find(frame + offset_);
+    result.joints.push_back(joints == joints_.end() ? std::vector<JointDetection>{} : picker_.pick(joints->second));
+  }
+  cv::Mat image(long frame) { return undistorted(filmed_image(frame)); }
+
+ private:
+  cv::Mat filmed_image(long frame) { return videos_ ? videos_->read(frame + offset_) : cv::Mat(); }
+  cv::Mat undistorted(const cv::Mat& filmed) { return filmed.empty() ? filmed : undistort_.apply(filmed); }
+
+  /// Of several people in an image the mask says which one is followed; those masks are read on a way of their own.
+  void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
+    const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
+    std::optional<MaskSource> masks;
+    std::unique_ptr<FrameReader> images;
+    const auto mask_of = [&](long frame) {
+      if (!masks) {
+        masks = view.open_masks();
+        if (masks->needs_image()) images = view.open_images();
+      }
+      return masks->read(frame, images ? images->read(frame) : cv::Mat());
+    };
+    std::vector<long> cuts;
+    for (const long cut : sequence.cuts) cuts.push_back(cut + offset_);
+    track_ = follow_person([&](long frame) { return source.people(frame); }, mask_of, picker_, view.camera,
+                           sequence.first_frame + offset_, sequence.last_frame + offset_, cuts,
+                           view.capture.keypoint_filter);
+    for (const std::string& doubt : keypoint_doubts(track_.facts))
+      log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
+  }
+
+  long first_frame_, offset_;
+  Undistorter undistort_;
+  std::unique_ptr<FrameReader> videos_;
+  MaskSource masks_;
+  LandmarkPicker picker_;
+  KeypointTrack track_;
+  std::map<long, std::vector<JointDetection>> joints_;  ///< by video frame, in the layout's order
+};
+
+class CaptureReader : public FootageReader {
+ public:
+  CaptureReader(std::vector<std::unique_ptr<ViewReader>> views, int outline_pixels)
+      : views_(std::move(views)), outline_pixels_(outline_pixels) {}
+
+  FootageFrame read(long frame, bool images) override {
+    FootageFrame result;
+    for (const auto& view : views_) view->read(frame, images, outline_pixels_, result);
+    return result;
+  }
+  cv::Mat image(long frame, int camera) override { return views_[static_cast<std::size_t>(camera)]->image(frame); }
+
+ private:
+  std::vector<std::unique_ptr<ViewReader>> views_;
+  int outline_pixels_;
+};
+
+class CaptureFootage : public Footage {
+ public:
+  CaptureFootage(const fs::path& path, int outline_pixels, const std::string& camera)
+      : capture_(with_camera(find_capture(path), camera)),
+        character_(load_character(capture_.character_path())),
+        plan_(plan_evidence(capture_, character_)),
+        outline_pixels_(outline_pixels) {
+    if (plan_.landmarks.empty())
+      fail(
+          "{}: nothing can be tracked without keypoints on landmarks; name `keypoints` in every sequence, and "
+          "`landmarks` when the skeleton has no markers of these names (docs/capture.md)",
+          capture_.file.empty() ? path.string() : capture_.file.string());
+    choose_cameras();
+    for (const SequenceEntry& entry : capture_.sequences) add_sequence(entry);
+  }
+
+  const Capture& capture() const override { return capture_; }
+  const Character& character() const override { return character_; }
+  const std::vector<Camera>& cameras() const override { return cameras_; }
+  const std::vector<Marker>& landmarks() const override { return plan_.landmarks; }
+  const std::vector<FootageSequence>& sequences() const override { return sequences_; }
+  std::unique_ptr<FootageReader> read(int sequence) const override {
+    const auto s = static_cast<std::size_t>(sequence);
+    std::vector<std::unique_ptr<ViewReader>> views;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      views.push_back(std::make_unique<ViewReader>(view(capture_.sequences[s], c), plan_, sequences_[s]));
+    return std::make_unique<CaptureReader>(std::move(views), outline_pixels_);
+  }
+
+ private:
+  static Capture with_camera(Capture capture, const std::string& camera) {
+    if (!camera.empty()) capture.cameras = {camera};
+    return capture;
+  }
+  View view(const SequenceEntry& entry, std::size_t c) const { return {entry, capture_, filmed_[c], file_index_[c]}; }
+
+  void choose_cameras() {
+    CaptureCameras chosen = doppel::choose_cameras(capture_);
+    filmed_ = std::move(chosen.cameras);
+    file_index_ = std::move(chosen.file_index);
+    for (std::size_t c = 0; c < filmed_.size(); ++c) {
+      filmed_[c] = as_filmed(view(capture_.sequences.front(), c));
+      cameras_.push_back(Undistorter(filmed_[c]).pinhole());
+    }
+  }
+
+  /// The calibration at the resolution of the video, which keypoints count in. Without videos it is taken as it is.
+  static Camera as_filmed(const View& view) {
+    const std::string source = view.source(view.entry.videos);
+    if (has_frame_placeholder(source) || fs::exists(source))
+      return fit_to_images(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
+    log::info(
+        "camera {}: there is no video {}; its calibration is taken to be for the images that the keypoints were "
+        "found in",
+        view.camera.name, source);
+    return view.camera;
+  }
+
+  /// As many frames as all cameras have, unless the capture says how many belong together.
+  void add_sequence(const SequenceEntry& entry) {
+    if (entry.keypoints.empty())
+      fail("sequence {} of {} names no `keypoints`; nothing can be tracked without{}", entry.name, capture_.name,
+           capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder" : "");
+    long frames = std::numeric_limits<long>::max();
+    long expected = entry.last_frame.value_or(-1) + 1;
+    for (std::size_t c = 0; c < filmed_.size(); ++c) {
+      const View seen = view(entry, c);
+      const bool cut = entry.masks_from_images();
+      const auto reader = cut ? seen.open_images() : open_frames(seen.source(entry.masks), PixelFormat::grey);
+      const long found = reader->num_frames(expected);
+      frames = std::min(frames, found - entry.offset(seen.camera.name));
+      if (!entry.last_frame) expected = found;
+    }
+    FootageSequence sequence{static_cast<int>(sequences_.size()),   entry.name, entry.first_frame,
+                             entry.last_frame.value_or(frames - 1), {},         {}};
+    if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
+      fail("sequence {}: frames {} to {} are asked for, but all cameras together have frames 0 to {}", entry.name,
+           sequence.first_frame, sequence.last_frame, frames - 1);
+    sequence.cuts = entry.cuts;
+    if (!entry.motion.empty() && fs::exists(capture_.resolve(entry.motion)))
+      sequence.motion = capture_.resolve(entry.motion).string();
+    sequences_.push_back(std::move(sequence));
+  }
+
+  Capture capture_;
+  Character character_;
+  EvidencePlan plan_;
+  int outline_pixels_;
+  std::vector<Camera> filmed_, cameras_;  ///< [C] with and without distortion
+  std::vector<int> file_index_;           ///< [C]
+  std::vector<FootageSequence> sequences_;
+};
+
+}  // namespace
+
+bool FootageSequence::begins_segment(long frame) const {
+  return std::find(cuts.begin(), cuts.end(), frame) != cuts.end();
+}
+
+std::vector<long> FootageSequence::cuts_from_first() const {
+  std::vector<long> counted;
+  for (const long cut : cuts) counted.push_back(cut - first_frame);
+  return counted;
+}
+
+std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels, const std::string& camera) {
+  if (!fs::is_directory(path / "store")) return std::make_unique<CaptureFootage>(path, outline_pixels, camera);
+  if (!camera.empty())
+    fail<UsageError>("{} is a prepared folder; a single camera of it cannot be chosen: give the capture itself",
+                     path.string());
+  return std::make_unique<PreparedFootage>(path, outline_pixels);
+}
+
+}  // namespace doppel

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "doppel/energy/pose_model.h"
+#include "doppel/fit/tracked_frame.h"
+#include "doppel/track/footage.h"
+
+namespace doppel {
+
+/// Tracks frame after frame, whatever the method. Each frame follows the one before: the tracker starts from the last
+/// poses, judges the result by its inliers, and starts once more from the evidence alone where the frame is lost.
+class FrameTracker {
+ public:
+  virtual ~FrameTracker() = default;
+
+  /// Tracks the next frame. @param seen with images where `needs_images`
+  virtual FrameResult track(const FootageFrame& seen) = 0;
+  /// The next frame does not follow the last one: a new segment begins.
+  virtual void cut() = 0;
+  /// Frames are missing before the next one. The person is the same and is `recovered` rather than `initialised`.
+  virtual void pause() = 0;
+
+  virtual bool needs_images() const = 0;
+  virtual const PoseModel& model() const = 0;
+};
+
+}  // namespace doppel

@@ -1,0 +1,202 @@
+#include "doppel/track/live/frame_source.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <thread>
+#include <vector>
+
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+using Seconds = std::chrono::duration<double>;
+
+constexpr Seconds kNap{0.02};             // between two looks whether there is anything to do
+constexpr double kCameraPatience = 10.0;  // seconds without an image after which a camera counts as gone
+
+/// Waits, unless a stop is asked for. @return false for a stop
+bool sleep_until(Clock::time_point time) {
+  while (!stop_requested() && Clock::now() < time)
+    std::this_thread::sleep_for(std::min<Seconds>(kNap, time - Clock::now()));
+  return !stop_requested();
+}
+
+class CameraSource : public FrameSource {
+ public:
+  CameraSource(int index, double frames_per_second) : name_(fmt::format("camera {}", index)) {
+    if (!video_.open(index)) fail<UsageError>("--source {}: there is no such camera, or another program has it", index);
+    const double stated = video_.get(cv::CAP_PROP_FPS);
+    frames_per_second_ = stated > 0.0 ? stated : frames_per_second;
+  }
+
+  /// A camera that falls silent is asked again until patience ends.
+  std::optional<SourceImage> next() override {
+    const auto start = Clock::now();
+    while (!stop_requested()) {
+      cv::Mat image;
+      if (video_.read(image) && !image.empty()) {
+        const long number = count_++;
+        return SourceImage{number, number, image.clone(), Clock::now()};
+      }
+      if (seconds_since(start) > kCameraPatience) {
+        log::warn("{}: no image for {:.0f} seconds; it seems to be gone", name_, kCameraPatience);
+        return std::nullopt;
+      }
+      std::this_thread::sleep_for(kNap);
+    }
+    return std::nullopt;
+  }
+  bool live() const override { return true; }
+  cv::Size size() const override {
+    return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
+            static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
+  }
+  double frames_per_second() const override { return frames_per_second_; }
+  const std::string& name() const override { return name_; }
+
+ private:
+  cv::VideoCapture video_;
+  std::string name_;
+  double frames_per_second_ = 25.0;
+  long count_ = 0;
+};
+
+/// Images on disk in order, which can be begun again.
+class Reel {
+ public:
+  virtual ~Reel() = default;
+  /// The next image, or an empty one at the end.
+  virtual cv::Mat next() = 0;
+  virtual void rewind() = 0;
+  virtual cv::Size size() const = 0;
+  /// 0 where the file does not say.
+  virtual double frames_per_second() const = 0;
+};
+
+class VideoReel : public Reel {
+ public:
+  explicit VideoReel(std::string path) : path_(std::move(path)) { rewind(); }
+
+  cv::Mat next() override {
+    cv::Mat image;
+    return video_.read(image) ? image.clone() : cv::Mat();
+  }
+  void rewind() override {
+    bool opened = false;
+    try {
+      opened = video_.open(path_);
+    } catch (const cv::Exception&) {
+      // what no backend understands may surface as an exception instead of a plain "no"
+    }
+    if (!opened || size().area() <= 0)
+      fail_at({path_, 0}, "is no video that OpenCV can decode; it may be truncated, empty or in an unknown format");
+  }
+  cv::Size size() const override {
+    return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
+            static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
+  }
+  double frames_per_second() const override { return video_.get(cv::CAP_PROP_FPS); }
+
+ private:
+  std::string path_;
+  cv::VideoCapture video_;
+};
+
+class FolderReel : public Reel {
+ public:
+  explicit FolderReel(const fs::path& folder) {
+    for (const auto& entry : fs::directory_iterator(folder))
+      if (entry.is_regular_file() && cv::haveImageReader(entry.path().string())) paths_.push_back(entry.path());
+    if (paths_.empty()) fail_at({folder.string(), 0}, "holds no image that OpenCV can decode");
+    std::sort(paths_.begin(), paths_.end());
+    size_ = read(paths_.front()).size();
+  }
+
+  cv::Mat next() override {
+    if (next_ == paths_.size()) return {};
+    const fs::path& path = paths_[next_++];
+    cv::Mat image = read(path);
+    if (image.size() != size_)
+      fail_at({path.string(), 0}, "has {} x {} pixels, the first image of the folder {} x {}; they must be equal",
+              image.cols, image.rows, size_.width, size_.height);
+    return image;
+  }
+  void rewind() override { next_ = 0; }
+  cv::Size size() const override { return size_; }
+  double frames_per_second() const override { return 0.0; }
+
+ private:
+  static cv::Mat read(const fs::path& path) {
+    cv::Mat image = cv::imread(path.string(), cv::IMREAD_COLOR);
+    if (image.empty()) fail_at({path.string(), 0}, "is no image that OpenCV can decode");
+    return image;
+  }
+
+  std::vector<fs::path> paths_;
+  std::size_t next_ = 0;
+  cv::Size size_;
+};
+
+class ReelSource : public FrameSource {
+ public:
+  ReelSource(std::unique_ptr<Reel> reel, std::string name, const SourceOptions& options)
+      : reel_(std::move(reel)), name_(std::move(name)), options_(options) {
+    const double stated = reel_->frames_per_second();
+    if (stated > 0.0) options_.frames_per_second = stated;
+  }
+
+  std::optional<SourceImage> next() override {
+    if (options_.live && !wait_for_its_time()) return std::nullopt;
+    cv::Mat image = stop_requested() ? cv::Mat() : reel_->next();
+    if (image.empty() && frame_ > 0 && ++played_ < options_.repeat && !stop_requested()) {
+      reel_->rewind();
+      frame_ = 0;
+      image = reel_->next();
+    }
+    if (image.empty()) return std::nullopt;
+    return SourceImage{number_++, frame_++, std::move(image), Clock::now()};
+  }
+  bool live() const override { return options_.live; }
+  cv::Size size() const override { return reel_->size(); }
+  double frames_per_second() const override { return options_.frames_per_second; }
+  const std::string& name() const override { return name_; }
+
+ private:
+  bool wait_for_its_time() {
+    if (number_ == 0) start_ = Clock::now();
+    const Seconds since_start(static_cast<double>(number_) / options_.frames_per_second);
+    return sleep_until(start_ + std::chrono::duration_cast<Clock::duration>(since_start));
+  }
+
+  std::unique_ptr<Reel> reel_;
+  std::string name_;
+  SourceOptions options_;
+  long number_ = 0, frame_ = 0;
+  int played_ = 0;
+  Clock::time_point start_;
+};
+
+}  // namespace
+
+bool is_camera(const std::string& source) {
+  return !source.empty() && source.size() < 4 && source.find_first_not_of("0123456789") == std::string::npos;
+}
+
+std::unique_ptr<FrameSource> open_source(const std::string& source, const SourceOptions& options) {
+  if (is_camera(source)) return std::make_unique<CameraSource>(std::stoi(source), options.frames_per_second);
+  if (fs::is_directory(source))
+    return std::make_unique<ReelSource>(std::make_unique<FolderReel>(source), source, options);
+  if (fs::is_regular_file(source))
+    return std::make_unique<ReelSource>(std::make_unique<VideoReel>(source), source, options);
+  fail<UsageError>("--source {}: neither the number of a camera nor a video file nor a folder of images", source);
+}
+
+}  // namespace doppel

@@ -1,0 +1,113 @@
+#include "doppel/track/live/live_view.h"
+
+#include <fmt/ranges.h>
+
+#include "doppel/core/error.h"
+#include "doppel/capture/capture_cameras.h"
+#include "doppel/capture/capture_layouts.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+SequenceEntry find_entry(const Capture& capture, const std::string& name) {
+  std::vector<std::string> known;
+  for (const SequenceEntry& entry : capture.sequences) {
+    if (name.empty() || entry.name == name) return entry;
+    known.push_back(entry.name);
+  }
+  fail<UsageError>("there is no sequence {} in the capture; it has {}", name, fmt::join(known, ", "));
+}
+
+/// The camera that images of this size come from.
+CaptureCameras find_camera(Capture capture, const std::string& name, cv::Size images) {
+  if (!name.empty()) capture.cameras = {name};
+  CaptureCameras chosen = choose_cameras(capture);
+  if (chosen.cameras.size() != 1) {
+    std::vector<std::string> names;
+    for (const Camera& camera : chosen.cameras) names.push_back(camera.name);
+    fail<UsageError>("images come from one camera, and the capture has {}; say which one it is with --camera: {}",
+                     names.size(), fmt::join(names, ", "));
+  }
+  chosen.cameras.front() = fit_to_images(chosen.cameras.front(), images, "--source");
+  return chosen;
+}
+
+/// Where the points of an image come from.
+PeopleFinder people_finder(const Capture& capture, const SequenceEntry& entry, const PointLayout& layout,
+                           const CaptureCameras& filmed, bool from_camera) {
+  if (!entry.keypoints.empty() && !from_camera) {
+    const std::string& camera = filmed.cameras.front().name;
+    const auto source = std::make_shared<KeypointSource>(
+        capture.source(entry.keypoints, filmed.file_index.front(), camera), layout, camera);
+    return [source](const SourceImage& image) { return source->people(image.frame); };
+  }
+  if (!capture.detector)
+    fail<UsageError>(
+        "nothing finds the keypoints of these images: {} names no `detector`{} (docs/capture.md says how to add one)",
+        capture.name, from_camera ? "" : ", and its sequence no `keypoints`");
+  const auto detector = std::make_shared<PoseDetector>(open_detector(capture, layout));
+  return [detector](const SourceImage& image) { return std::optional(detector->detect(image.image)); };
+}
+
+}  // namespace
+
+LiveView::LiveView(const fs::path& capture, cv::Size images, const LiveViewOptions& options)
+    : capture_(find_capture(capture)),
+      character_(load_character(capture_.character_path())),
+      plan_(plan_evidence(capture_, character_)),
+      options_(options),
+      entry_(find_entry(capture_, options.sequence)),
+      filmed_(find_camera(capture_, options.camera, images)),
+      undistort_(filmed_.cameras.front()),
+      picker_(plan_.map, plan_.landmarks),
+      people_(people_finder(capture_, entry_, plan_.map.layout, filmed_, options.from_camera)) {
+  if (!entry_.joints3d.empty() && !options.from_camera)
+    joint_table_ = read_joint_detections(capture_.source(entry_.joints3d, filmed_.file_index.front(), camera().name),
+                                         plan_.map.layout);
+}
+
+void LiveView::learn_empty_scene(const std::vector<cv::Mat>& images) {
+  if (images.empty()) fail("the source delivered no image of the empty scene");
+  BackgroundModel model(entry_.subtraction ? entry_.subtraction->model : BackgroundOptions());
+  for (const cv::Mat& image : images) model.learn(image);
+  masks_.emplace(std::move(model), entry_, filmed_.cameras.front());
+}
+
+void LiveView::open_masks(long frame) {
+  // Files of masks are read forwards; where the images begin again, so do they.
+  const bool again = masks_ && !masks_->needs_image() && frame <= last_frame_;
+  last_frame_ = frame;
+  if (masks_ && !again) return;
+  if (options_.from_camera && !entry_.masks_from_images())
+    fail<UsageError>(
+        "nothing cuts the person out of these images: name `background_subtraction` with images of the `empty` "
+        "scene in {}, or film the empty scene first (--empty-frames 25)",
+        capture_.name);
+  masks_.emplace(capture_, entry_, filmed_.cameras.front(), filmed_.file_index.front());
+}
+
+FootageFrame LiveView::preprocess(const SourceImage& image) {
+  open_masks(image.frame);
+  FootageFrame seen;
+  seen.masks.push_back(masks_->read(image.frame, image.image));
+  seen.images.push_back(undistort_.apply(image.image));
+  seen.evidence.push_back({{}, OutlineField(seen.masks.front(), options_.outline_pixels)});
+  return seen;
+}
+
+void LiveView::detect(const SourceImage& image, FootageFrame& seen) const {
+  const auto mask = [&] { return seen.masks.front(); };
+  seen.evidence.front().keypoints = pick_person(people_(image), mask, picker_, undistort_);
+  seen.joints = {joints(image.frame, seen)};
+}
+
+std::vector<JointDetection> LiveView::joints(long frame, const FootageFrame& seen) const {
+  if (joint_finder_) return joint_finder_(seen);
+  const auto found = joint_table_.find(frame);
+  return found == joint_table_.end() ? std::vector<JointDetection>{} : picker_.pick(found->second);
+}
+
+}  // namespace doppel

@@ -1,0 +1,17 @@
+#pragma once
+
+#include "doppel/track/footage.h"
+#include "doppel/fit/livecap/livecap.h"
+
+namespace doppel {
+
+/// What the tracker of one camera is given of a frame.
+inline LivecapInput livecap_input(const FootageFrame& seen) {
+  LivecapInput input{seen.evidence.front(), {}, seen.images.front()};
+  if (seen.joints.empty()) return input;
+  for (const JointDetection& joint : seen.joints.front())
+    input.joints.push_back(joint.seen ? std::optional<Eigen::Vector3d>(joint.position) : std::nullopt);
+  return input;
+}
+
+}  // namespace doppel

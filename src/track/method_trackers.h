@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+
+#include "doppel/fit/livecap/livecap_config.h"
+#include "doppel/fit/track_config.h"
+#include "doppel/track/deepcap_tracker.h"
+#include "doppel/track/frame_tracker.h"
+
+namespace doppel {
+
+/// The multi-view fit. @param character with the template to fit; it and `footage` must outlive the tracker
+/// @throws as MultiviewTracker
+std::unique_ptr<FrameTracker> make_multiview_tracker(const Footage& footage, const Character& character,
+                                                     const TrackConfig& config);
+
+/// The one-camera tracker of chapter 4. @param camera without distortion @param character must outlive the tracker
+/// @throws as LivecapTracker
+std::unique_ptr<FrameTracker> make_livecap_tracker(const Character& character, const std::vector<Marker>& landmarks,
+                                                   const Camera& camera, const LivecapConfig& config);
+
+/// What happens to a frame in which the networks of chapter 5 lose the person.
+enum class LostFrames {
+  report,  ///< the result is lost; the caller bridges it when all frames are known
+  hold     ///< the last tracked pose is kept, with its surface: for live images
+};
+/// Trained networks (chapter 5). With `hold` every result has vertices.
+/// @param trained must outlive the tracker
+/// @throws Error as DeepcapTracker, or when the run was trained for another character
+std::unique_ptr<FrameTracker> make_deepcap_tracker(TrainedPose& trained, const Character& character,
+                                                   const std::vector<Marker>& landmarks, const Camera& camera,
+                                                   LostFrames lost);
+
+}  // namespace doppel

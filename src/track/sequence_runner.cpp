@@ -1,0 +1,66 @@
+#include "doppel/track/sequence_runner.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+
+#include "doppel/core/clock.h"
+#include "doppel/track/prefetch.h"
+#include "doppel/track/track_sheet.h"
+#include "doppel/track/track_task.h"
+
+namespace doppel {
+
+struct SequenceRunner::Read {
+  long frame = 0;
+  FootageFrame seen;
+  double seconds = 0.0;
+};
+
+TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& progress) {
+  TrackedSequence result;
+  result.sequence = sequence;
+  const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
+  const auto is_shown = [&](long frame) { return std::find(shown.begin(), shown.end(), frame) != shown.end(); };
+  TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.sheet_pixels);
+  const auto reader = footage_.read(sequence.index);
+  const auto read = [&, next = sequence.first_frame]() mutable -> std::optional<Read> {
+    if (next > sequence.last_frame) return std::nullopt;
+    const auto start = Clock::now();
+    const long frame = next++;
+    Read one{frame, reader->read(frame, tracker_.needs_images() || is_shown(frame)), 0.0};
+    one.seconds = seconds_since(start);
+    return one;
+  };
+  const auto take = [&](const Read& one) {
+    check_not_stopped(sequence, one.frame);
+    track(one, result);
+    if (is_shown(one.frame)) sheet.add(one.frame, one.seen, result.frames.back());
+    progress.advance(1, fmt::format("{} {}", sequence.name, to_string(result.frames.back().state)));
+  };
+  const auto start = Clock::now();
+  if (options_.frames_ahead > 0) {
+    Prefetch<Read> frames(read, static_cast<std::size_t>(options_.frames_ahead));
+    while (const std::optional<Read> one = frames.next()) take(*one);
+  } else {
+    auto next = read;
+    while (const std::optional<Read> one = next()) take(*one);
+  }
+  result.times.total = seconds_since(start);
+  if (!sheet.empty()) cv::imwrite(options_.sheet.string(), sheet.image());
+  return result;
+}
+
+void SequenceRunner::track(const Read& read, TrackedSequence& result) {
+  if (result.sequence.begins_segment(read.frame)) tracker_.cut();
+  const FrameResult found = tracker_.track(read.seen);
+  result.times.reading += read.seconds;
+  result.times.pose += found.pose_seconds;
+  result.times.surface += found.surface_seconds;
+  result.frames.push_back(found.pose);
+  if (hook_) hook_(read.frame, read.seen, found);
+}
+
+}  // namespace doppel

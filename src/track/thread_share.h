@@ -1,0 +1,21 @@
+#pragma once
+
+#include <ATen/Parallel.h>
+
+#include <algorithm>
+
+namespace doppel {
+
+/// Leaves one of the process's threads to whoever reads images: two that share a core wait for each other.
+class OneThreadFewer {
+ public:
+  OneThreadFewer() : before_(at::get_num_threads()) { at::set_num_threads(std::max(1, before_ - 1)); }
+  ~OneThreadFewer() { at::set_num_threads(before_); }
+  OneThreadFewer(const OneThreadFewer&) = delete;
+  OneThreadFewer& operator=(const OneThreadFewer&) = delete;
+
+ private:
+  int before_;
+};
+
+}  // namespace doppel

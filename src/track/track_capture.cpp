@@ -1,0 +1,144 @@
+#include "doppel/track/track_capture.h"
+
+#include <optional>
+
+#include "doppel/core/progress.h"
+#include "doppel/energy/outline.h"
+#include "doppel/fit/shared_dofs_fit.h"
+#include "doppel/track/frame_file.h"
+#include "doppel/track/method_trackers.h"
+#include "doppel/track/sequence_runner.h"
+#include "doppel/track/track_results.h"
+#include "doppel/track/track_surface.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kSmoothingDegree = 2;  // a mean would lag where limbs swing
+
+/// One sequence, from its frames to its motion. @param character with the template to fit
+TrackedSequence track_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
+                               const FootageSequence& sequence, Progress& progress) {
+  const auto tracker = make_multiview_tracker(footage, character, options.config);
+  SequenceRunner runner(footage, *tracker,
+                        {options.sheet_frames, options.out / (sequence.name + ".jpg"),
+                         options.config.fit.outline_pixels});
+  TrackedSequence tracked = runner.run(sequence, progress);
+  make_motion(tracked, tracker->model().root(), options.config.smoothing, kSmoothingDegree);
+  return tracked;
+}
+
+/// Tracks everything once to fit the shared DoFs, which no landmark shows, and the template.
+class FirstPass {
+ public:
+  FirstPass(const Footage& footage, const TrackOptions& options, const std::vector<FootageSequence>& chosen,
+            Progress& progress)
+      : footage_(footage), options_(options), progress_(progress), character_(footage.character()) {
+    DofChoice& dofs = options_.config.dofs;
+    dofs.hold.insert(dofs.hold.end(), options.config.shared_dofs.begin(), options.config.shared_dofs.end());
+    options_.sheet_frames = 0;
+    shared_.weight = options.config.fit.shared_dofs.weight;
+    shared_.dofs = named_dofs(character_.skeleton, "shared_dofs.dofs", options.config.shared_dofs);
+    for (const FootageSequence& sequence : chosen)
+      tracked_.push_back(track_sequence(footage, character_, options_, sequence, progress_));
+    fit_shared();
+    if (options.config.template_frames == 0) return;
+    fit_template();
+    fit_shared();
+  }
+  const Character& character() const { return character_; }
+  const SharedDofs& shared_dofs() const { return shared_; }
+
+ private:
+  void fit_shared() {
+    if (shared_.dofs.empty()) return;
+    if (frames_.empty()) read_frames();
+    shared_.values = fit_shared_dofs(character_, footage_.landmarks(), footage_.cameras(), shared_.dofs, frames_,
+                                      options_.config.fit);
+    for (TrackedSequence& tracked : tracked_)
+      for (std::vector<double>& dofs : tracked.motion.frames) shared_.put_into(dofs);
+  }
+  /// Once for both fits, which replace the values of the shared DoFs in the poses by their own.
+  void read_frames() {
+    for (const TrackedSequence& tracked : tracked_) {
+      const auto reader = footage_.read(tracked.sequence.index);
+      for (const long frame : spread_frames(tracked.sequence, options_.config.shared_frames)) {
+        check_not_stopped(tracked.sequence, frame);
+        frames_.push_back(
+            {reader->read(frame, false).evidence, tracked.motion.frames[static_cast<std::size_t>(frame)]});
+      }
+    }
+  }
+  void fit_template() {
+    TemplateFit fit(footage_, options_.config.surface);
+    for (const TrackedSequence& tracked : tracked_)
+      fit.add(tracked.sequence, spread_frames(tracked.sequence, options_.config.template_frames), tracked.motion,
+              progress_);
+    character_ = fit.character();
+  }
+
+  const Footage& footage_;
+  TrackOptions options_;
+  Progress& progress_;
+  Character character_;
+  std::vector<TrackedSequence> tracked_;
+  std::vector<PosedEvidence> frames_;  ///< that the shared DoFs are fitted to
+  SharedDofs shared_;
+};
+
+void write_vertices(const fs::path& path, const Footage& footage, const TrackedSequence& tracked) {
+  const PoseModel model(footage.character(), {}, {});
+  FrameFile file(path, footage.character().num_vertices(), 3);
+  for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row)
+    file.append(posed_vertices(model, model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false)));
+  file.close();
+}
+
+std::vector<std::pair<std::string, double>> named_values(const Character& character, const SharedDofs& shared) {
+  std::vector<std::pair<std::string, double>> values;
+  for (std::size_t i = 0; i < shared.dofs.size(); ++i)
+    values.emplace_back(character.skeleton.dofs[static_cast<std::size_t>(shared.dofs[i])].name, shared.values[i]);
+  return values;
+}
+
+/// The second pass of a sequence, and its files.
+SequenceReport finish_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
+                               const FootageSequence& sequence, Progress& progress) {
+  TrackedSequence tracked = track_sequence(footage, character, options, sequence, progress);
+  if (options.surface)
+    tracked.surface = track_surface(footage, sequence, tracked.motion, options.config.surface,
+                                    options.out / sequence.name, options.vertices, progress);
+  write_poses(footage.character(), footage.capture().fps, options.out, tracked);
+  if (options.vertices) tracked.vertices = options.out / (sequence.name + "_vertices.npy");
+  if (options.vertices && !options.surface) write_vertices(tracked.vertices, footage, tracked);
+  return report_of(footage, std::move(tracked));
+}
+
+}  // namespace
+
+TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
+  TrackOptions options = wanted;
+  open_out_folder(footage, options.out);
+  const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
+  const bool twice = options.config.template_frames > 0 || !options.config.shared_dofs.empty();
+  const long bent = options.config.template_frames * static_cast<long>(chosen.size());
+  Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);
+  TrackReport report;
+  report.method = "multiview";
+  std::optional<FirstPass> first;
+  if (twice) {
+    options.config.fit.shared_dofs = first.emplace(footage, options, chosen, progress).shared_dofs();
+    report.shared_dofs = named_values(footage.character(), first->shared_dofs());
+  }
+  const Character& character = first ? first->character() : footage.character();
+  for (const FootageSequence& sequence : chosen)
+    report.sequences.push_back(finish_sequence(footage, character, options, sequence, progress));
+  progress.finish();
+  write_results(footage, options.out, report);
+  return report;
+}
+
+}  // namespace doppel

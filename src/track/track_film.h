@@ -1,0 +1,30 @@
+#pragma once
+
+#include <torch/types.h>
+
+#include <filesystem>
+#include <opencv2/core.hpp>
+
+#include "doppel/capture/video_file.h"
+#include "doppel/track/track_view.h"
+
+namespace doppel {
+
+/// A film of what was captured, as `TrackView` draws it.
+class TrackFilm {
+ public:
+  /// @param camera without distortion
+  TrackFilm(const std::filesystem::path& path, const Camera& camera, const TriangleMesh& mesh, double frames_per_second,
+            const TrackViewOptions& options = {})
+      : view_(camera, mesh, options), video_(path, view_.size(), frames_per_second) {}
+
+  /// @param image and @param vertices as for `TrackView::draw`
+  void add(const cv::Mat& image, const torch::Tensor& vertices) { video_.write(view_.draw(image, vertices)); }
+  void close() { video_.close(); }
+
+ private:
+  TrackView view_;
+  VideoFile video_;
+};
+
+}  // namespace doppel

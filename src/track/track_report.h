@@ -1,0 +1,85 @@
+#pragma once
+
+/// What is reported of tracking. `to_json` gives the content of `track.json`.
+
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "doppel/track/tracked_sequence.h"
+#include "doppel/track/truth.h"
+
+namespace doppel {
+
+/// How far tracked landmarks are from those of another motion of the same frames.
+struct MotionDifference {
+  double mean_mm = 0.0;       ///< over landmarks and frames
+  double aligned_mm = 0.0;    ///< the same after the similarity transform of each frame that fits best
+  double within_150mm = 0.0;  ///< share, relative to the mean of all landmarks
+  std::vector<double> frame_mm, frame_aligned_mm;  ///< [frames] means over landmarks
+};
+MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
+                                 const Motion& b, long first_frame, long last_frame);
+
+/// Overlap of LiveCap's surface with the mask, in the frames that were found and have a mask.
+struct LivecapOverlap {
+  std::size_t frame = 0;              ///< counted from the first
+  double pose = 0.0, surface = 0.0;  ///< IoU of the skinned and of the deformed template
+};
+
+/// What is measured of a live run.
+struct LiveFigures {
+  std::string source;
+  long images = 0, dropped = 0;
+  long behind = 0;  ///< images that came while a frame was under way, at most
+  double frames_per_second = 0.0;
+  double latency_ms = 0.0, largest_latency_ms = 0.0;
+  double capture_ms = 0.0, preprocess_ms = 0.0, detect_ms = 0.0, pose_ms = 0.0, surface_ms = 0.0;  ///< of a frame
+  double settled_megabytes = 0.0, final_megabytes = 0.0;  ///< of main memory after 100 frames, and at the end
+  std::vector<std::pair<long, std::string>> changes;      ///< image, and the state from there on
+};
+
+struct SequenceReport {
+  TrackedSequence tracked;
+  std::optional<MotionDifference> difference;  ///< from the motion that the capture names
+  std::optional<SurfaceErrors> errors;         ///< where the capture has true surfaces
+  std::optional<std::vector<LivecapOverlap>> livecap;
+  std::optional<LiveFigures> live;  ///< a live run reports no single frames
+
+  std::vector<long> lost_frames() const;
+  double keypoint_error() const;     ///< mean over frames, reference pixels
+  double steps_per_frame() const;    ///< Gauss-Newton steps
+  double frames_per_second() const;  ///< of fitting; 0 where no time was taken
+};
+/// The sequence, compared with the motion and the true surfaces that the capture has.
+SequenceReport report_of(const Footage& footage, TrackedSequence tracked);
+
+/// Means over the frames of a surface that the multi-view fit deformed.
+struct SurfaceSummary {
+  double posed_overlap = 0.0, overlap = 0.0;  ///< IoU with the masks, skinned and deformed
+  double steps_per_frame = 0.0, frames_per_second = 0.0;
+};
+SurfaceSummary summarise(const TrackedSurface& surface);
+
+/// Means over the frames of LiveCap.
+struct LivecapSummary {
+  double posed_overlap = 0.0, overlap = 0.0;  ///< IoU with the masks, skinned and deformed
+  double frames_per_second = 0.0;             ///< with reading
+  double read_ms = 0.0, pose_ms = 0.0, surface_ms = 0.0, frame_ms = 0.0;
+};
+/// @pre report.livecap
+LivecapSummary summarise_livecap(const SequenceReport& report);
+
+struct TrackReport {
+  std::string method;
+  std::map<std::string, std::int64_t> steps;                ///< of trained stages; empty without networks
+  std::vector<std::pair<std::string, double>> shared_dofs;  ///< names and values of the DoFs fitted for all frames
+  std::vector<SequenceReport> sequences;
+};
+nlohmann::ordered_json to_json(const TrackReport& report);
+
+}  // namespace doppel

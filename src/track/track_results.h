@@ -1,0 +1,13 @@
+#pragma once
+
+#include <filesystem>
+
+#include "doppel/track/track_report.h"
+
+namespace doppel {
+
+/// Writes into `out` `capture.yaml`, the capture with the tracked motions in the place of its own; `track.json`, the
+/// report; and `track.html`, curves over time.
+void write_results(const Footage& footage, const std::filesystem::path& out, const TrackReport& report);
+
+}  // namespace doppel

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "doppel/character/motion.h"
+#include "doppel/core/progress.h"
+#include "doppel/track/footage.h"
+#include "doppel/fit/surface_tracker.h"
+
+namespace doppel {
+
+/// The surface of a tracked sequence.
+struct TrackedSurface {
+  std::vector<SurfaceFrame> frames;  ///< without their parameters, which are in the file
+  double seconds = 0.0;              ///< of fitting, without reading
+};
+
+/// Bends the surface in every frame of a motion, each frame from where the last one ended.
+/// @param stem `<stem>_graph.npy` float32 [frames, K, 6] (A, T of 6.2) is written, and, where asked for,
+///   `<stem>_vertices.npy` float32 [frames, N, 3], world metres
+TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequence, const Motion& motion,
+                             const SurfaceOptions& options, const std::filesystem::path& stem, bool vertices,
+                             Progress& progress);
+
+/// Fits the template to the clothes as worn in the capture: the mean over frames of the surface deformed to the masks,
+/// taken back to the rest pose. Clothes hang differently in motion than in the scan. Poses that are fitted to outlines
+/// with this template are not biased by the difference.
+class TemplateFit {
+ public:
+  TemplateFit(const Footage& footage, const SurfaceOptions& options);
+  /// @param frames of a sequence, ascending, @param motion as it was tracked
+  void add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion, Progress& progress);
+  /// The character with this template. @throws Error before any frame
+  Character character() const;
+
+ private:
+  const Footage& footage_;
+  SurfaceTracker tracker_;
+  std::vector<Eigen::Vector3d> sum_;  ///< [N]
+  int count_ = 0;
+};
+
+}  // namespace doppel

@@ -1,0 +1,168 @@
+#include "doppel/train/adam.h"
+
+#include <ATen/Parallel.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/error.h"
+#include "doppel/train/adam_kernel.h"
+#include "doppel/actor/checkpoint.h"
+
+namespace doppel {
+
+namespace {
+
+/// Fixed, so that partial sums do not depend on the number of threads.
+constexpr std::int64_t kChunk = 1 << 16;
+
+/// Biases and the scales of normalisation layers say where outputs lie, not how they depend on inputs. What has one
+/// dimension is one of them under any name (ResNet's `bn1`); those of a graph's nodes have two, and tell by name.
+bool is_kernel(const std::string& name, const torch::Tensor& parameter) {
+  return parameter.dim() >= 2 && name.find("bias") == std::string::npos && name.find("norm") == std::string::npos;
+}
+
+}  // namespace
+
+AdamOptions AdamOptions::read(const ConfigReader& reader) {
+  AdamOptions o;
+  o.beta1 = reader.get("beta1", o.beta1, between(0.0, 0.999999));
+  o.beta2 = reader.get("beta2", o.beta2, between(0.0, 0.9999999));
+  o.epsilon = reader.get("epsilon", o.epsilon, between(1e-16, 1.0));
+  o.weight_decay = reader.get("weight_decay", o.weight_decay, at_least(0.0));
+  o.decoupled = reader.choice("weight_decay_kind", {"decoupled", "l2"}, "decoupled") == "decoupled";
+  o.clip_norm = reader.get("clip_norm", o.clip_norm, at_least(0.0));
+  o.mean_decay = reader.get("mean_weights", o.mean_decay, between(0.0, 0.999999));
+  return o;
+}
+
+Adam::Adam(std::vector<Group> groups, const AdamOptions& options) : options_(options) {
+  for (const Group& group : groups) add(group);
+}
+
+Adam::Adam(const torch::nn::Module& module, const AdamOptions& options) : options_(options) {
+  Group kernels, others;
+  others.weight_decay_scale = 0.0;
+  for (const auto& item : module.named_parameters())
+    (is_kernel(item.key(), item.value()) ? kernels : others).parameters.emplace_back(item.key(), item.value());
+  add(kernels);
+  add(others);
+}
+
+void Adam::add(const Group& group) {
+  for (const auto& [name, parameter] : group.parameters) {
+    if (parameter.scalar_type() != torch::kFloat32 || !parameter.is_contiguous() || !parameter.device().is_cpu())
+      fail("parameter {} cannot be optimised: Adam wants contiguous float32 tensors in main memory", name);
+    if (!parameter.requires_grad()) continue;
+    const auto zeros = [&] { return torch::zeros_like(parameter, torch::MemoryFormat::Contiguous).detach(); };
+    Slot slot{name, parameter, zeros(), zeros(), {}, group.learning_rate_scale, group.weight_decay_scale};
+    if (options_.mean_decay > 0.0) slot.mean = parameter.detach().clone();
+    for (std::int64_t begin = 0; begin < parameter.numel(); begin += kChunk)
+      chunks_.push_back({slots_.size(), begin, std::min(begin + kChunk, parameter.numel())});
+    slots_.push_back(std::move(slot));
+  }
+}
+
+double Adam::gradient_norm() const {
+  std::vector<torch::Tensor> gradients;
+  for (const Slot& slot : slots_) {
+    const torch::Tensor& gradient = slot.parameter.grad();
+    gradients.push_back(gradient.defined() ? gradient.contiguous() : gradient);
+  }
+  std::vector<double> sums(chunks_.size(), 0.0);
+  at::parallel_for(0, static_cast<std::int64_t>(chunks_.size()), 1, [&](std::int64_t first, std::int64_t last) {
+    for (std::int64_t i = first; i < last; ++i) {
+      const Chunk& chunk = chunks_[i];
+      const torch::Tensor& gradient = gradients[chunk.slot];
+      if (gradient.defined()) sums[i] = kernels::sum_of_squares(gradient.data_ptr<float>(), chunk.begin, chunk.end);
+    }
+  });
+  double sum = 0.0;
+  for (double part : sums) sum += part;
+  return std::sqrt(sum);
+}
+
+std::optional<std::string> Adam::non_finite_gradient() const {
+  for (const Slot& slot : slots_) {
+    const torch::Tensor& gradient = slot.parameter.grad();
+    if (gradient.defined() && !torch::isfinite(gradient).all().item<bool>()) return slot.name;
+  }
+  return std::nullopt;
+}
+
+void Adam::step(double learning_rate, double norm) {
+  ++steps_;
+  const double scale = options_.clip_norm > 0.0 && norm > options_.clip_norm ? options_.clip_norm / norm : 1.0;
+  std::vector<kernels::AdamParams> params(slots_.size());
+  std::vector<torch::Tensor> gradients(slots_.size());
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    Slot& slot = slots_[i];
+    if (!slot.parameter.grad().defined()) continue;
+    gradients[i] = slot.parameter.grad().contiguous();
+    const double t = static_cast<double>(++slot.steps);
+    // The first steps average plainly, so that the mean never remembers the initial weights for long.
+    const double mean_rate = std::max(1.0 - options_.mean_decay, 1.0 / t);
+    const double rate = learning_rate * slot.learning_rate_scale;
+    const double decay = options_.weight_decay * slot.weight_decay_scale;
+    kernels::AdamParams& p = params[i];
+    p.parameter = slot.parameter.data_ptr<float>();
+    p.gradient = gradients[i].data_ptr<float>();
+    p.first_moment = slot.first.data_ptr<float>();
+    p.second_moment = slot.second.data_ptr<float>();
+    p.mean = slot.mean.defined() ? slot.mean.data_ptr<float>() : nullptr;
+    p.gradient_scale = static_cast<float>(scale);
+    p.l2 = options_.decoupled ? 0.0f : static_cast<float>(decay);
+    p.shrink = options_.decoupled ? static_cast<float>(1.0 - rate * decay) : 1.0f;
+    p.beta1 = static_cast<float>(options_.beta1);
+    p.beta2 = static_cast<float>(options_.beta2);
+    p.keep1 = static_cast<float>(1.0 - options_.beta1);
+    p.keep2 = static_cast<float>(1.0 - options_.beta2);
+    p.step_size = static_cast<float>(rate / (1.0 - std::pow(options_.beta1, t)));
+    p.inverse_root = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(options_.beta2, t)));
+    p.epsilon = static_cast<float>(options_.epsilon);
+    p.mean_rate = static_cast<float>(mean_rate);
+  }
+  at::parallel_for(0, static_cast<std::int64_t>(chunks_.size()), 1, [&](std::int64_t first, std::int64_t last) {
+    for (std::int64_t i = first; i < last; ++i) {
+      const Chunk& chunk = chunks_[i];
+      if (gradients[chunk.slot].defined()) kernels::adam_step(params[chunk.slot], chunk.begin, chunk.end);
+    }
+  });
+}
+
+void Adam::zero_grad() {
+  for (Slot& slot : slots_) slot.parameter.mutable_grad().reset();
+}
+
+std::vector<std::pair<std::string, torch::Tensor>> Adam::mean_weights() const {
+  std::vector<std::pair<std::string, torch::Tensor>> means;
+  for (const Slot& slot : slots_)
+    if (slot.mean.defined()) means.emplace_back(slot.name, slot.mean);
+  return means;
+}
+
+void Adam::save(Checkpoint& checkpoint) const {
+  checkpoint.set_text("optimizer.steps", std::to_string(steps_));
+  torch::Tensor steps = torch::empty({static_cast<std::int64_t>(slots_.size())}, torch::kInt64);
+  for (std::size_t i = 0; i < slots_.size(); ++i) steps[static_cast<std::int64_t>(i)] = slots_[i].steps;
+  checkpoint.set_tensor("optimizer.slot_steps", steps);
+  for (const Slot& slot : slots_) {
+    checkpoint.set_tensor("optimizer.first." + slot.name, slot.first);
+    checkpoint.set_tensor("optimizer.second." + slot.name, slot.second);
+    if (slot.mean.defined()) checkpoint.set_tensor("optimizer.mean." + slot.name, slot.mean);
+  }
+}
+
+void Adam::load(const Checkpoint& checkpoint) {
+  steps_ = checkpoint.integer("optimizer.steps");
+  const torch::Tensor steps = checkpoint.tensor("optimizer.slot_steps");
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    Slot& slot = slots_[i];
+    slot.steps = steps[static_cast<std::int64_t>(i)].item<std::int64_t>();
+    checkpoint.copy_tensor("optimizer.first." + slot.name, slot.first);
+    checkpoint.copy_tensor("optimizer.second." + slot.name, slot.second);
+    if (slot.mean.defined()) checkpoint.copy_tensor("optimizer.mean." + slot.name, slot.mean);
+  }
+}
+
+}  // namespace doppel

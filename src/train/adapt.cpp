@@ -1,0 +1,318 @@
+#include "doppel/train/adapt.h"
+
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include <optional>
+#include <vector>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/eval/silhouette_overlap.h"
+#include "doppel/render/face_tensor.h"
+#include "doppel/train/def_net_stage.h"
+#include "doppel/train/pose_net_stage.h"
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/train/stage_chain.h"
+#include "doppel/actor/stored_stage.h"
+#include "doppel/actor/trained_pose.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+namespace {
+
+constexpr const char* kStages[] = {"posenet", "defnet"};
+
+/// What a repeated call must agree in: all that the result follows from.
+std::string settings_of(const AdaptOptions& options, const Dataset& dataset, const std::string& camera) {
+  const AdaptConfig& config = options.config;
+  YAML::Node settings;
+  settings["run"] = fs::weakly_canonical(options.run).string();
+  settings["clip"] = fs::weakly_canonical(dataset.folder()).string();
+  settings["camera"] = camera;
+  settings["seed"] = config.seed;
+  settings["held_out"] = config.held_out;
+  settings["check_every"] = config.check_every;
+  for (const std::string kind : kStages) {
+    const AdaptStage& stage = kind == "posenet" ? config.posenet : config.defnet;
+    YAML::Node keys = settings[kind];
+    keys["iterations"] = stage.iterations;
+    keys["learning_rate"] = stage.learning_rate;
+    keys["batch_size"] = stage.batch_size;
+    keys["freeze_norm"] = stage.freeze_norm;
+  }
+  return YAML::Dump(settings) + "\n";
+}
+
+class Adaptation {
+ public:
+  explicit Adaptation(const AdaptOptions& options)
+      : options_(options), dataset_(Dataset::open(fs::absolute(options.capture))) {
+    camera_ = options.camera.empty() ? dataset_.cameras().front().name : options.camera;
+    dataset_.camera_index(camera_);
+    dataset_.hold_out(options.config.held_out);
+    has_defnet_ = find_stage(options.run, "defnet").has_value();
+  }
+
+  ordered_json run() {
+    open_out();
+    const fs::path result = options_.out / "adapt.json";
+    if (fs::exists(result)) {
+      log::info("{} is there already", result.string());
+      return ordered_json::parse(read_file(result));
+    }
+    TrainedPose studio = TrainedPose::load(options_.run, dataset_.folder());
+    ordered_json report = protocol();
+    judge(studio, "before", report);
+    tune_posenet();
+    if (has_defnet_) tune_defnet();
+    TrainedPose adapted = TrainedPose::load(options_.out);
+    report["protocol"]["steps"] = adapted.steps;
+    judge(adapted, "after", report);
+    write_atomically(RunFolder(options_.out).evaluation(), report.dump(2) + "\n");
+    write_run_report(options_.out);
+    write_atomically(result, report.dump(2) + "\n");
+    return report;
+  }
+
+ private:
+  const AdaptStage& wanted(const std::string& kind) const {
+    return kind == "posenet" ? options_.config.posenet : options_.config.defnet;
+  }
+  bool tuned(const std::string& kind) const {
+    return wanted(kind).iterations > 0 && (kind == "posenet" || has_defnet_);
+  }
+  RunFolder folder(const std::string& kind) const { return RunFolder(options_.out / kind); }
+
+  /// The studio's configuration of a stage with the clip in the place of its capture.
+  ConfigDocument stage_config(const std::string& kind) const {
+    const AdaptStage& stage = wanted(kind);
+    std::vector<std::string> changes{"capture=" + dataset_.folder().string(),
+                                     fmt::format("seed={}", options_.config.seed),
+                                     fmt::format("data.cameras=[\"{}\"]", camera_),
+                                     "data.cameras_per_sample=0",
+                                     fmt::format("data.batch_size={}", stage.batch_size),
+                                     fmt::format("model.freeze_norm={}", stage.freeze_norm),
+                                     "train.max_minutes=0",
+                                     "train.mean_weights=0",
+                                     fmt::format("train.checkpoint_every={}", options_.config.check_every),
+                                     fmt::format("train.keep_every={}", options_.config.check_every)};
+    if (kind == "posenet") {
+      changes.push_back(
+          fmt::format("phases=[{{iterations: {}, learning_rate: {}}}]", stage.iterations, stage.learning_rate));
+    } else {
+      changes.push_back(fmt::format("train.iterations={}", stage.iterations));
+      changes.push_back(fmt::format("train.learning_rate={}", stage.learning_rate));
+      changes.push_back("train.schedule=constant");
+      changes.push_back("train.warmup=0");
+    }
+    return ConfigDocument::load(RunFolder(stage_folder(options_.run, kind)).config(), changes);
+  }
+
+  /// A chain whose stages are tuned here, or borrowed from the studio.
+  std::string chain_config() const {
+    YAML::Node root;
+    root["stage"] = "deepcap";
+    root["capture"] = dataset_.folder().string();
+    root["seed"] = options_.config.seed;
+    for (const std::string kind : kStages) {
+      if (kind == "defnet" && !has_defnet_) continue;
+      YAML::Node stage = YAML::Load(stage_config(kind).resolved());
+      if (stage["character"]) root["character"] = stage["character"];
+      for (const char* shared : {"stage", "capture", "seed", "character"}) stage.remove(shared);
+      if (tuned(kind))
+        root[kind] = stage;
+      else
+        root[kind]["run"] = fs::absolute(options_.run).lexically_normal().string();
+    }
+    return YAML::Dump(root) + "\n";
+  }
+
+  void open_out() const {
+    const fs::path file = options_.out / "adapt.yaml";
+    const std::string settings = settings_of(options_, dataset_, camera_);
+    if (fs::exists(file)) {
+      const std::vector<std::string> differences = config_differences(read_file(file), settings);
+      if (!differences.empty())
+        fail<UsageError>("--out {}: the folder holds an adaptation with other settings: {}; choose another one",
+                         options_.out.string(), fmt::join(differences, ", "));
+    } else if (fs::exists(RunFolder(options_.out).config())) {
+      fail<UsageError>("--out {}: the folder holds another run; choose another one", options_.out.string());
+    }
+    open_chain_folder(options_.out, chain_config());
+    write_atomically(file, settings);
+  }
+
+  /// Trains a stage from the studio's weights on, and keeps every state that is to be judged, the first included.
+  void train(CaptureStage& stage, const std::string& kind, TrainerOptions trainer) {
+    const auto studio = find_stage(options_.run, kind);
+    load_evaluation_weights(stage.model(), studio->checkpoint);
+    for (torch::Tensor& parameter : stage.model().parameters()) parameter.requires_grad_(true);
+    trainer.keep_start = true;
+    folder(kind).open(stage_config(kind).resolved(), RunMode::automatic);
+    if (Trainer(stage, trainer, folder(kind)).run().reason == StopReason::interrupted)
+      fail("stopped while adapting {}; the same command goes on from there", kind);
+  }
+
+  void tune_posenet() {
+    if (!tuned("posenet")) return;
+    const PoseNetRunConfig config = PoseNetRunConfig::read(stage_config("posenet"));
+    const Character character = load_character(dataset_.character_path(), config.subject.character);
+    PoseNetStage stage(dataset_, character, config);
+    train(stage, "posenet", config.trainer);
+    keep_best("posenet", [&](TrainedPose& trained, const std::string&) {
+      return -keypoint_error(trained, Split::test, /*deformed=*/false);
+    });
+  }
+
+  void tune_defnet() {
+    if (!tuned("defnet")) return;
+    TrainedPose pose = TrainedPose::load(options_.out, std::nullopt, /*with_defnet=*/false);
+    const DefNetRunConfig config = DefNetRunConfig::read(stage_config("defnet"));
+    DefNetStage stage(dataset_, pose, config);
+    train(stage, "defnet", config.trainer);
+    keep_best("defnet", [&](TrainedPose& trained, const std::string& title) {
+      return overlap(trained, Split::test, /*deformed=*/true, title).AMVIoU;
+    });
+  }
+
+  /// Of all states on disk keeps the one that does best; of equals the earliest.
+  /// @param merit of the networks on the held-out frames: more is better
+  template <typename Merit>
+  void keep_best(const std::string& kind, const Merit& merit) {
+    CheckpointFolder checkpoints(folder(kind).checkpoints());
+    std::optional<double> best;
+    std::int64_t best_step = 0;
+    TrainedPose trained = TrainedPose::load(options_.out, std::nullopt, kind == "defnet");
+    torch::nn::Module& network = kind == "defnet" ? static_cast<torch::nn::Module&>(*trained.defnet)
+                                                           : static_cast<torch::nn::Module&>(*trained.posenet);
+    for (const std::int64_t step : checkpoints.steps()) {
+      load_evaluation_weights(network, Checkpoint::load(checkpoints.path(step)));
+      const double value = merit(trained, fmt::format("{} {}", kind, step));
+      if (best && !(value > *best)) continue;
+      best = value;
+      best_step = step;
+    }
+    checkpoints.keep_only(best_step);
+    if (best_step == 0)
+      log::warn("{}: none of the states did better on the held-out frames than the studio's, which stays",
+                kind);
+    else
+      log::info("{}: step {} does best on the held-out frames", kind, best_step);
+  }
+
+  /// What the networks make of samples, in the order of the methods: skinned and bent surface.
+  torch::Tensor surface(TrainedPose& trained, const Batch& batch, bool deformed) const {
+    const torch::Tensor dofs = trained.dofs(trained.capture(person_view(batch)));
+    if (!deformed) return trained.surface->skinned(dofs);
+    const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+    return trained.surface->deformed(dofs, A, T);
+  }
+
+  Batch seen(const TrainedPose& trained, const std::vector<SampleId>& samples) const {
+    return person_batch(dataset_, samples, {dataset_.camera_index(camera_)}, trained.input_size());
+  }
+
+  /// IoU of the drawn surface with the masks.
+  SurfaceResult overlap(TrainedPose& trained, Split split, bool deformed, const std::string& title) const {
+    const torch::NoGradGuard no_grad;
+    EvaluationOptions options;
+    options.cameras = {camera_};
+    const auto drawn = [&](const std::vector<SampleId>& samples) {
+      return surface(trained, seen(trained, samples), deformed);
+    };
+    return evaluate_surface(dataset_, split, face_tensor(trained.character.mesh), drawn, options, title);
+  }
+
+  /// Of the pose's landmarks, or of those that ride on the bent graph; mean over frames, reference pixels.
+  double keypoint_error(TrainedPose& trained, Split split, bool deformed) const {
+    const torch::NoGradGuard no_grad;
+    GraphLandmarks graph_landmarks(trained.character, trained.landmarks);
+    double sum = 0.0, frames = 0.0;
+    for (const SampleId& sample : dataset_.samples(split)) {
+      const Batch batch = seen(trained, {sample});
+      const CapturedPose captured = trained.capture(person_view(batch));
+      if (!(captured.valid & batch.person_valid).item<bool>()) continue;
+      torch::Tensor landmarks = captured.landmarks;
+      if (deformed) {
+        const auto [A, T] = trained.deformation(batch.person.select(1, 0));
+        landmarks = graph_landmarks->forward(A, T, trained.surface->node_transforms(trained.dofs(captured)));
+      }
+      const KeypointTarget target = keypoint_target(batch, captured.valid);
+      sum += doppel::keypoint_error(landmarks, target, trained.detections.loss).item<double>();
+      ++frames;
+    }
+    if (frames == 0.0)
+      fail("{}: the camera {} shows nobody in the frames that judge", dataset_.folder().string(), camera_);
+    return sum / frames;
+  }
+
+  /// How near the surfaces of both methods come to what was seen of the clip.
+  ordered_json score(TrainedPose& trained, Split split, const std::string& title) const {
+    const auto method = [&](bool deformed) {
+      ordered_json json = overlap(trained, split, deformed, title).to_json();
+      json["keypoint_error_px"] = keypoint_error(trained, split, deformed);
+      return json;
+    };
+    ordered_json json{{"posenet", method(false)}};
+    if (has_defnet_) json["defnet"] = method(true);
+    return json;
+  }
+
+  void judge(TrainedPose& trained, const std::string& when, ordered_json& report) const {
+    ordered_json& splits = report["splits"];
+    splits["held out, " + when] = score(trained, Split::test, "held out, " + when);
+    splits["tuned on, " + when] = score(trained, Split::train, "tuned on, " + when);
+  }
+
+  ordered_json protocol() const {
+    ordered_json frames;
+    for (const char* when : {"before", "after"}) {
+      frames[fmt::format("held out, {}", when)] = dataset_.samples(Split::test).size();
+      frames[fmt::format("tuned on, {}", when)] = dataset_.samples(Split::train).size();
+    }
+    return {{"protocol",
+             {{"metric", "IoU of the drawn surface and the clip's masks; keypoints in pixels of an image 1024 wide"},
+              {"capture", dataset_.capture().name},
+              {"frames", frames},
+              {"cameras", {camera_}},
+              {"run", fs::absolute(options_.run).lexically_normal().string()}}}};
+  }
+
+  AdaptOptions options_;
+  Dataset dataset_;
+  std::string camera_;
+  bool has_defnet_ = false;
+};
+
+}  // namespace
+
+AdaptStage AdaptStage::read(const ConfigReader& reader) {
+  AdaptStage s;
+  s.iterations = reader.get<long>("iterations", s.iterations, at_least(0L));
+  s.learning_rate = reader.get("learning_rate", s.learning_rate, between(0.0, 1.0));
+  s.batch_size = reader.get("batch_size", s.batch_size, at_least(1));
+  s.freeze_norm = reader.get("freeze_norm", s.freeze_norm);
+  return s;
+}
+
+AdaptConfig AdaptConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  AdaptConfig c;
+  c.seed = root.get<long>("seed", c.seed);
+  c.held_out = root.get("held_out", c.held_out, between(0.01, 0.9));
+  c.check_every = root.get<long>("check_every", c.check_every, at_least(1L));
+  c.posenet = AdaptStage::read(root.section("posenet"));
+  c.defnet = AdaptStage::read(root.section("defnet"));
+  root.finish();
+  return c;
+}
+
+ordered_json adapt(const AdaptOptions& options) { return Adaptation(options).run(); }
+
+}  // namespace doppel

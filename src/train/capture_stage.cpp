@@ -1,0 +1,133 @@
+#include "doppel/train/capture_stage.h"
+
+#include <algorithm>
+
+#include "doppel/render/boundary.h"
+#include "doppel/train/overlay.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr std::int64_t kStatisticsChunk = 64;
+
+std::string join(const torch::Tensor& numbers, const std::function<std::string(std::int64_t)>& name) {
+  std::string out;
+  const torch::Tensor flat = numbers.contiguous().view(-1);
+  for (std::int64_t i = 0; i < flat.numel(); ++i) out += (i ? ", " : "") + name(flat[i].item<std::int64_t>());
+  return out;
+}
+
+}  // namespace
+
+CaptureStage::CaptureStage(const Dataset& dataset, const Character& character, const LoaderOptions& options)
+    : dataset_(dataset), character_(character), options_(options), loader_(dataset, options) {}
+
+LossTerms CaptureStage::loss(StepContext& context) {
+  {
+    ProfileScope scope(*context.profile, "load");
+    last_batch_ = loader_.next();
+  }
+  return loss(last_batch_, context);
+}
+
+std::string CaptureStage::batch_description() const {
+  if (!last_batch_.frames.defined()) return "none yet";
+  std::string out = "frames ";
+  for (std::int64_t b = 0; b < last_batch_.frames.size(0); ++b)
+    out +=
+        fmt::format("{}{}:{}", b ? ", " : "", dataset_.sequences()[last_batch_.sequence[b].item<std::int64_t>()].name,
+                    last_batch_.frames[b].item<std::int64_t>());
+  return out + "; cameras " +
+         join(last_batch_.cameras[0], [this](std::int64_t c) { return dataset_.camera(static_cast<int>(c)).name; }) +
+         (last_batch_.cameras.size(0) > 1 ? " (of the first)" : "");
+}
+
+std::string CaptureStage::identity() const {
+  return fmt::format("character {} {}, capture {} with {} training frames and {} cameras", character_.name,
+                     character_.fingerprint(), dataset_.capture().name,
+                     chosen_samples(dataset_, options_.split, options_.frames).size(),
+                     dataset_.camera_indices(options_.cameras).size());
+}
+
+torch::Tensor CaptureStage::training_windows(std::size_t limit, int past_frames) const {
+  const std::vector<SampleId> samples = chosen_samples(dataset_, options_.split, options_.frames);
+  const std::size_t count = std::min(limit, samples.size());
+  std::vector<torch::Tensor> windows;
+  for (std::size_t i = 0; i < count; ++i)
+    windows.push_back(dataset_.dof_window(samples[i * samples.size() / count], past_frames));
+  return torch::stack(windows);
+}
+
+std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) const {
+  const std::vector<SampleId> samples =
+      split == options_.split ? chosen_samples(dataset_, options_.split, options_.frames) : dataset_.samples(split);
+  std::vector<SampleId> chosen;
+  const auto n = static_cast<std::size_t>(count);
+  for (std::size_t i = 0; i < n && !samples.empty(); ++i)
+    chosen.push_back(samples[(2 * i + 1) * samples.size() / (2 * n)]);
+  return chosen;
+}
+
+std::vector<ReportImage> CaptureStage::outline_images(
+    const torch::Tensor& faces, const std::string& legend,
+    const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const {
+  std::vector<ReportImage> images;
+  for (Split split : {Split::test, Split::train}) {
+    const std::vector<SampleId> samples = samples_to_show(split, 4);
+    if (samples.empty()) continue;
+    OverlaySheet sheet(dataset_, faces);
+    for (const SampleId& sample : samples) {
+      const auto [blue, red] = surfaces(sample);
+      sheet.add(sample, blue, red);
+    }
+    images.push_back({"overlay-" + to_string(split),
+                        to_string(split) + " split: outline of the mask green, " + legend, sheet.image()});
+  }
+  return images;
+}
+
+SilhouetteTarget silhouette_target(const Batch& batch) {
+  return {batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets};
+}
+
+SilhouetteLoss batch_silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces, const Batch& batch,
+                                     const SilhouetteOptions& options, Profile& profile) {
+  const SilhouetteTarget target = silhouette_target(batch);
+  const std::int64_t size = batch.distance.size(2);
+  if (options.boundary == SilhouetteBoundary::outline) {
+    OutlinePoints outline;
+    {
+      ProfileScope scope(profile, "boundary");
+      outline = outline_points(vertices.detach(), batch.projection, faces, size, size, batch.valid);
+    }
+    ProfileScope scope(profile, "silhouette");
+    return silhouette_loss(vertices, faces, outline, target, options);
+  }
+  torch::Tensor boundary;
+  {
+    ProfileScope scope(profile, "boundary");
+    BoundaryOptions boundary_options;
+    boundary_options.visible_only = options.visible_only;
+    boundary = boundary_vertices(vertices.detach(), batch.projection, faces, size, size, batch.valid, boundary_options);
+  }
+  ProfileScope scope(profile, "silhouette");
+  return silhouette_loss(vertices, faces, boundary, target, options);
+}
+
+std::pair<torch::Tensor, torch::Tensor> input_statistics(
+    const torch::Tensor& windows, const std::function<torch::Tensor(const torch::Tensor&)>& features) {
+  torch::NoGradGuard no_grad;
+  torch::Tensor sum, squares;
+  for (const torch::Tensor& part : windows.split(kStatisticsChunk)) {
+    const torch::Tensor values = features(part).to(torch::kFloat64);
+    const torch::Tensor a = values.sum(0), b = values.square().sum(0);
+    sum = sum.defined() ? sum + a : a;
+    squares = squares.defined() ? squares + b : b;
+  }
+  const torch::Tensor mean = sum / windows.size(0);
+  const torch::Tensor variance = (squares / windows.size(0) - mean.square()).clamp_min(0.0);
+  return {mean.to(torch::kFloat32), variance.sqrt().to(torch::kFloat32)};
+}
+
+}  // namespace doppel

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "doppel/character/character.h"
+#include "doppel/data/dataset.h"
+#include "doppel/data/loader.h"
+#include "doppel/losses/silhouette.h"
+#include "doppel/train/stage.h"
+
+namespace doppel {
+
+/// What the stages that train on a prepared capture have in common: the loader, its place in a checkpoint, and the
+/// words for messages.
+class CaptureStage : public Stage {
+ public:
+  /// @param dataset, character must outlive the stage
+  CaptureStage(const Dataset& dataset, const Character& character, const LoaderOptions& options);
+
+  LossTerms loss(StepContext& context) override;
+  /// The loss on a given batch.
+  virtual LossTerms loss(const Batch& batch, StepContext& context) = 0;
+
+  std::string batch_description() const override;
+  std::string data_state() const override { return loader_.state(); }
+  void restore_data(const std::string& state) override { loader_.restore(state); }
+  std::string identity() const override;
+
+ protected:
+  const Dataset& dataset() const { return dataset_; }
+  const Character& character() const { return character_; }
+  const LoaderOptions& loader_options() const { return options_; }
+  /// Windows of the training frames, at most `limit` of them, evenly spread. @return [n,window+1,D]
+  torch::Tensor training_windows(std::size_t limit, int past_frames) const;
+  /// Frames of a split to show in the report, evenly spread.
+  std::vector<SampleId> samples_to_show(Split split, int count) const;
+  /// An image of outlines for each split that has frames: the mask's green, those of two surfaces blue and red.
+  /// @param legend what blue and red are @param surfaces both, [N,3], of a frame
+  std::vector<ReportImage> outline_images(
+      const torch::Tensor& faces, const std::string& legend,
+      const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const;
+
+ private:
+  const Dataset& dataset_;
+  const Character& character_;
+  LoaderOptions options_;
+  Loader loader_;
+  Batch last_batch_;
+};
+
+/// The batch's masks as the silhouette loss takes them.
+SilhouetteTarget silhouette_target(const Batch& batch);
+
+/// The two-sided silhouette loss (6.8) of vertices [B,N,3] against the batch, timed as `boundary` and `silhouette`.
+SilhouetteLoss batch_silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces, const Batch& batch,
+                                     const SilhouetteOptions& options, Profile& profile);
+
+/// Mean and standard deviation of network inputs over windows, computed in double, a few windows at a time.
+/// @param features of a part of the windows, [b,...] @return two tensors of one item's shape
+std::pair<torch::Tensor, torch::Tensor> input_statistics(
+    const torch::Tensor& windows, const std::function<torch::Tensor(const torch::Tensor&)>& features);
+
+}  // namespace doppel

@@ -1,0 +1,85 @@
+#include "doppel/train/def_net_stage.h"
+
+#include "doppel/core/error.h"
+#include "doppel/render/face_tensor.h"
+
+namespace doppel {
+
+DefNetRunConfig DefNetRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  DefNetRunConfig c;
+  c.subject = RunSubject::read(document, root, "defnet");
+  c.loader = read_loader_options(root.section("data"), 50, 0, c.subject.seed);
+  c.model = BackboneConfig::read(root.section("model"));
+  const ConfigReader loss = root.section("loss");
+  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
+  c.keypoint_weight = loss.get("keypoints", c.keypoint_weight, at_least(0.0));
+  c.arap_weight = loss.get("arap", c.arap_weight, at_least(0.0));
+  c.silhouette.data_to_model = 0.0;  // 5.11 has the first sum of 6.8 only
+  c.silhouette = read_silhouette_options(loss, c.silhouette);
+  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
+  root.finish();
+  return c;
+}
+
+DefNetStage::DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNetRunConfig& config)
+    : CaptureStage(dataset, pose.character, with_people(config.loader, pose.input_size())),
+      pose_(pose),
+      config_(config),
+      network_(pose.character.num_nodes(), config.model,
+               at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
+      graph_landmarks_(pose.character, pose.landmarks),
+      arap_graph_(pose.character),
+      faces_(face_tensor(pose.character.mesh)) {
+  if (config.model.input_size != pose.input_size())
+    fail<UsageError>("defnet: model.input_size is {}, PoseNet's is {}; both see the same image",
+                     config.model.input_size, pose.input_size());
+  network_->backbone()->load_pretrained();
+}
+
+LossTerms DefNetStage::loss(const Batch& batch, StepContext& context) {
+  Profile& profile = *context.profile;
+  torch::Tensor dofs, counts, A, T, vertices, landmarks;
+  {
+    ProfileScope scope(profile, "network");
+    const CapturedPose captured = pose_.capture(person_view(batch));
+    dofs = pose_.dofs(captured);
+    counts = captured.valid & batch.person_valid;
+    std::tie(A, T) = network_->forward(batch.person.select(1, 0));
+  }
+  {
+    ProfileScope scope(profile, "layers");
+    vertices = pose_.surface->deformed(dofs, A, T);
+    landmarks = graph_landmarks_->forward(A, T, pose_.surface->node_transforms(dofs));
+  }
+  Batch placed = batch;  // people without a place cannot be compared
+  placed.valid = batch.valid & counts.unsqueeze(1);
+  const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, placed, config_.silhouette, profile);
+  ProfileScope scope(profile, "keypoints");
+  return {{"silhouette", silhouette.total(), config_.silhouette_weight},
+          {"keypoints", keypoint_loss(landmarks, keypoint_target(batch, counts), {}, pose_.detections.loss),
+           config_.keypoint_weight},
+          {"arap", arap_loss(A, T, arap_graph_), config_.arap_weight}};
+}
+
+std::vector<ReportImage> DefNetStage::images() {
+  return outline_images(faces_, "PoseNet blue, with DefNet red", [this](const SampleId& sample) {
+    const Batch batch = person_batch(dataset(), sample, loader_options());
+    const torch::Tensor dofs = pose_.dofs(pose_.capture(person_view(batch)));
+    const auto [A, T] = network_->forward(batch.person.select(1, 0));
+    return std::make_pair(pose_.surface->skinned(dofs)[0], pose_.surface->deformed(dofs, A, T)[0]);
+  });
+}
+
+StageEntry def_net_entry() {
+  return {"defnet",
+          {"deepcap"},
+          {"posenet"},
+          [](const ConfigDocument& document) { DefNetRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<DefNetStage, DefNetRunConfig>(TrainedPose::load(task.run, std::nullopt, /*with_defnet=*/false), task);
+          },
+          nullptr};
+}
+
+}  // namespace doppel

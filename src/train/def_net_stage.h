@@ -1,0 +1,56 @@
+#pragma once
+
+#include "doppel/layers/landmarks/landmarks.h"
+#include "doppel/losses/arap.h"
+#include "doppel/actor/trained_pose.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/run_config.h"
+#include "doppel/train/stage_entry.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `defnet` is made of; `docs/training.md` lists the keys.
+struct DefNetRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+  BackboneConfig model;
+  double silhouette_weight = 1000.0;  ///< thesis A.1.2
+  double keypoint_weight = 0.05;      ///< thesis A.1.2
+  double arap_weight = 1500.0;        ///< thesis A.1.2
+  SilhouetteOptions silhouette;
+  TrainerOptions trainer;
+
+  /// Reads a whole configuration. @throws FileError at the key; UsageError when no capture is named
+  static DefNetRunConfig read(const ConfigDocument& document);
+};
+
+/// Trains DefNet (5.6) on the poses of a PoseNet that does not change: silhouettes (5.11, or both sums of 6.8),
+/// landmarks on the graph (5.12), ARAP (5.13).
+class DefNetStage : public CaptureStage {
+ public:
+  /// @param dataset, pose must outlive the stage
+  DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNetRunConfig& config);
+
+  std::string name() const override { return "defnet"; }
+  torch::nn::Module& model() override { return *network_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::string identity() const override { return CaptureStage::identity() + ", on " + pose_.digest(); }
+  std::vector<ReportImage> images() override;
+
+  DefNet& network() { return network_; }
+
+ private:
+  TrainedPose& pose_;
+  DefNetRunConfig config_;
+  DefNet network_;
+  GraphLandmarks graph_landmarks_;
+  ArapGraph arap_graph_;
+  torch::Tensor faces_;  ///< int32 [F,3]
+};
+
+/// The stage `defnet` in the table of stages.
+StageEntry def_net_entry();
+
+}  // namespace doppel

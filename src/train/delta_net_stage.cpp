@@ -1,0 +1,172 @@
+#include "doppel/train/delta_net_stage.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/actor/draw.h"
+#include "doppel/losses/images.h"
+#include "doppel/render/shading/shading.h"
+#include "doppel/train/overlay.h"
+#include "doppel/train/image_sheet.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr std::size_t kDeltaNetStatisticsFrames = 512;
+
+}  // namespace
+
+DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  DeltaNetRunConfig c;
+  c.subject = RunSubject::read(document, root, "deltanet");
+  const ConfigReader data = root.section("data");
+  c.loader = read_image_loader_options(data, 8, 40, c.subject.seed);
+  c.noise = PoseNoiseOptions::read(data);
+  const ConfigReader model = root.section("model");
+  c.standardise = model.get("standardise", c.standardise);
+  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
+  c.model = DeltaNetConfig::read(model);
+  const ConfigReader loss = root.section("loss");
+  c.chroma_weight = loss.get("chroma", c.chroma_weight, at_least(0.0));
+  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
+  c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
+  c.chroma.smoothing = loss.get("smoothing", c.chroma.smoothing, at_least(0.0));
+  c.chroma.half_size = loss.get("smoothing_half_size", c.chroma.half_size, between(1, 8));
+  c.silhouette = read_silhouette_options(loss);
+  c.lit = loss.get("lit", c.lit);
+  c.target_gradient = loss.get("target_gradient", c.target_gradient);
+  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
+  root.finish();
+  c.loader.images = c.chroma_weight > 0.0;
+  return c;
+}
+
+DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const DeltaNetRunConfig& config)
+    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
+      actor_(actor),
+      config_(config),
+      network_(actor.character, config.model,
+               at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
+      laplacian_graph_(actor.character),
+      noise_(actor.character.skeleton, config.noise) {
+  if (config.chroma_weight > 0.0) actor.require_texture("deltanet with loss.chroma > 0");
+  if (config.chroma_weight > 0.0 && config.lit && !actor.lighting)
+    fail<UsageError>(
+        "deltanet: loss.lit is true and the stage `lighting` has not been trained; train it first, or set "
+        "loss.lit to false");
+  if (!config_.standardise) return;
+  const auto [mean, std] =
+      input_statistics(training_windows(kDeltaNetStatisticsFrames, config_.model.past_frames),
+                       [this](const torch::Tensor& windows) { return network_->network_input(windows); });
+  network_->set_input_statistics(mean, std, config_.feature_floor);
+}
+
+LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
+  Profile& profile = *context.profile;
+  const torch::Tensor noisy = noise_.apply(batch.dofs, context.generator);
+  torch::Tensor A, T, coarse, fine;
+  {
+    ProfileScope scope(profile, "egnet");
+    torch::NoGradGuard no_grad;
+    std::tie(A, T) = actor_.deformation(noisy, batch.dofs);
+    coarse = actor_.surface->deformed(batch.dofs.select(1, -1).contiguous(), A, T);
+  }
+  torch::Tensor D;
+  {
+    ProfileScope scope(profile, "network");
+    D = network_->forward(last_rows(noisy, config_.model.past_frames));
+  }
+  {
+    ProfileScope scope(profile, "layers");
+    fine = network_->displaced(actor_.surface, last_rows(batch.dofs, config_.model.past_frames), A, T, D);
+  }
+  LossTerms terms;
+  if (config_.chroma_weight > 0.0) terms.push_back({"chroma", chroma(batch, fine, profile), config_.chroma_weight});
+  const SilhouetteLoss silhouette = batch_silhouette_loss(fine, actor_.mesh->faces, batch, config_.silhouette, profile);
+  terms.push_back({"model_to_data", silhouette.model_to_data, config_.silhouette_weight});
+  terms.push_back({"data_to_model", silhouette.data_to_model, config_.silhouette_weight});
+  ProfileScope scope(profile, "laplacian");
+  terms.push_back({"laplacian", laplacian_loss(fine, coarse, laplacian_graph_), config_.laplacian_weight});
+  return terms;
+}
+
+torch::Tensor DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile) {
+  ShadedImage drawn;
+  torch::Tensor target;
+  {
+    ProfileScope scope(profile, "draw");
+    const torch::Tensor lighting = config_.lit ? actor_.lighting->forward(batch.cameras).detach() : torch::Tensor();
+    drawn = draw(*actor_.mesh, vertices, {actor_.static_texture, lighting}, batch.image_projection,
+                 batch.image.size(2), batch.image.size(3));
+    target = image_float(batch.image);
+    if (config_.target_gradient)
+      target = target_on_surface(vertices, batch.image_projection, *actor_.mesh, target, TargetOptions{}, &drawn);
+  }
+  ProfileScope scope(profile, "chroma");
+  return chroma_loss(drawn.colour, drawn.mask, target, batch.image_mask, config_.chroma);
+}
+
+std::pair<torch::Tensor, torch::Tensor> DeltaNetStage::surfaces(const torch::Tensor& dof_window) {
+  const auto [A, T] = actor_.deformation(dof_window);
+  const torch::Tensor window = last_rows(dof_window, config_.model.past_frames);
+  const torch::Tensor D = network_->forward(window);
+  return {actor_.surface->deformed(dof_window.select(1, -1).contiguous(), A, T),
+          network_->displaced(actor_.surface, window, A, T, D)};
+}
+
+std::vector<ReportImage> DeltaNetStage::images() {
+  std::vector<ReportImage> images;
+  const int past_frames = loader_options().past_frames;
+  for (Split split : {Split::test, Split::train}) {
+    const std::vector<SampleId> samples = samples_to_show(split, 4);
+    if (samples.empty()) continue;
+    OverlaySheet outlines(dataset(), actor_.mesh->faces);
+    ImageSheet sheet(dataset(), loader_options().image_size);
+    for (const SampleId& sample : samples) {
+      const auto [coarse, fine] = surfaces(dataset().dof_window(sample, past_frames).unsqueeze(0));
+      outlines.add(sample, coarse[0], fine[0]);
+      if (!actor_.static_texture.defined()) continue;
+      const Batch batch = sheet.batch(sample, past_frames);
+      const Appearance look =
+          actor_.lighting ? lit_appearance(actor_, batch.cameras) : static_appearance(actor_);
+      const auto drawing = [&](const torch::Tensor& vertices) {
+        return draw(*actor_.mesh, vertices, look, batch.image_projection, batch.image.size(2), batch.image.size(3));
+      };
+      sheet.add(batch, {drawing(coarse), drawing(fine)});
+    }
+    const std::string word = to_string(split);
+    images.push_back({"overlay-" + word,
+                        word + " split: outline of the mask green, EGNet blue, with displacements red",
+                        outlines.image()});
+    if (sheet.empty()) continue;
+    images.push_back({"colour-" + word,
+                        word + " split: photograph, EGNet with the static texture and its error, the same with "
+                               "displacements",
+                        sheet.image()});
+  }
+  return images;
+}
+
+namespace {
+
+void evaluate_deltanet(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  rows["deltanet"] = evaluate_actor_surface(evaluation, "deltanet", &TrainedActor::fine);
+  evaluate_static_texture(evaluation, rows);
+}
+
+}  // namespace
+
+StageEntry delta_net_entry() {
+  return {"deltanet",
+          {"ddc", "hybrid"},
+          {"egnet"},
+          [](const ConfigDocument& document) { DeltaNetRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<DeltaNetStage, DeltaNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "deltanet"), task);
+          },
+          evaluate_deltanet};
+}
+
+}  // namespace doppel

@@ -1,0 +1,69 @@
+#pragma once
+
+#include "doppel/losses/chroma.h"
+#include "doppel/losses/laplacian.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/pose_noise.h"
+#include "doppel/train/run_config.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/train/stage_entry.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `deltanet` is made of; `docs/training.md` lists the keys.
+struct DeltaNetRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+  PoseNoiseOptions noise;
+
+  DeltaNetConfig model;
+  bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
+  double feature_floor = 0.01;  ///< smallest standard deviation assumed there, metres
+
+  double chroma_weight = 0.03775;    ///< thesis A.2
+  double silhouette_weight = 500.0;  ///< thesis A.2
+  double laplacian_weight = 1e5;     ///< thesis A.2
+  ChromaOptions chroma;
+  SilhouetteOptions silhouette;
+  bool lit = true;              ///< draw under the learnt light (false: an ablation)
+  bool target_gradient = true;  ///< add the slope of the photograph to that of the drawing
+
+  TrainerOptions trainer;
+
+  static DeltaNetRunConfig read(const ConfigDocument& document);
+};
+
+/// Trains DeltaNet (6.7): displacements on top of EGNet's surface, from silhouettes and from the chroma of the
+/// images, kept smooth by a Laplacian (6.15).
+class DeltaNetStage : public CaptureStage {
+ public:
+  /// @param dataset, actor must outlive the stage
+  /// @throws UsageError when the chroma loss is on and the template has no texture, or the light was not learnt
+  DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const DeltaNetRunConfig& config);
+
+  std::string name() const override { return "deltanet"; }
+  torch::nn::Module& model() override { return *network_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::string identity() const override { return CaptureStage::identity() + ", on " + actor_.digest(); }
+  std::vector<ReportImage> images() override;
+
+  DeltaNet& network() { return network_; }
+
+ private:
+  torch::Tensor chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile);
+  /// V_co and V_fi of windows, both [B,N,3], without noise.
+  std::pair<torch::Tensor, torch::Tensor> surfaces(const torch::Tensor& dof_window);
+
+  TrainedActor& actor_;
+  DeltaNetRunConfig config_;
+  DeltaNet network_;
+  LaplacianGraph laplacian_graph_;
+  PoseNoise noise_;
+};
+
+/// The stage `deltanet` in the table of stages.
+StageEntry delta_net_entry();
+
+}  // namespace doppel

@@ -1,0 +1,286 @@
+#include "doppel/train/hybrid_stage.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/losses/images.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/seen_vertices.h"
+#include "doppel/train/image_sheet.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+constexpr std::size_t kHybridStatisticsFrames = 512;
+constexpr int kImagesOfSplit = 3;
+/// Of at most `cloud_rays` points of 24 bytes each: below 600 MB with the default.
+constexpr std::size_t kMostClouds = 500;
+
+DeltaNet& deltanet_of(TrainedActor& actor) {
+  if (!actor.deltanet)
+    fail<UsageError>(
+        "radiance: the field lies around DeltaNet's mesh, and the stage `deltanet` has not been trained; train it "
+        "first, or take another run's: --set deltanet.run=RUN");
+  return actor.deltanet;
+}
+
+RadianceLoss no_radiance_loss() {
+  const Tensor zero = torch::zeros({});
+  return {zero, zero, zero, zero};
+}
+
+}  // namespace
+
+HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  HybridRunConfig c;
+  c.subject = RunSubject::read(document, root, "radiance");
+  const ConfigReader data = root.section("data");
+  c.loader = read_image_loader_options(data, 1, 1, c.subject.seed);
+  if (c.loader.batch_size != 1)
+    data.fail_at_key("batch_size", "found {}; a step takes the rays of one frame, so only 1 is allowed",
+                     c.loader.batch_size);
+  const ConfigReader model = root.section("model");
+  c.model = HybridConfig::read(model);
+  c.standardise = model.get("standardise", c.standardise);
+  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
+  const ConfigReader rays = root.section("rays");
+  c.rays = rays.get("count", c.rays, between(1, 1 << 20));
+  c.field_rays = FieldRays::read(rays);
+  c.cloud_rays = rays.get("cloud", c.cloud_rays, between(1, 1 << 24));
+  const ConfigReader loss = root.section("loss");
+  c.chamfer_weight = loss.get("chamfer", c.chamfer_weight, at_least(0.0));
+  c.chamfer.threshold = loss.get("chamfer_threshold", c.chamfer.threshold, at_least(0.0));
+  c.chamfer.min_agreement = loss.get("chamfer_agreement", c.chamfer.min_agreement, between(-1.0, 1.0));
+  loss.renamed("least_facing", "min_facing");
+  loss.renamed("least_opacity", "min_opacity");
+  c.min_facing = loss.get("min_facing", c.min_facing, between(0.0, 1.0));
+  c.min_opacity = loss.get("min_opacity", c.min_opacity, between(0.0, 1.0));
+  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
+  c.silhouette = read_silhouette_options(loss);
+  c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
+  c.isometry_weight = loss.get("isometry", c.isometry_weight, at_least(0.0));
+  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
+  c.variance_in_metres = loss.get("variance_in_metres", c.variance_in_metres);
+  c.plan = HybridPlan::read(root);
+  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.plan.schedule(),
+                                          "the stage radiance takes this from its `rounds` and `rates`");
+  root.finish();
+  return c;
+}
+
+HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const HybridRunConfig& config)
+    : CaptureStage(dataset, actor.character,
+                   with_past_frames(config.loader, std::max(actor.past_frames(), config.model.motion.past_frames))),
+      actor_(actor),
+      config_(config),
+      model_(actor.character, deltanet_of(actor), config.model,
+             at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
+      viewer_(actor.character),
+      guide_(guide_of(config.model.field, config.field_rays.stencil)),
+      laplacian_graph_(actor.character),
+      edges_(MeshTopology(actor.character.mesh), rest_vertices(actor.character)) {
+  const Tensor windows = training_windows(kHybridStatisticsFrames, config.model.motion.past_frames);
+  // One frame has no deviation: every input would be 0.
+  if (!config.standardise || windows.size(0) < 2) return;
+  const auto [mean, std] =
+      input_statistics(windows, [this](const Tensor& part) { return model_->motion->network_input(part); });
+  model_->motion->set_input_statistics(mean, std, config.feature_floor);
+}
+
+LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
+  const HybridPlan::Place place = config_.plan.at(context.step);
+  if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
+  if (place.first) clouds_.clear();
+  const Tensor zero = torch::zeros({});
+  Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero, zero};
+  const Tensor views = batch.valid[0].nonzero().squeeze(1);
+  if (views.size(0) > 0 && place.phase == HybridPhase::field)
+    terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0].detach(), context);
+  if (views.size(0) > 0 && place.phase != HybridPhase::field) {
+    const Tensor vertices = actor_.displaced(model_->refined, batch.dofs);
+    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], context);
+    if (place.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
+      terms.chamfer = cloud_loss(batch, views, vertices, context);
+    compare_surface(batch, vertices, context, terms);
+  }
+  return {{"colour", terms.field.colour, 1.0},
+          {"mask", terms.field.mask, 1.0},
+          {"variance", terms.field.variance, place.variance},
+          {"chamfer", terms.chamfer, config_.chamfer_weight},
+          {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight},
+          {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight},
+          {"laplacian", terms.laplacian, config_.laplacian_weight},
+          {"isometry", terms.isometry, config_.isometry_weight},
+          {"anchor", terms.anchor, config_.anchor_weight}};
+}
+
+HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
+                                                StepContext& context) {
+  const std::int64_t size = batch.image.size(2), V = views.size(0);
+  const std::int64_t share = std::max<std::int64_t>(1, config_.rays / V);
+  const Tensor projections = batch.image_projection[0].index_select(0, views);
+  const GuideImages guide = viewer_.guide(vertices, projections, size, size, guide_);
+  std::vector<Tensor> origin, direction, near, far, colour, mask;
+  for (std::int64_t v = 0; v < V; ++v) {
+    if (!guide.reached[v].any().item<bool>()) continue;
+    const Tensor image = batch.image[0][views[v].item<std::int64_t>()];
+    const Tensor foreground = batch.image_mask[0][views[v].item<std::int64_t>()].to(torch::kFloat32);
+    const Tensor pixels = draw_pixels(guide, v, foreground, share, context.generator);
+    const PixelRays rays = pixel_rays(projections[v], pixels);
+    const RayInterval interval = guided_interval(guide, v, pixels, viewer_.faces(), vertices, projections[v], guide_);
+    origin.push_back(rays.origin.expand({pixels.size(0), 3}));
+    direction.push_back(rays.direction);
+    near.push_back(interval.near);
+    far.push_back(interval.far);
+    colour.push_back(image_float(at_pixels(image, pixels)));
+    mask.push_back(at_pixels(foreground, pixels));
+  }
+  if (origin.empty()) return {};
+  return {torch::cat(origin), torch::cat(direction), torch::cat(near),
+          torch::cat(far),    torch::cat(colour),    torch::cat(mask)};
+}
+
+RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices,
+                                     StepContext& context) {
+  ImageRays rays;
+  {
+    ProfileScope scope(*context.profile, "rays");
+    rays = draw_rays(batch, views, vertices, context);
+  }
+  if (!rays.origin.defined()) return no_radiance_loss();
+  Tensor carried;
+  {
+    ProfileScope scope(*context.profile, "features");
+    carried = model_->vertex_values(batch.dofs);
+  }
+  ProfileScope scope(*context.profile, "field");
+  const RaySamples samples = sample_cells(rays.near, rays.far, config_.field_rays.samples, context.generator);
+  const RenderedRays seen =
+      render_field(model_->field, viewer_.closest(), {vertices, carried}, rays.origin, rays.direction, samples);
+  RadianceLossOptions options;
+  options.variance_in_metres = config_.variance_in_metres;
+  return radiance_loss(seen, samples, rays.colour, rays.mask, options);
+}
+
+const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
+  const std::array<std::int64_t, 3> key{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>(),
+                                        batch.cameras[0][view].item<std::int64_t>()};
+  const auto found = clouds_.find(key);
+  if (found != clouds_.end()) return found->second;
+  if (clouds_.size() >= kMostClouds) clouds_.clear();
+  const torch::NoGradGuard no_grad;
+  const Tensor projection = batch.image_projection[0][view];
+  const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
+  const GuideImages guide =
+      viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
+  Tensor pixels = guide.pixels(0);
+  if (pixels.size(0) > config_.cloud_rays) {
+    // The same whenever the cloud is made anew.
+    at::Generator generator = at::detail::createCPUGenerator(static_cast<std::uint64_t>(config_.subject.seed));
+    const Tensor order = torch::randperm(pixels.size(0), generator, torch::kInt64);
+    pixels = pixels.index_select(0, order.narrow(0, 0, config_.cloud_rays));
+  }
+  const PixelRays rays = pixel_rays(projection, pixels);
+  const RayInterval interval = guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection, guide_);
+  FieldImageOptions options;
+  options.samples = config_.field_rays.samples;
+  const FieldPixels seen = draw_field(model_->field, viewer_.closest(), around, rays.origin, rays.direction,
+                                      interval.near, interval.far, options);
+  RenderedRays points;
+  points.opacity = seen.opacity;
+  points.depth = seen.depth;
+  return clouds_[key] = oriented(point_cloud(points, rays.origin, rays.direction, config_.min_opacity),
+                                 around.vertices, rays.origin);
+}
+
+PointCloud HybridStage::oriented(const Tensor& points, const Tensor& vertices, const Tensor& eye) {
+  const Tensor surface = vertices.unsqueeze(0);
+  const ClosestPoints at = viewer_.closest()->forward(surface, points.unsqueeze(0));
+  Tensor normals = viewer_.closest()->interpolate(at, silhouette_normals(surface, viewer_.faces())).squeeze(0);
+  normals = torch::nn::functional::normalize(normals);
+  const Tensor look = torch::nn::functional::normalize(eye - points);
+  const Tensor kept = ((normals * look).sum(1) > config_.min_facing).nonzero().squeeze(1);
+  return {points.index_select(0, kept), normals.index_select(0, kept)};
+}
+
+Tensor HybridStage::cloud_loss(const Batch& batch, const Tensor& views, const Tensor& vertices, StepContext& context) {
+  const std::int64_t turn =
+      torch::randint(0, views.size(0), {1}, context.generator, torch::kInt64).item<std::int64_t>();
+  const std::int64_t view = views[turn].item<std::int64_t>();
+  const PointCloud* points = nullptr;
+  Tensor normals, visible;
+  {
+    ProfileScope scope(*context.profile, "cloud");
+    points = &cloud(batch, view);
+    normals = silhouette_normals(vertices, viewer_.faces())[0];
+    const GuideImages seen = viewer_.guide(vertices[0], batch.image_projection[0][view].unsqueeze(0),
+                                           batch.image.size(2), batch.image.size(3), guide_);
+    visible = seen_vertices(seen.face_id[0], viewer_.faces(), vertices[0],
+                            camera_placement(batch.image_projection[0][view]).centre, config_.min_facing);
+  }
+  ProfileScope scope(*context.profile, "chamfer");
+  return chamfer_loss(vertices[0], normals, *points, visible, config_.chamfer);
+}
+
+void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, StepContext& context, Terms& terms) {
+  terms.silhouette = batch_silhouette_loss(vertices, actor_.mesh->faces, batch, config_.silhouette, *context.profile);
+  ProfileScope scope(*context.profile, "smoothness");
+  terms.laplacian = laplacian_loss(vertices, actor_.coarse(batch.dofs), laplacian_graph_);
+  terms.isometry = isometry_loss(vertices, edges_);
+  if (config_.anchor_weight > 0.0)
+    terms.anchor = (vertices - actor_.displaced(model_->around, batch.dofs).detach()).square().sum(2).mean();
+}
+
+std::vector<ReportImage> HybridStage::images() {
+  std::vector<ReportImage> images =
+      outline_images(actor_.mesh->faces, "DeltaNet blue, refined red", [this](const SampleId& sample) {
+        const Tensor window = dataset().dof_window(sample, loader_options().past_frames).unsqueeze(0);
+        return std::make_pair(actor_.fine(window)[0], actor_.displaced(model_->refined, window)[0]);
+      });
+  FieldImageOptions options;
+  options.samples = config_.field_rays.samples;
+  for (Split split : {Split::test, Split::train}) {
+    ImageSheet sheet(dataset(), loader_options().image_size);
+    for (const SampleId& sample : samples_to_show(split, kImagesOfSplit)) {
+      const Batch batch = sheet.batch(sample, loader_options().past_frames);
+      const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
+      const FieldImage seen = viewer_.draw(model_->field, around, batch.image_projection[0][0], batch.image.size(2),
+                                             batch.image.size(3), config_.field_rays.stencil, options);
+      ShadedImage drawing;
+      drawing.colour = seen.colour.unsqueeze(0).unsqueeze(0);
+      drawing.mask = (seen.opacity > 0).unsqueeze(0).unsqueeze(0);
+      sheet.add(batch, {drawing});
+    }
+    if (sheet.empty()) continue;
+    images.push_back({"radiance-" + to_string(split),
+                        to_string(split) + " split: photograph, radiance field and its error", sheet.image()});
+  }
+  return images;
+}
+
+namespace {
+
+void evaluate_radiance(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  rows["refined"] = evaluate_actor_surface(evaluation, "refined", &TrainedActor::refined);
+  rows["radiance"] = evaluate_actor_drawing(evaluation, "radiance", Drawing::radiance);
+  if (const auto cloud = evaluate_actor_cloud(evaluation); !cloud.is_null()) rows["cloud"] = cloud;
+}
+
+}  // namespace
+
+StageEntry hybrid_entry() {
+  return {"radiance",
+          {"hybrid"},
+          {"egnet", "deltanet"},
+          [](const ConfigDocument& document) { HybridRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<HybridStage, HybridRunConfig>(TrainedActor::load(task.run, std::nullopt, "radiance"), task);
+          },
+          evaluate_radiance};
+}
+
+}  // namespace doppel

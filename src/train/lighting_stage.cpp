@@ -1,0 +1,90 @@
+#include "doppel/train/lighting_stage.h"
+
+#include "doppel/actor/draw.h"
+#include "doppel/losses/images.h"
+#include "doppel/train/image_sheet.h"
+
+namespace doppel {
+
+LightingRunConfig LightingRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  LightingRunConfig c;
+  c.subject = RunSubject::read(document, root, "lighting");
+  const ConfigReader data = root.section("data");
+  c.loader = read_image_loader_options(data, 4, 0, c.subject.seed);
+  const ConfigReader loss = root.section("loss");
+  c.weight = loss.get("lighting", c.weight, at_least(0.0));
+  c.deviation_weight = loss.get("deviation", c.deviation_weight, at_least(0.0));
+  c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
+  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
+  root.finish();
+  return c;
+}
+
+LightingStage::LightingStage(const Dataset& dataset, TrainedActor& actor, const LightingRunConfig& config)
+    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, actor.past_frames())),
+      actor_(actor),
+      config_(config),
+      lighting_(static_cast<std::int64_t>(dataset.cameras().size()), dataset.camera_indices(config.loader.cameras)) {
+  actor.require_texture("lighting");
+}
+
+LossTerms LightingStage::loss(const Batch& batch, StepContext& context) {
+  Profile& profile = *context.profile;
+  torch::Tensor vertices;
+  {
+    ProfileScope scope(profile, "surface");
+    vertices = actor_.coarse(batch.dofs);
+  }
+  ShadedImage drawn;
+  {
+    ProfileScope scope(profile, "draw");
+    drawn = draw(*actor_.mesh, vertices, {actor_.static_texture, lighting_->forward(batch.cameras)},
+                 batch.image_projection, batch.image.size(2), batch.image.size(3));
+  }
+  ProfileScope scope(profile, "compare");
+  LossTerms terms{{"lighting",
+                   lighting_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
+                   config_.weight}};
+  if (config_.deviation_weight > 0.0) terms.push_back({"deviation", lighting_->deviation(), config_.deviation_weight});
+  return terms;
+}
+
+std::vector<ReportImage> LightingStage::images() {
+  ImageSheet sheet(dataset(), loader_options().image_size);
+  for (const SampleId& sample : samples_to_show(loader_options().split, 3)) {
+    const Batch batch = sheet.batch(sample, actor_.past_frames());
+    const torch::Tensor vertices = actor_.coarse(batch.dofs);
+    const auto drawing = [&](const torch::Tensor& lighting) {
+      return draw(*actor_.mesh, vertices, {actor_.static_texture, lighting}, batch.image_projection,
+                  batch.image.size(2), batch.image.size(3));
+    };
+    sheet.add(batch, {drawing({}), drawing(lighting_->forward(batch.cameras))});
+  }
+  return {{"lighting",
+           "rows of three: photograph, static texture with the error beside it, static texture under the learnt light "
+           "with the error beside it",
+           sheet.image()}};
+}
+
+namespace {
+
+void evaluate_lighting(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  evaluate_static_texture(evaluation, rows);
+  rows["lit"] = evaluate_actor_drawing(evaluation, "lit", Drawing::lit);
+}
+
+}  // namespace
+
+StageEntry lighting_entry() {
+  return {"lighting",
+          {"ddc", "hybrid"},
+          {"egnet"},
+          [](const ConfigDocument& document) { LightingRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<LightingStage, LightingRunConfig>(TrainedActor::load(task.run, std::nullopt, "lighting"), task);
+          },
+          evaluate_lighting};
+}
+
+}  // namespace doppel

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "doppel/losses/lighting.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/run_config.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/train/stage_entry.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `lighting` is made of; `docs/training.md` lists the keys.
+struct LightingRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+  LightingLossOptions loss;
+  double weight = 1.0;
+  double deviation_weight = 0.0;  ///< of Lighting::deviation(); the thesis has none
+  TrainerOptions trainer;
+
+  static LightingRunConfig read(const ConfigDocument& document);
+};
+
+/// Finds the light of each camera (6.6): the static texture on EGNet's surface is drawn and compared with the images;
+/// only the spherical-harmonics coefficients move.
+class LightingStage : public CaptureStage {
+ public:
+  /// @param dataset, actor must outlive the stage
+  /// @throws UsageError when the template has no texture
+  LightingStage(const Dataset& dataset, TrainedActor& actor, const LightingRunConfig& config);
+
+  std::string name() const override { return "lighting"; }
+  torch::nn::Module& model() override { return *lighting_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::string identity() const override { return CaptureStage::identity() + ", on " + actor_.digest(); }
+  std::vector<ReportImage> images() override;
+
+  Lighting& lighting() { return lighting_; }
+
+ private:
+  TrainedActor& actor_;
+  LightingRunConfig config_;
+  Lighting lighting_;
+};
+
+/// The stage `lighting` in the table of stages.
+StageEntry lighting_entry();
+
+}  // namespace doppel

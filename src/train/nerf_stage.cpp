@@ -1,0 +1,97 @@
+#include "doppel/train/nerf_stage.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/losses/images.h"
+#include "doppel/losses/radiance.h"
+
+namespace doppel {
+
+using torch::Tensor;
+
+namespace {
+
+/// Random pixels (column, row) of an image, half of them of the mask (all anywhere where it is empty).
+Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& generator) {
+  const std::int64_t width = mask.size(1);
+  Tensor inside = mask.flatten().nonzero().squeeze(1);
+  if (inside.size(0) == 0) inside = torch::arange(mask.numel(), torch::kInt64);
+  const Tensor first = inside.index_select(0, torch::randint(0, inside.size(0), {count / 2}, generator, torch::kInt64));
+  const Tensor places =
+      torch::cat({first, torch::randint(0, mask.numel(), {count - count / 2}, generator, torch::kInt64)});
+  return torch::stack({places.remainder(width), torch::div(places, width, "floor")}, 1);
+}
+
+}  // namespace
+
+NerfRunConfig NerfRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  NerfRunConfig c;
+  c.subject = RunSubject::read(document, root, "nerf");
+  const ConfigReader data = root.section("data");
+  c.loader = read_image_loader_options(data, 1, 1, c.subject.seed);
+  c.rays = root.section("rays").get("count", c.rays, between(1, 1 << 20));
+  c.model = PlainFieldConfig::read(root.section("model"));
+  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
+  root.finish();
+  return c;
+}
+
+NerfStage::NerfStage(const Dataset& dataset, TrainedActor& actor, const NerfRunConfig& config)
+    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, actor.past_frames())), config_(config) {
+  const Tensor window = dataset.dof_window(nerf_frame(dataset, config.loader.split, config.loader.frames), actor.past_frames()).unsqueeze(0);
+  model_ = PlainField(actor.fine(window)[0], config.model,
+                      at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)));
+}
+
+LossTerms NerfStage::loss(const Batch& batch, StepContext& context) {
+  const std::int64_t C = batch.image.size(1), share = std::max<std::int64_t>(1, config_.rays / C);
+  std::vector<Tensor> origin, direction, colour, mask;
+  for (std::int64_t c = 0; c < C; ++c) {
+    const Tensor foreground = batch.image_mask[0][c];
+    const Tensor pixels = random_pixels(foreground, share, context.generator);
+    const PixelRays rays = pixel_rays(batch.image_projection[0][c], pixels);
+    origin.push_back(rays.origin.expand({pixels.size(0), 3}));
+    direction.push_back(rays.direction);
+    colour.push_back(image_float(at_pixels(batch.image[0][c], pixels)));
+    mask.push_back(at_pixels(foreground, pixels).to(torch::kFloat32));
+  }
+  PlainRays seen;
+  {
+    ProfileScope scope(*context.profile, "field");
+    seen = model_->render(torch::cat(origin), torch::cat(direction), context.generator);
+  }
+  const auto compare = [&](const RenderedRays& rays, const RaySamples& samples) {
+    return radiance_loss(rays, samples, torch::cat(colour), torch::cat(mask));
+  };
+  const RadianceLoss coarse = compare(seen.coarse, seen.coarse_samples), fine = compare(seen.fine, seen.fine_samples);
+  return {{"colour", fine.colour, 1.0},
+          {"mask", fine.mask, 1.0},
+          {"coarse_colour", coarse.colour, 1.0},
+          {"coarse_mask", coarse.mask, 1.0}};
+}
+
+namespace {
+
+void evaluate_nerf(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  // A field without a mesh knows one frame alone.
+  const std::vector<SampleId> samples = evaluated_samples(evaluation.dataset, evaluation.split, evaluation.options);
+  if (samples != std::vector<SampleId>{*evaluation.actor.nerf_frame}) return;
+  rows["nerf"] = evaluate_actor_drawing(evaluation, "nerf", Drawing::nerf);
+}
+
+}  // namespace
+
+StageEntry nerf_entry() {
+  return {"nerf",
+          {"hybrid"},
+          {"egnet"},
+          [](const ConfigDocument& document) { NerfRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<NerfStage, NerfRunConfig>(TrainedActor::load(task.run, std::nullopt, "nerf"), task);
+          },
+          evaluate_nerf};
+}
+
+}  // namespace doppel

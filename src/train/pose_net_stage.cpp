@@ -1,0 +1,95 @@
+#include "doppel/train/pose_net_stage.h"
+
+#include "doppel/losses/limits.h"
+#include "doppel/render/face_tensor.h"
+
+namespace doppel {
+
+namespace {
+
+std::vector<std::string> names_of(const std::vector<Marker>& landmarks) {
+  std::vector<std::string> names;
+  for (const Marker& landmark : landmarks) names.push_back(landmark.name);
+  return names;
+}
+
+/// The dataset's landmarks, or an error that says how to come by them.
+const std::vector<Marker>& landmarks_of(const Dataset& dataset) {
+  dataset.require_landmarks();
+  return dataset.landmarks();
+}
+
+}  // namespace
+
+PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  PoseNetRunConfig c;
+  c.subject = RunSubject::read(document, root, "posenet");
+  c.loader = read_loader_options(root.section("data"), 90, 0, c.subject.seed);
+  const ConfigReader model = root.section("model");
+  c.dofs = model.list<std::string>("dofs");
+  c.model = BackboneConfig::read(model);
+  c.detections = DetectionOptions::read(root.section("loss"));
+  c.phases = PosePhases::read(root);
+  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.phases.schedule(),
+                                          "the stage posenet takes this from its `phases`");
+  root.finish();
+  c.loader = with_people(c.loader, c.model.input_size);
+  return c;
+}
+
+PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, const PoseNetRunConfig& config)
+    : CaptureStage(dataset, character, config.loader),
+      config_(config),
+      pose_(character.skeleton, config.dofs, character.rest_dofs),
+      landmarks_(character.skeleton, landmarks_of(dataset)),
+      landmark_names_(names_of(dataset.landmarks())),
+      network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
+      surface_(character),
+      faces_(face_tensor(character.mesh)) {
+  network_->backbone()->load_pretrained();
+}
+
+CapturedPose PoseNetStage::capture(const Batch& batch) {
+  return capture_pose(network_, pose_, landmarks_, person_view(batch), config_.detections.alignment);
+}
+
+LossTerms PoseNetStage::loss(const Batch& batch, StepContext& context) {
+  CapturedPose captured;
+  {
+    ProfileScope scope(*context.profile, "network");
+    captured = capture(batch);
+  }
+  ProfileScope scope(*context.profile, "keypoints");
+  const PosePhases::Place place = config_.phases.at(context.step);
+  const KeypointTarget target = keypoint_target(batch, captured.valid & batch.person_valid);
+  return {{"keypoints",
+           keypoint_loss(captured.landmarks, target, landmark_weights(landmark_names_, place.progress),
+                         config_.detections.loss),
+           place.phase->keypoints},
+          {"limits", limits_loss(captured.theta, pose_.lower(), pose_.upper()),
+           place.phase->limits_weight(place.progress)}};
+}
+
+std::vector<ReportImage> PoseNetStage::images() {
+  const std::string legend = "the capture's own motion blue (where it has one), PoseNet red";
+  return outline_images(faces_, legend, [this](const SampleId& sample) {
+    const Batch batch = person_batch(dataset(), sample, loader_options());
+    const CapturedPose captured = capture(batch);
+    const torch::Tensor dofs = pose_.dofs(captured.theta, captured.rotation, captured.position);
+    const torch::Tensor found = surface_->skinned(dofs)[0];
+    if (!batch.dofs.defined()) return std::make_pair(found, found);
+    return std::make_pair(surface_->skinned(batch.dofs.select(1, -1).contiguous())[0], found);
+  });
+}
+
+StageEntry pose_net_entry() {
+  return {"posenet",
+          {"posenet", "deepcap"},
+          {},
+          [](const ConfigDocument& document) { PoseNetRunConfig::read(document); },
+          train_first<PoseNetStage, PoseNetRunConfig>,
+          nullptr};
+}
+
+}  // namespace doppel

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "doppel/actor/person_input.h"
+#include "doppel/layers/landmarks/landmarks.h"
+#include "doppel/layers/surface.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/pose_phase.h"
+#include "doppel/train/run_config.h"
+#include "doppel/train/stage_entry.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `posenet` is made of; `docs/training.md` lists the keys.
+struct PoseNetRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+  std::vector<std::string> dofs;  ///< patterns of PoseDofs
+  BackboneConfig model;
+  PosePhases phases;
+  DetectionOptions detections;
+  TrainerOptions trainer;
+
+  /// Reads a whole configuration. @throws FileError at the key; UsageError when no capture is named
+  static PoseNetRunConfig read(const ConfigDocument& document);
+};
+
+/// Trains PoseNet (5.5) from the keypoints of many cameras: an image gives joint angles and the root's rotation,
+/// global alignment the place, and the landmarks are compared with their detections (5.6).
+class PoseNetStage : public CaptureStage {
+ public:
+  /// @param dataset, character must outlive the stage
+  /// @throws UsageError when the capture was prepared without keypoints
+  PoseNetStage(const Dataset& dataset, const Character& character, const PoseNetRunConfig& config);
+
+  std::string name() const override { return "posenet"; }
+  torch::nn::Module& model() override { return *network_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::vector<ReportImage> images() override;
+
+  PoseNet& network() { return network_; }
+  const PoseDofs& pose() const { return pose_; }
+  /// What the network makes of a batch.
+  CapturedPose capture(const Batch& batch);
+
+ private:
+  PoseNetRunConfig config_;
+  PoseDofs pose_;
+  Landmarks landmarks_;
+  std::vector<std::string> landmark_names_;
+  PoseNet network_;
+  CharacterSurface surface_;
+  torch::Tensor faces_;  ///< int32 [F,3]
+};
+
+/// The stage `posenet` in the table of stages.
+StageEntry pose_net_entry();
+
+}  // namespace doppel

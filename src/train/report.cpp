@@ -1,0 +1,181 @@
+#include "doppel/train/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/progress.h"
+#include "doppel/html/html_page.h"
+#include "doppel/train/metrics.h"
+#include "doppel/html/svg_chart.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string base64(const std::string& bytes) {
+  static const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    unsigned word = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      word = (word << 8) | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    for (std::size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63u] : '=';
+  }
+  return out;
+}
+
+template <typename Get>
+ChartSeries curve(const std::string& name, const std::vector<MetricsRecord>& records, Get get) {
+  ChartSeries series{name, {}};
+  for (const MetricsRecord& record : records) series.points.emplace_back(static_cast<double>(record.step), get(record));
+  return series;
+}
+
+std::string charts(const std::vector<MetricsRecord>& records) {
+  if (records.empty()) return "<p class=\"muted\">No steps are logged yet.</p>";
+  std::string out = "<div class=\"charts\">";
+  std::vector<ChartSeries> loss = {curve("sum", records, [](const MetricsRecord& r) { return r.loss; })};
+  for (std::size_t i = 0; i < records.front().terms.size(); ++i)
+    loss.push_back(curve(records.front().terms[i].name, records,
+                         [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].weighted : 0.0; }));
+  out += svg_chart("Loss, weighted terms", loss, true);
+  for (std::size_t i = 0; i < records.front().terms.size(); ++i)
+    out += svg_chart(
+        records.front().terms[i].name + ", before its weight",
+        {curve("raw", records, [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].raw : 0.0; })},
+        true);
+  out += svg_chart("Learning rate", {curve("rate", records, [](const MetricsRecord& r) { return r.learning_rate; })},
+                   false);
+  out += svg_chart("Gradient norm", {curve("norm", records, [](const MetricsRecord& r) { return r.gradient_norm; })},
+                   true);
+  return out + "</div>";
+}
+
+/// Medians over the logged lines: a single slow line (a cold start, a busy machine) does not spoil them.
+std::string step_times(const std::vector<MetricsRecord>& records) {
+  std::vector<std::pair<std::string, std::vector<double>>> parts;
+  for (const MetricsRecord& record : records)
+    for (const auto& [name, time] : record.milliseconds) {
+      auto part = std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.first == name; });
+      if (part == parts.end()) part = parts.insert(parts.end(), {name, {}});
+      part->second.push_back(time);
+    }
+  std::vector<std::pair<std::string, double>> medians;
+  double total = 0.0;
+  for (auto& [name, times] : parts) {
+    std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2), times.end());
+    medians.emplace_back(name, times[times.size() / 2]);
+    total += medians.back().second;
+  }
+  if (total <= 0.0) return "";
+  std::string out =
+      "<h2>Where a step's time goes</h2><table><tr><th>part</th><th>ms per step</th><th>share</th><th></th></tr>";
+  for (const auto& [name, time] : medians)
+    out += fmt::format(
+        "<tr><td>{}</td><td>{:.2f}</td><td>{:.0f} %</td><td style=\"text-align:left\"><span class=\"bar\" "
+        "style=\"width:{:.0f}px\"></span></td></tr>",
+        escape_html(name), time, 100.0 * time / total, 260.0 * time / total);
+  return out + fmt::format(
+                   "<tr><td>sum</td><td>{:.2f}</td><td></td><td></td></tr></table>"
+                   "<p>Main memory at the end: {:.0f} MB.</p>",
+                   total, records.back().memory_mb);
+}
+
+/// The columns of the evaluation: cameras, named in the first method of the first split.
+std::string evaluation_table(const nlohmann::json& split) {
+  std::vector<std::string> columns = {"AMVIoU"};
+  for (const auto& [method, result] : split.items())
+    for (const auto& [name, value] : result.items())
+      if (value.is_number() && std::find(columns.begin(), columns.end(), name) == columns.end())
+        columns.push_back(name);
+  std::vector<std::string> cameras;
+  for (const auto& [method, result] : split.items())
+    if (result.contains("cameras"))
+      for (const auto& [camera, iou] : result.at("cameras").items())
+        if (std::find(cameras.begin(), cameras.end(), camera) == cameras.end()) cameras.push_back(camera);
+  std::string out = "<table><tr><th>surface</th>";
+  for (const std::string& name : columns) out += "<th>" + escape_html(name) + "</th>";
+  for (const std::string& name : cameras) out += "<th>" + escape_html(name) + "</th>";
+  out += "</tr>";
+  const auto cell = [](const nlohmann::json& from, const std::string& name) {
+    return from.contains(name) && from.at(name).is_number()
+               ? fmt::format("<td>{:.4f}</td>", from.at(name).get<double>())
+               : std::string("<td></td>");
+  };
+  for (const auto& [method, result] : split.items()) {
+    out += "<tr><td>" + escape_html(method) + "</td>";
+    for (const std::string& name : columns) out += cell(result, name);
+    for (const std::string& name : cameras) out += cell(result.value("cameras", nlohmann::json::object()), name);
+    out += "</tr>";
+  }
+  return out + "</table>";
+}
+
+std::string evaluation(const RunFolder& run) {
+  if (!fs::exists(run.evaluation())) return "";
+  const auto json = nlohmann::json::parse(read_file(run.evaluation()), nullptr, false);
+  if (json.is_discarded() || !json.is_object() || !json.contains("splits")) return "";
+  std::string out = "<h2>Evaluation</h2>";
+  for (const auto& [name, split] : json.at("splits").items())
+    out += "<h3>" + escape_html(name) + "</h3>" + evaluation_table(split);
+  if (json.contains("protocol")) out += "<pre>" + escape_html(json.at("protocol").dump(2)) + "</pre>";
+  return out;
+}
+
+std::string images(const RunFolder& run) {
+  std::vector<fs::path> files;
+  if (fs::is_directory(run.images()))
+    for (const auto& entry : fs::directory_iterator(run.images()))
+      if (entry.path().extension() == ".jpg") files.push_back(entry.path());
+  if (files.empty()) return "";
+  std::sort(files.begin(), files.end());
+  std::string out = "<h2>Images</h2>";
+  for (const fs::path& file : files) {
+    const fs::path caption = fs::path(file).replace_extension(".txt");
+    const std::string text = fs::exists(caption) ? read_file(caption) : file.stem().string();
+    out +=
+        fmt::format("<figure><img alt=\"{0}\" src=\"data:image/jpeg;base64,{1}\"><figcaption>{0}</figcaption></figure>",
+                    escape_html(text), base64(read_file(file)));
+  }
+  return out;
+}
+
+std::string summary(const std::vector<MetricsRecord>& records) {
+  if (records.empty()) return "";
+  const MetricsRecord& last = records.back();
+  return fmt::format("<p class=\"muted\">{} steps in {}, loss {:.4g} (first logged: {:.4g})</p>", last.step,
+                     format_duration(last.seconds), last.loss, records.front().loss);
+}
+
+/// What a run folder shows of its training: curves, times, images.
+std::string training(const RunFolder& run) {
+  const auto records = read_metrics(run.metrics());
+  return summary(records) + "<h2>Curves</h2>" + charts(records) + step_times(records) + images(run);
+}
+
+/// A whole page around `body`, written to the run's report.
+void write_page(const RunFolder& run, const std::string& body) {
+  const std::string name = fs::absolute(run.path()).lexically_normal().filename().string();
+  std::string page = body;
+  if (fs::exists(run.config())) page += "<h2>Configuration</h2><pre>" + escape_html(read_file(run.config())) + "</pre>";
+  write_atomically(run.report(), html_page("Run " + name, page));
+}
+
+}  // namespace
+
+void write_report(const RunFolder& run) { write_page(run, evaluation(run) + training(run)); }
+
+void write_report(const RunFolder& run, const std::vector<ReportSection>& sections) {
+  std::string body = evaluation(run);
+  for (const ReportSection& section : sections)
+    body += "<h1>" + escape_html(section.title) + "</h1>" + training(section.run);
+  write_page(run, body);
+}
+
+}  // namespace doppel

@@ -1,0 +1,139 @@
+#include "doppel/train/stage_chain.h"
+
+#include <algorithm>
+
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/train/report.h"
+#include "doppel/train/stage_table.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<std::string> kSharedKeys{"capture", "seed", "character"};
+
+bool contains(const std::vector<std::string>& words, const std::string& word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+}  // namespace
+
+StageChain StageChain::read(const ConfigDocument& document) {
+  StageChain chain;
+  chain.document_ = document;
+  const ConfigReader root = document.root();
+  chain.name_ = root.choice("stage", stage_words(), "egnet");
+  chain.single_ = std::any_of(stage_table().begin(), stage_table().end(),
+                              [&](const StageEntry& entry) { return entry.name == chain.name_; });
+  if (chain.single_) {
+    chain.sections_[chain.name_] = Section::own;
+    stage_entry(chain.name_).check_options(document);
+  } else {
+    chain.read_sections(root);
+  }
+  return chain;
+}
+
+/// The stages of the chain and nothing else may have sections; the first must have one.
+void StageChain::read_sections(const ConfigReader& root) {
+  std::vector<std::string> known = kSharedKeys;
+  known.push_back("stage");
+  for (const std::string& key : kSharedKeys) root.has(key);
+  if (name_ == "hybrid") known.push_back(kDdcKey);
+  if (name_ == "hybrid" && root.has(kDdcKey)) root.path(kDdcKey);
+  std::string first;
+  for (const StageEntry& entry : stage_table()) {
+    if (!contains(entry.chains, name_)) continue;
+    if (first.empty()) first = entry.name;
+    known.push_back(entry.name);
+    read_section(root, entry.name);
+  }
+  for (const std::string& key : root.keys())
+    if (!contains(known, key)) {
+      const auto meant = nearest_word(key, known);
+      root.fail_at_key(key, "unknown key; {}",
+                       meant ? "did you mean " + *meant + "?" : fmt::format("known are {}", fmt::join(known, ", ")));
+    }
+  if (!has(first))
+    root.fail_at_key(first, "a chain begins with this stage; it must be there (another run's: --set {}.run=RUN)", first);
+}
+
+void StageChain::read_section(const ConfigReader& root, const std::string& stage) {
+  if (!root.has(stage)) {
+    if (name_ == "hybrid" && root.has(kDdcKey) && contains(ddc_stages(), stage)) sections_[stage] = Section::borrowed;
+    return;
+  }
+  const ConfigReader section = root.section(stage);
+  if (section.has("run")) {
+    sections_[stage] = Section::borrowed;
+    section.path("run");
+    section.finish();
+  } else {
+    sections_[stage] = Section::own;
+    section.keys();
+    stage_entry(stage).check_options(this->stage(stage));
+  }
+}
+
+ConfigDocument StageChain::stage(const std::string& stage) const {
+  return single_ ? document_ : document_.part(stage, kSharedKeys);
+}
+
+fs::path StageChain::capture() const {
+  const ConfigReader root = document_.root();
+  return RunSubject::read(document_, root, name_).capture;
+}
+
+void open_chain_folder(const fs::path& out, const std::string& text) {
+  const fs::path config = RunFolder(out).config();
+  if (fs::exists(out) && !fs::is_directory(out))
+    fail<UsageError>("--out {}: this is a file; a run needs a folder", out.string());
+  if (!fs::exists(config) && fs::exists(out) && !fs::is_empty(out))
+    fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", out.string());
+  if (fs::exists(config) && StageChain::read(ConfigDocument::load(config)).single())
+    fail<UsageError>("--out {}: the folder holds a run of one stage; choose another one", out.string());
+  fs::create_directories(out);
+  write_atomically(config, text);
+}
+
+std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& out, const ChainOptions& options) {
+  for (const std::string& stage : options.stages)
+    if (!chain.has(stage)) fail<UsageError>("{} has no section `{}`", chain.document().path().string(), stage);
+  if (!chain.single()) open_chain_folder(out, chain.document().resolved());
+  std::vector<StageSummary> summaries;
+  for (const StageEntry& entry : stage_table()) {
+    const bool wanted = options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name);
+    if (!wanted || chain.borrowed(entry.name)) continue;
+    for (const std::string& earlier : entry.after)
+      if (CheckpointFolder(RunFolder(stage_folder(out, earlier)).checkpoints()).steps().empty())
+        fail("{} has no checkpoint of {} yet; train it first", out.string(), earlier);
+    const RunFolder folder(chain.single() ? out : out / entry.name);
+    if (!chain.single()) log::info("stage {}", entry.name);
+    const ConfigDocument document = chain.stage(entry.name);
+    const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", entry.name);
+    summaries.push_back(
+        {entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode})});
+    write_run_report(out);
+    if (summaries.back().summary.reason == StopReason::interrupted) break;
+  }
+  return summaries;
+}
+
+void write_run_report(const fs::path& run) {
+  const StageChain chain = StageChain::read(ConfigDocument::load(RunFolder(run).config()));
+  if (chain.single()) return write_report(RunFolder(run));
+  std::vector<ReportSection> sections;
+  for (const StageEntry& entry : stage_table()) {
+    const RunFolder folder(stage_folder(run, entry.name));
+    if (chain.has(entry.name) && fs::exists(folder.config())) sections.push_back({entry.name, folder});
+  }
+  write_report(RunFolder(run), sections);
+}
+
+}  // namespace doppel

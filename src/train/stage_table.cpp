@@ -1,0 +1,47 @@
+#include "doppel/train/stage_table.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/train/def_net_stage.h"
+#include "doppel/train/delta_net_stage.h"
+#include "doppel/train/egnet_stage.h"
+#include "doppel/train/hybrid_stage.h"
+#include "doppel/train/lighting_stage.h"
+#include "doppel/train/nerf_stage.h"
+#include "doppel/train/pose_net_stage.h"
+#include "doppel/train/tex_net_stage.h"
+
+namespace doppel {
+
+const std::vector<StageEntry>& stage_table() {
+  static const std::vector<StageEntry> table{egnet_entry(),  lighting_entry(), delta_net_entry(), tex_net_entry(),
+                                             hybrid_entry(), nerf_entry(),     pose_net_entry(),  def_net_entry()};
+  return table;
+}
+
+const StageEntry& stage_entry(const std::string& name) {
+  std::vector<std::string> names;
+  for (const StageEntry& entry : stage_table()) {
+    if (entry.name == name) return entry;
+    names.push_back(entry.name);
+  }
+  const auto meant = nearest_word(name, names);
+  fail<UsageError>("there is no stage \"{}\"; there are {}{}", name, fmt::join(names, ", "),
+                   meant ? "; did you mean " + *meant + "?" : "");
+}
+
+std::vector<std::string> stage_words() {
+  std::vector<std::string> alone, chains;
+  for (const StageEntry& entry : stage_table())
+    for (const std::string& word : entry.chains) {
+      std::vector<std::string>& words = word == entry.name ? alone : chains;
+      if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
+    }
+  alone.insert(alone.end(), chains.begin(), chains.end());
+  return alone;
+}
+
+}  // namespace doppel

@@ -1,0 +1,123 @@
+#include "doppel/train/tensorboard.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <cstring>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/crc32c.h"
+#include "tensorboard.pb.h"
+
+namespace doppel {
+
+namespace {
+
+double now() { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); }
+
+/// TensorFlow rotates and shifts the checksum, so that the checksum of data that hold checksums stays useful.
+std::uint32_t masked_crc(const void* data, std::size_t size) {
+  const std::uint32_t crc = crc32c(data, size);
+  return ((crc >> 15) | (crc << 17)) + 0xa282ead8u;
+}
+
+template <typename T>
+void append_little_endian(std::string& out, T value) {
+  for (std::size_t i = 0; i < sizeof(T); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 255u));
+}
+
+template <typename T>
+T little_endian(const char* bytes) {
+  T value = 0;
+  for (std::size_t i = 0; i < sizeof(T); ++i) value |= static_cast<T>(static_cast<unsigned char>(bytes[i])) << (8 * i);
+  return value;
+}
+
+tensorboard::Event make_event(std::int64_t step) {
+  tensorboard::Event event;
+  event.set_wall_time(now());
+  event.set_step(step);
+  return event;
+}
+
+}  // namespace
+
+TensorBoardWriter::TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step) {
+  std::filesystem::create_directories(folder);
+  char host[256] = "host";
+  gethostname(host, sizeof(host) - 1);
+  path_ = folder / fmt::format("events.out.tfevents.{}.{}.{}", static_cast<long>(now()), host, getpid());
+  file_ = std::fopen(path_.c_str(), "ab");
+  if (file_ == nullptr) fail("cannot write {}: {}", path_.string(), std::strerror(errno));
+
+  tensorboard::Event version = make_event(0);
+  version.set_file_version("brain.Event:2");
+  write_record(version.SerializeAsString());
+  tensorboard::Event start = make_event(first_step);
+  start.mutable_session_log()->set_status(tensorboard::SessionLog::START);
+  write_record(start.SerializeAsString());
+}
+
+TensorBoardWriter::~TensorBoardWriter() {
+  if (file_ != nullptr) std::fclose(file_);
+}
+
+void TensorBoardWriter::write_record(const std::string& event) {
+  std::string header, footer;
+  append_little_endian<std::uint64_t>(header, event.size());
+  append_little_endian<std::uint32_t>(header, masked_crc(header.data(), header.size()));
+  append_little_endian<std::uint32_t>(footer, masked_crc(event.data(), event.size()));
+  const std::string record = header + event + footer;
+  if (std::fwrite(record.data(), 1, record.size(), file_) != record.size() || std::fflush(file_) != 0)
+    fail("cannot write {}: {}", path_.string(), std::strerror(errno));
+}
+
+void TensorBoardWriter::add_scalars(std::int64_t step, const std::vector<std::pair<std::string, double>>& scalars) {
+  tensorboard::Event event = make_event(step);
+  for (const auto& [tag, number] : scalars) {
+    tensorboard::Summary::Value* value = event.mutable_summary()->add_value();
+    value->set_tag(tag);
+    value->set_simple_value(static_cast<float>(number));
+  }
+  write_record(event.SerializeAsString());
+}
+
+void TensorBoardWriter::add_image(std::int64_t step, const std::string& tag, const cv::Mat& image) {
+  std::vector<unsigned char> png;
+  cv::imencode(".png", image, png);
+  tensorboard::Event event = make_event(step);
+  tensorboard::Summary::Value* value = event.mutable_summary()->add_value();
+  value->set_tag(tag);
+  value->mutable_image()->set_height(image.rows);
+  value->mutable_image()->set_width(image.cols);
+  value->mutable_image()->set_colorspace(image.channels());
+  value->mutable_image()->set_encoded_image_string(png.data(), png.size());
+  write_record(event.SerializeAsString());
+}
+
+std::vector<std::string> read_event_records(const std::filesystem::path& path) {
+  constexpr std::size_t kHeader = 12, kFooter = 4;
+  const std::string bytes = read_file(path);
+  const FileLocation where{path.string(), 0};
+  std::vector<std::string> records;
+  for (std::size_t at = 0; at < bytes.size();) {
+    const std::size_t left = bytes.size() - at;
+    if (left < kHeader) fail_at(where, "record {} is cut short at byte {}", records.size(), at);
+    const char* header = bytes.data() + at;
+    const auto size = little_endian<std::uint64_t>(header);
+    if (little_endian<std::uint32_t>(header + 8) != masked_crc(header, 8))
+      fail_at(where, "the length of record {} (byte {}) does not match its checksum", records.size(), at);
+    if (size > left - kHeader || left - kHeader - size < kFooter)
+      fail_at(where, "record {} is cut short at byte {}", records.size(), at);
+    const char* content = header + kHeader;
+    if (little_endian<std::uint32_t>(content + size) != masked_crc(content, size))
+      fail_at(where, "record {} (byte {}) does not match its checksum", records.size(), at);
+    records.emplace_back(content, size);
+    at += kHeader + size + kFooter;
+  }
+  return records;
+}
+
+}  // namespace doppel

@@ -1,0 +1,123 @@
+#include "doppel/train/tex_net_stage.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/actor/draw.h"
+#include "doppel/losses/images.h"
+#include "doppel/train/image_sheet.h"
+
+namespace doppel {
+
+TexNetRunConfig TexNetRunConfig::read(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  TexNetRunConfig c;
+  c.subject = RunSubject::read(document, root, "texnet");
+  const ConfigReader data = root.section("data");
+  c.loader = read_image_loader_options(data, 12, 1, c.subject.seed);
+  if (c.loader.cameras_per_sample != 1)
+    data.fail_at_key("cameras_per_sample", "found {}; a texture is for one camera, so only 1 is allowed",
+                     c.loader.cameras_per_sample);
+  c.noise = PoseNoiseOptions::read(data);
+  c.model = TexNetConfig::read(root.section("model"));
+  const ConfigReader loss = root.section("loss");
+  c.weight = loss.get("photometric", c.weight, at_least(0.0));
+  c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
+  c.loss.squares = loss.choice("distance", {"absolute", "squares"}, "absolute") == "squares";
+  c.nearest = loss.get("nearest", c.nearest);
+  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
+  root.finish();
+  return c;
+}
+
+TexNetStage::TexNetStage(const Dataset& dataset, TrainedActor& actor, const TexNetRunConfig& config)
+    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
+      actor_(actor),
+      config_(config),
+      network_(make_tex_net(actor, config.model,
+                            at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)))),
+      texture_space_(*actor.mesh, config.model.size),
+      noise_(actor.character.skeleton, config.noise) {}
+
+LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
+  Profile& profile = *context.profile;
+  torch::Tensor vertices, input, texture;
+  {
+    ProfileScope scope(profile, "geometry");
+    vertices = actor_.fine(batch.dofs);
+  }
+  {
+    ProfileScope scope(profile, "input");
+    torch::NoGradGuard no_grad;
+    input = texture_input(actor_, texture_space_, config_.model, noise_.apply(batch.dofs, context.generator),
+                          batch.image_projection.select(1, 0), vertices);
+  }
+  {
+    ProfileScope scope(profile, "network");
+    texture = network_->forward(input, context.generator);
+  }
+  ShadedImage drawn;
+  {
+    ProfileScope scope(profile, "draw");
+    drawn = draw(*actor_.mesh, vertices, {texture, {}}, batch.image_projection, batch.image.size(2),
+                 batch.image.size(3), config_.nearest);
+  }
+  ProfileScope scope(profile, "compare");
+  return {{"photometric",
+           photometric_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
+           config_.weight}};
+}
+
+std::vector<ReportImage> TexNetStage::images() {
+  std::vector<ReportImage> images;
+  const int past_frames = loader_options().past_frames;
+  for (Split split : {Split::test, Split::train}) {
+    const std::vector<SampleId> samples = samples_to_show(split, 4);
+    if (samples.empty()) continue;
+    ImageSheet sheet(dataset(), loader_options().image_size);
+    for (const SampleId& sample : samples) {
+      const Batch batch = sheet.batch(sample, past_frames);
+      const auto views = batch.cameras.size(1);
+      const torch::Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
+      const torch::Tensor vertices = actor_.fine(batch.dofs);
+      const torch::Tensor input = texture_input(actor_, texture_space_, config_.model, windows,
+                                                batch.image_projection[0], vertices.expand({views, -1, -1}));
+      const torch::Tensor texture = network_->forward(input);
+      const auto drawing = [&](const torch::Tensor& with) {
+        return draw(*actor_.mesh, vertices, {with, {}}, batch.image_projection, batch.image.size(2),
+                    batch.image.size(3));
+      };
+      std::vector<ShadedImage> drawings;
+      if (actor_.static_texture.defined()) drawings.push_back(drawing(actor_.static_texture));
+      drawings.push_back(drawing(texture));
+      sheet.add(batch, drawings);
+    }
+    const std::string word = to_string(split);
+    images.push_back({"texture-" + word,
+                        word + " split: photograph, static texture and its error, dynamic texture and its error",
+                        sheet.image()});
+  }
+  return images;
+}
+
+namespace {
+
+void evaluate_texnet(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
+  evaluate_static_texture(evaluation, rows);
+  rows["texnet"] = evaluate_actor_drawing(evaluation, "texnet", Drawing::dynamic_texture);
+}
+
+}  // namespace
+
+StageEntry tex_net_entry() {
+  return {"texnet",
+          {"ddc", "hybrid"},
+          {"egnet"},
+          [](const ConfigDocument& document) { TexNetRunConfig::read(document); },
+          [](const StageTask& task) {
+            return train_on<TexNetStage, TexNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "texnet"), task);
+          },
+          evaluate_texnet};
+}
+
+}  // namespace doppel

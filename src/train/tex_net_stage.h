@@ -1,0 +1,55 @@
+#pragma once
+
+#include "doppel/losses/photometric.h"
+#include "doppel/train/capture_stage.h"
+#include "doppel/train/pose_noise.h"
+#include "doppel/train/run_config.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/train/stage_entry.h"
+#include "doppel/train/trainer.h"
+
+namespace doppel {
+
+/// Everything a run of the stage `texnet` is made of; `docs/training.md` lists the keys.
+struct TexNetRunConfig {
+  RunSubject subject;
+  LoaderOptions loader;
+  PoseNoiseOptions noise;
+  TexNetConfig model;
+  double weight = 1.0;
+  PhotometricOptions loss;
+  bool nearest = false;  ///< draw with the nearest texel
+  TrainerOptions trainer;
+
+  static TexNetRunConfig read(const ConfigDocument& document);
+};
+
+/// Trains TexNet (6.8): a texture for the motion and for one camera, drawn without light on the finished geometry and
+/// compared with that camera's image (6.18).
+class TexNetStage : public CaptureStage {
+ public:
+  /// @param dataset, actor must outlive the stage
+  /// @throws UsageError when the template has no UVs, or no texture to add to (model.residual)
+  TexNetStage(const Dataset& dataset, TrainedActor& actor, const TexNetRunConfig& config);
+
+  std::string name() const override { return "texnet"; }
+  torch::nn::Module& model() override { return *network_; }
+  using CaptureStage::loss;
+  LossTerms loss(const Batch& batch, StepContext& context) override;
+  std::string identity() const override { return CaptureStage::identity() + ", on " + actor_.digest(); }
+  std::vector<ReportImage> images() override;
+
+  TexNet& network() { return network_; }
+
+ private:
+  TrainedActor& actor_;
+  TexNetRunConfig config_;
+  TexNet network_;
+  TextureSpace texture_space_;
+  PoseNoise noise_;
+};
+
+/// The stage `texnet` in the table of stages.
+StageEntry tex_net_entry();
+
+}  // namespace doppel

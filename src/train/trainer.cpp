@@ -1,0 +1,254 @@
+#include "doppel/train/trainer.h"
+
+#include <ATen/CPUGeneratorImpl.h>
+
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/core/progress.h"
+#include "doppel/train/report.h"
+#include "doppel/train/tensorboard.h"
+
+namespace doppel {
+
+namespace {
+
+/// LibTorch's global generator, which layers such as dropout draw from.
+at::Generator global_generator() { return at::detail::getDefaultCPUGenerator(); }
+
+torch::Tensor generator_state(const at::Generator& generator) { return generator.get_state(); }
+
+}  // namespace
+
+TrainerOptions TrainerOptions::read(const ConfigReader& reader, std::int64_t seed) {
+  TrainerOptions o;
+  o.seed = seed;
+  o.iterations = reader.get<long>("iterations", o.iterations, at_least(1L));
+  o.schedule = Schedule::read(reader, o.iterations);
+  o.adam = AdamOptions::read(reader);
+  o.log_every = reader.get<long>("log_every", o.log_every, at_least(1L));
+  o.checkpoint_every = reader.get<long>("checkpoint_every", o.checkpoint_every, at_least(1L));
+  o.keep_last = reader.get("keep_last", o.keep_last, at_least(1));
+  o.keep_every = reader.get<long>("keep_every", o.keep_every, at_least(0L));
+  reader.renamed("pictures_every", "images_every");
+  o.images_every = reader.get<long>("images_every", o.images_every, at_least(0L));
+  o.max_minutes = reader.get("max_minutes", o.max_minutes, at_least(0.0));
+  return o;
+}
+
+TrainerOptions TrainerOptions::read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
+                                           const std::string& source) {
+  for (const char* key : {"iterations", "learning_rate", "schedule"})
+    if (reader.has(key)) reader.fail_at_key(key, "{}", source);
+  TrainerOptions o = read(reader, seed);
+  o.iterations = schedule.iterations;
+  o.schedule = schedule;
+  return o;
+}
+
+Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run)
+    : stage_(stage),
+      options_(options),
+      run_(run),
+      checkpoints_(run.checkpoints(), options.keep_last, options.keep_every),
+      adam_(stage.model(), options.adam),
+      generator_(at::detail::createCPUGenerator(static_cast<std::uint64_t>(options.seed))) {
+  global_generator().set_current_seed(static_cast<std::uint64_t>(options.seed));
+}
+
+Trainer::~Trainer() = default;
+
+TrainSummary Trainer::run() {
+  TrainSummary summary;
+  start_ = std::chrono::steady_clock::now();
+  resume();
+  summary.resumed_at = step_;
+  if (options_.keep_start && saved_step_ < 0) save_checkpoint();
+  metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
+  tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
+  {
+    Progress progress(stage_.name(), options_.iterations, step_);
+    while (step_ < options_.iterations && !stop_requested() && !out_of_time()) {
+      const double loss = step();
+      if (step_ % options_.log_every == 0 || step_ == options_.iterations) log_metrics();
+      if (step_ % options_.checkpoint_every == 0) save_checkpoint();
+      if (options_.images_every > 0 && step_ % options_.images_every == 0) save_images();
+      progress.advance(1, fmt::format("loss {:.4g}", loss));
+    }
+  }
+  if (saved_step_ != step_) save_checkpoint();
+  summary.reason = step_ >= options_.iterations ? StopReason::finished
+                   : out_of_time()              ? StopReason::time_limit
+                                                : StopReason::interrupted;
+  if (summary.reason != StopReason::interrupted) save_images();
+  summary.step = step_;
+  summary.seconds = seconds();
+  summary.loss = last_loss_;
+  return summary;
+}
+
+void Trainer::resume() {
+  stage_.model().train();
+  auto found = checkpoints_.load_latest();
+  if (!found) return;
+  const Checkpoint& checkpoint = found->second;
+  if (checkpoint.text("stage") != stage_.name())
+    fail("{} holds checkpoints of stage {}, not {}", run_.path().string(), checkpoint.text("stage"), stage_.name());
+  if (checkpoint.text("identity") != stage_.identity())
+    fail<UsageError>(
+        "{} was trained on other data:\n  then: {}\n  now:  {}\nUse the same capture, another --out, or --overwrite.",
+        run_.path().string(), checkpoint.text("identity"), stage_.identity());
+  load_module(stage_.model(), "model.", checkpoint);
+  adam_.load(checkpoint);
+  generator_.set_state(checkpoint.tensor("generator.run"));
+  global_generator().set_state(checkpoint.tensor("generator.global"));
+  stage_.restore_data(checkpoint.text("data"));
+  window_.restore(checkpoint.text("metrics"));
+  earlier_seconds_ = checkpoint.number("seconds");
+  last_loss_ = checkpoint.number("loss");
+  step_ = saved_step_ = checkpoint.integer("step");
+  log::info("resuming {} at step {}", stage_.name(), step_);
+}
+
+double Trainer::step() {
+  Profile profile;
+  StepContext context{step_, generator_, &profile};
+  adam_.zero_grad();
+  const LossTerms terms = stage_.loss(context);
+  const auto values = evaluate(terms);
+  double loss = 0.0;
+  for (const auto& value : values) loss += value.weighted;
+
+  torch::Tensor total;
+  for (const LossTerm& term : terms) {
+    if (term.weight == 0.0) continue;
+    const torch::Tensor weighted = term.value * term.weight;
+    total = total.defined() ? total + weighted : weighted;
+  }
+  if (total.defined() && total.requires_grad()) {
+    ProfileScope scope(profile, "backward");
+    total.backward();
+  }
+  double norm = 0.0;
+  {
+    ProfileScope scope(profile, "optimiser");
+    norm = adam_.gradient_norm();
+    check_gradients(norm, terms);
+    adam_.step(options_.schedule.rate(step_), norm);
+  }
+  window_.add(values, norm, profile);
+  ++step_;
+  return loss;
+}
+
+std::vector<MetricsRecord::Term> Trainer::evaluate(const LossTerms& terms) const {
+  std::vector<MetricsRecord::Term> values;
+  for (const LossTerm& term : terms) {
+    const double raw = term.value.item<double>();
+    if (!std::isfinite(raw)) fail_not_finite(fmt::format("the loss term `{}` is {}", term.name, raw));
+    values.push_back({term.name, raw, raw * term.weight});
+  }
+  return values;
+}
+
+void Trainer::check_gradients(double norm, const LossTerms& terms) {
+  if (std::isfinite(norm)) return;
+  const auto parameter = adam_.non_finite_gradient();
+  // Which term brought it: each alone, on the graph of a fresh pass, would need the batch again; their values tell
+  // enough.
+  std::string values;
+  for (const LossTerm& term : terms)
+    values += fmt::format("{}{} = {:.6g}", values.empty() ? "" : ", ", term.name, term.value.item<double>());
+  fail_not_finite(parameter ? fmt::format("the gradient of `{}` is not finite ({})", *parameter, values)
+                            : fmt::format("the gradient's norm overflows ({})", values));
+}
+
+void Trainer::fail_not_finite(const std::string& what) const {
+  const std::string kept = saved_step_ >= 0 ? fmt::format("The checkpoint of step {} is kept.", saved_step_)
+                                            : std::string("There is no checkpoint yet.");
+  fail("stage {}, step {}: {}. Batch: {}. {} Lower train.learning_rate, set train.clip_norm, or look at these frames.",
+       stage_.name(), step_ + 1, what, stage_.batch_description(), kept);
+}
+
+void Trainer::log_metrics() {
+  MetricsRecord record = window_.take();
+  record.step = step_;
+  record.seconds = seconds();
+  record.learning_rate = options_.schedule.rate(step_ - 1);
+  record.memory_mb = private_megabytes();
+  last_loss_ = record.loss;
+  metrics_->append(record);
+  std::vector<std::pair<std::string, double>> scalars = {
+      {"loss", record.loss}, {"learning_rate", record.learning_rate}, {"gradient_norm", record.gradient_norm}};
+  for (const auto& term : record.terms) {
+    scalars.emplace_back("raw/" + term.name, term.raw);
+    scalars.emplace_back("weighted/" + term.name, term.weighted);
+  }
+  scalars.emplace_back("memory_mb", record.memory_mb);
+  for (const auto& [part, time] : record.milliseconds) scalars.emplace_back("milliseconds/" + part, time);
+  tensorboard_->add_scalars(step_, scalars);
+}
+
+void Trainer::save_checkpoint() {
+  Checkpoint checkpoint;
+  checkpoint.set_text("stage", stage_.name());
+  checkpoint.set_text("identity", stage_.identity());
+  checkpoint.set_text("step", std::to_string(step_));
+  checkpoint.set_text("seconds", fmt::format("{:.17g}", seconds()));
+  checkpoint.set_text("loss", fmt::format("{:.17g}", last_loss_));
+  checkpoint.set_text("data", stage_.data_state());
+  checkpoint.set_text("metrics", window_.state());
+  checkpoint.set_text("config", read_file(run_.config()));
+  checkpoint.set_tensor("generator.run", generator_state(generator_));
+  checkpoint.set_tensor("generator.global", generator_state(global_generator()));
+  save_module(stage_.model(), "model.", checkpoint);
+  adam_.save(checkpoint);
+  save_evaluation_buffers(checkpoint);
+  checkpoints_.save(step_, checkpoint);
+  saved_step_ = step_;
+  write_report(run_);
+}
+
+void Trainer::save_evaluation_buffers(Checkpoint& checkpoint) {
+  torch::NoGradGuard no_grad;
+  torch::nn::Module& model = stage_.model();
+  Checkpoint present;  // the evaluation weights are put into the model itself for a moment
+  for (const auto& item : model.named_parameters()) present.set_tensor(item.key(), item.value().clone());
+  for (const auto& item : model.named_buffers())
+    if (item.value().defined()) present.set_tensor(item.key(), item.value().clone());
+
+  auto parameters = model.named_parameters();
+  for (const auto& [name, mean] : adam_.mean_weights()) parameters[name].copy_(mean);
+  stage_.prepare_evaluation();
+  for (const auto& item : model.named_buffers())
+    if (item.value().defined()) checkpoint.set_tensor("evaluation." + item.key(), item.value().clone());
+  load_module(model, "", present);
+  model.train();
+}
+
+void Trainer::save_images() {
+  torch::NoGradGuard no_grad;
+  torch::nn::Module& model = stage_.model();
+  model.eval();
+  for (const ReportImage& image : stage_.images()) {
+    std::vector<unsigned char> jpeg;
+    cv::imencode(".jpg", image.image, jpeg, {cv::IMWRITE_JPEG_QUALITY, 88});
+    write_atomically(run_.images() / (image.name + ".jpg"), std::string(jpeg.begin(), jpeg.end()));
+    write_atomically(run_.images() / (image.name + ".txt"), fmt::format("step {}: {}\n", step_, image.caption));
+    tensorboard_->add_image(step_, image.name, image.image);
+  }
+  model.train();
+  write_report(run_);
+}
+
+double Trainer::seconds() const {
+  return earlier_seconds_ + std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+bool Trainer::out_of_time() const { return options_.max_minutes > 0.0 && seconds() >= 60.0 * options_.max_minutes; }
+
+}  // namespace doppel

@@ -1,0 +1,517 @@
+#include "doppel/synth/synth.h"
+
+#include <ATen/Parallel.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
+#include <set>
+
+#include "doppel/character/landmarks.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/core/process.h"
+#include "doppel/capture/capture.h"
+#include "doppel/capture/joint_detections.h"
+#include "doppel/capture/keypoint_map.h"
+#include "doppel/synth/body_field.h"
+#include "doppel/synth/capture_writer.h"
+#include "doppel/synth/performance.h"
+#include "doppel/synth/studio.h"
+#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/topology.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::synth {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+const Actor& tiny_actor() {
+  static const Actor actor = make_actor(SynthOptions::preset("tiny").actor);
+  return actor;
+}
+
+SynthOptions shortest() {
+  SynthOptions o = SynthOptions::preset("tiny");
+  o.cameras = 2;
+  o.size = 96;
+  o.frames = 6;
+  o.test_frames = 3;
+  return o;
+}
+
+double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+TEST(SynthActor, IsOneClosedSurfaceStandingOnTheFloor) {
+  const TriangleMesh& mesh = tiny_actor().character.mesh;
+  const MeshReport report = inspect_mesh(mesh);
+  EXPECT_TRUE(report.closed());
+  EXPECT_EQ(report.components, 1);
+  EXPECT_EQ(report.euler_characteristic, 2);
+  EXPECT_EQ(report.degenerate_faces, 0);
+  EXPECT_EQ(report.isolated_vertices, 0);
+  EXPECT_NEAR(mesh.num_vertices(), 1500, 15);
+  double lowest = 9, highest = -9, volume = 0;
+  for (const Vector3d& v : mesh.vertices) lowest = std::min(lowest, v.y()), highest = std::max(highest, v.y());
+  for (const Triangle& f : mesh.faces)
+    volume += mesh.vertices[f[0]].dot(mesh.vertices[f[1]].cross(mesh.vertices[f[2]])) / 6;
+  EXPECT_NEAR(lowest, 0, 0.01);
+  EXPECT_NEAR(highest, 1.75, 0.03);
+  EXPECT_GT(volume, 0.06) << "faces must be counter-clockwise from outside";
+  EXPECT_LT(volume, 0.25);
+}
+
+TEST(SynthActor, HasAnAtlasWithoutOverlaps) {
+  const TriangleMesh& mesh = tiny_actor().character.mesh;
+  ASSERT_EQ(mesh.face_uvs.size(), mesh.faces.size());
+  for (const Vector2d& uv : mesh.uvs) {
+    EXPECT_GE(uv.minCoeff(), 0);
+    EXPECT_LE(uv.maxCoeff(), 1);
+  }
+  // Every sample of the square lies in at most one triangle, and all triangles keep their orientation.
+  const int size = 1500;
+  std::vector<std::uint8_t> hits(static_cast<std::size_t>(size) * size, 0);
+  double area = 0;
+  for (const Triangle& f : mesh.face_uvs) {
+    const Vector2d a = mesh.uvs[f[0]] * size, b = mesh.uvs[f[1]] * size, c = mesh.uvs[f[2]] * size;
+    const double twice = cross(b - a, c - a);
+    ASSERT_GT(twice, 0) << "a triangle is turned over or empty";
+    area += 0.5 * twice / size / size;
+    const Vector2d low = a.cwiseMin(b).cwiseMin(c), high = a.cwiseMax(b).cwiseMax(c);
+    for (int y = static_cast<int>(low.y()); y <= static_cast<int>(high.y()); ++y)
+      for (int x = static_cast<int>(low.x()); x <= static_cast<int>(high.x()); ++x) {
+        const Vector2d p(x + 0.5003, y + 0.4997);
+        if (cross(b - a, p - a) > 1e-7 && cross(c - b, p - b) > 1e-7 && cross(a - c, p - c) > 1e-7)
+          ++hits[static_cast<std::size_t>(y) * size + x];
+      }
+  }
+  EXPECT_EQ(std::count_if(hits.begin(), hits.end(), [](int n) { return n > 1; }), 0);
+  EXPECT_GT(area, 0.15) << "the texture is mostly empty";
+}
+
+TEST(SynthActor, HasSkinWeightsThatKeepToTheirSide) {
+  const Character& c = tiny_actor().character;
+  const SkinningWeights& skin = c.skin;
+  ASSERT_EQ(skin.num_vertices(), c.num_vertices());
+  for (int v = 0; v < skin.num_vertices(); ++v) {
+    const int count = skin.vertex_bones.size(v);
+    EXPECT_GE(count, 1);
+    EXPECT_LE(count, 6);
+    double sum = 0, previous = 2;
+    for (int k = skin.vertex_bones.offsets[v]; k < skin.vertex_bones.offsets[v + 1]; ++k) {
+      EXPECT_LE(skin.weights[k], previous);
+      EXPECT_GT(skin.weights[k], 0);
+      previous = skin.weights[k];
+      sum += skin.weights[k];
+      const std::string& bone = skin.bones[skin.vertex_bones.items[k]];
+      if (c.mesh.vertices[v].y() < 0.45) {
+        EXPECT_FALSE(c.mesh.vertices[v].x() > 0.04 && bone.rfind("Right", 0) == 0) << bone << " pulls at the left leg";
+        EXPECT_FALSE(c.mesh.vertices[v].x() < -0.04 && bone.rfind("Left", 0) == 0) << bone << " pulls at the right leg";
+      }
+    }
+    EXPECT_NEAR(sum, 1, 1e-9);
+  }
+}
+
+TEST(SynthActor, HasThirtyThreeDofsAndTwentyOneLandmarksOnTheBody) {
+  const Character& c = tiny_actor().character;
+  EXPECT_EQ(c.num_dofs(), 33);
+  ASSERT_EQ(c.skeleton.markers.size(), 21u);
+  const Skeleton::Root root = c.skeleton.root();
+  EXPECT_EQ(root.axes, (std::array<int, 3>{1, 2, 0}));
+  for (const int d : root.translation)
+    EXPECT_EQ(c.skeleton.dofs[d].joints[0].weight, 1000) << "so that the DoF is metres";
+  for (const double metres : root.translation_weight) EXPECT_NEAR(metres, 1, 1e-12);
+  const auto world_from_joint = c.skeleton.pose(c.rest_dofs);
+  const BodyField field;
+  for (const Marker& m : c.skeleton.markers)
+    EXPECT_LT(field.distance(world_from_joint[m.joint] * m.position), 0.02) << m.name << " floats off the body";
+  for (const BoneRule rule : {BoneRule::exact, BoneRule::prefix})
+    for (const std::string& bone : c.skin.bones) EXPECT_NO_THROW(c.skeleton.joint_of_bone(bone, rule)) << bone;
+}
+
+TEST(SynthActor, HasLabelsOfEveryKind) {
+  const Character& c = tiny_actor().character;
+  const std::set<int> labels(c.labels.begin(), c.labels.end());
+  EXPECT_EQ(labels, (std::set<int>{2, 5, 9, 12, 13, 14, 15, 18, 19}));
+}
+
+TEST(SynthActor, IsReadBackAsItWasWritten) {
+  const support::TemporaryFolder folder;
+  const Character& written = tiny_actor().character;
+  CharacterOptions options;
+  options.num_nodes = 150;
+  const Character read = load_character(write_character(folder.path(), written), options);
+  ASSERT_EQ(read.num_vertices(), written.num_vertices());
+  EXPECT_EQ(read.mesh.faces, written.mesh.faces);
+  EXPECT_EQ(read.labels, written.labels);
+  EXPECT_EQ(read.graph.node_vertex, written.graph.node_vertex);
+  EXPECT_EQ(read.skin.bones, written.skin.bones);
+  EXPECT_EQ(read.skin.vertex_bones.items, written.skin.vertex_bones.items);
+  EXPECT_EQ(read.fingerprint(), written.fingerprint());
+  double off = 0;
+  for (int v = 0; v < read.num_vertices(); ++v)
+    off = std::max(off, (read.mesh.vertices[v] - written.mesh.vertices[v]).norm());
+  EXPECT_LT(off, 1e-6);
+  const auto a = read.skeleton.pose(read.rest_dofs), b = written.skeleton.pose(written.rest_dofs);
+  for (std::size_t m = 0; m < read.skeleton.markers.size(); ++m) {
+    const Marker &x = read.skeleton.markers[m], &y = written.skeleton.markers[m];
+    EXPECT_LT((a[x.joint] * x.position - b[y.joint] * y.position).norm(), 1e-5) << x.name << ": read in another way";
+  }
+}
+
+TEST(SynthMotion, StaysOnTheFloorWithinLimitsAndSmooth) {
+  const Skeleton skeleton = make_skeleton();
+  const Motion motion = make_motion(skeleton, 250, 25, 7);
+  ASSERT_EQ(motion.num_frames(), 250);
+  double lowest = 9, fastest = 0;
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    const auto joints = skeleton.pose(motion.frames[f]);
+    for (const char* toe : {"LeftFootEE", "RightFootEE"})
+      lowest = std::min(lowest, joints[*skeleton.find_joint(toe)].translation().y());
+    for (int d = 0; d < skeleton.num_dofs(); ++d) {
+      if (const auto& limits = skeleton.dofs[d].limits) {
+        EXPECT_GE(motion.frames[f][d], (*limits)[0]);
+        EXPECT_LE(motion.frames[f][d], (*limits)[1]);
+      }
+      if (f > 0) fastest = std::max(fastest, std::abs(motion.frames[f][d] - motion.frames[f - 1][d]));
+    }
+  }
+  EXPECT_GT(lowest, -0.03);
+  EXPECT_LT(fastest, 0.7) << "a DoF jumps between frames";
+}
+
+TEST(SynthMotion, DiffersBySeedOnly) {
+  const Skeleton skeleton = make_skeleton();
+  EXPECT_EQ(make_motion(skeleton, 20, 25, 3).frames, make_motion(skeleton, 20, 25, 3).frames);
+  EXPECT_NE(make_motion(skeleton, 20, 25, 3).frames, make_motion(skeleton, 20, 25, 4).frames);
+}
+
+TEST(SynthClothing, DepartsFromTheSkinnedTemplateWithinBounds) {
+  const Actor& actor = tiny_actor();
+  const Take take = perform(actor, 20, 25, 5, {});
+  ASSERT_EQ(take.truth.size(), 20u);
+  double mean = 0, largest = 0;
+  int cloth = 0;
+  for (std::size_t f = 0; f < take.truth.size(); ++f)
+    for (std::size_t v = 0; v < take.truth[f].size(); ++v) {
+      const double off = (take.truth[f][v] - take.skinned[f][v]).norm();
+      largest = std::max(largest, off);
+      if (actor.looseness[v] > 0.5) mean += off, ++cloth;
+      if (actor.looseness[v] < 1e-6) {
+        EXPECT_LT(off, 0.012) << "bare skin moves by itself";
+      }
+    }
+  EXPECT_GT(mean / cloth, 0.015);
+  EXPECT_LT(mean / cloth, 0.10);
+  EXPECT_LT(largest, 0.2);
+}
+
+TEST(SynthClothing, DependsOnTheHistoryNotOnThePoseAlone) {
+  const Actor& actor = tiny_actor();
+  const Skeleton& skeleton = actor.character.skeleton;
+  const int turn = *skeleton.find_dof("Root_ry");
+  // Three ways into one pose: standing still, and turning into it from either side.
+  std::array<Points, 3> last;
+  for (int way = 0; way < 3; ++way) {
+    Motion motion;
+    for (int f = 0; f <= 25; ++f) {
+      std::vector<double> dofs = actor.character.rest_dofs;
+      dofs[turn] = (way - 1) * 0.12 * (f - 25);
+      motion.frames.push_back(dofs);
+      motion.ids.push_back(f);
+    }
+    last[way] = move_clothes(actor, skin_motion(actor.character, motion, actor.hang), 25).back();
+  }
+  double left = 0, right = 0;
+  for (int v = 0; v < actor.character.num_vertices(); ++v) {
+    left = std::max(left, (last[0][v] - last[1][v]).norm());
+    right = std::max(right, (last[0][v] - last[2][v]).norm());
+  }
+  EXPECT_GT(left, 0.02);
+  EXPECT_GT(right, 0.04);
+}
+
+TEST(SynthClothing, HangsStillOnAStillBody) {
+  const Actor& actor = tiny_actor();
+  Motion motion;
+  for (int f = 0; f < 10; ++f) {
+    motion.frames.push_back(actor.character.rest_dofs);
+    motion.ids.push_back(f);
+  }
+  const auto worn = skin_motion(actor.character, motion, actor.hang);
+  const auto truth = move_clothes(actor, worn, 25);
+  for (int v = 0; v < actor.character.num_vertices(); ++v) {
+    EXPECT_LT((truth[9][v] - worn[9][v]).norm(), 1e-12);
+    EXPECT_LT((worn[9][v] - actor.character.mesh.vertices[v] - actor.hang[v]).norm(), 1e-9);
+  }
+}
+
+/// How many of the 3 x 3 samples of each pixel some triangle covers, with no cleverness at all.
+cv::Mat brute_coverage(const Points& vertices, const std::vector<Triangle>& faces, const Camera& camera) {
+  const int width = 3 * camera.width, height = 3 * camera.height;
+  std::vector<bool> covered(static_cast<std::size_t>(width) * height, false);
+  for (const Triangle& f : faces) {
+    std::array<Vector2d, 3> p;
+    for (int c = 0; c < 3; ++c) p[c] = 3 * camera.project(vertices[f[c]]);
+    if (cross(p[1] - p[0], p[2] - p[0]) < 0) std::swap(p[1], p[2]);
+    const Vector2d low = p[0].cwiseMin(p[1]).cwiseMin(p[2]), high = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+    for (int y = static_cast<int>(low.y()) - 1; y <= static_cast<int>(high.y()) + 1; ++y)
+      for (int x = static_cast<int>(low.x()) - 1; x <= static_cast<int>(high.x()) + 1; ++x) {
+        const Vector2d s(x + 0.5, y + 0.5);
+        bool inside = true;
+        for (int c = 0; c < 3; ++c) inside = inside && cross(p[(c + 1) % 3] - p[c], s - p[c]) >= 0;
+        if (inside) covered[static_cast<std::size_t>(y) * width + x] = true;
+      }
+  }
+  cv::Mat count(camera.height, camera.width, CV_32S, cv::Scalar(0));
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) count.at<int>(y / 3, x / 3) += covered[static_cast<std::size_t>(y) * width + x];
+  return count;
+}
+
+TEST(SynthStudio, MasksAreTheCoverageOfTheTruth) {
+  const Actor& actor = tiny_actor();
+  const Take take = perform(actor, 2, 25, 11, {});
+  const auto cameras = make_cameras(3, 128, 1);
+  Studio studio(actor, cameras);
+  studio.set_surface(take.truth[1]);
+  for (int c = 0; c < 3; ++c) {
+    const cv::Mat mask = studio.shoot(c, 0).mask;
+    const cv::Mat count = brute_coverage(take.truth[1], actor.character.mesh.faces, cameras[c]);
+    int wrong = 0, unsure = 0, person = 0;
+    for (int y = 0; y < mask.rows; ++y)
+      for (int x = 0; x < mask.cols; ++x) {
+        const int n = count.at<int>(y, x);
+        const bool is = mask.at<uchar>(y, x) == 255;
+        ASSERT_TRUE(is || mask.at<uchar>(y, x) == 0);
+        person += is;
+        // One sample may fall on either side of an edge that the rasterizer rounds to 1/256 pixel.
+        if (n == 4 || n == 5)
+          unsure += is != (n > 4);
+        else
+          wrong += is != (n > 4);
+      }
+    EXPECT_EQ(wrong, 0) << "camera " << c;
+    EXPECT_LE(unsure, 6) << "camera " << c;
+    EXPECT_GT(person, 400);
+  }
+}
+
+TEST(SynthStudio, KeepsTheActorOffTheBorder) {
+  const Actor& actor = tiny_actor();
+  const Take take = perform(actor, 120, 25, 2, {});
+  for (const Camera& camera : make_cameras(8, 256, 3)) {
+    EXPECT_TRUE(camera.faults().empty());
+    for (const Points& frame : take.truth)
+      for (const Vector3d& v : frame) {
+        const Vector2d p = camera.project(v);
+        ASSERT_GT(p.minCoeff(), 2);
+        ASSERT_LT(p.maxCoeff(), 254);
+      }
+  }
+}
+
+TEST(SynthStudio, DrawsTheSameImageWithAnyNumberOfThreads) {
+  const Actor& actor = tiny_actor();
+  const auto cameras = make_cameras(1, 96, 1);
+  const int threads = at::get_num_threads();
+  cv::Mat first;
+  for (const int n : {1, 2, 3}) {
+    at::set_num_threads(n);
+    Studio studio(actor, cameras);
+    studio.set_surface(actor.character.mesh.vertices);
+    const cv::Mat image = studio.shoot(0, 5).image;
+    if (n == 1) first = image.clone();
+    EXPECT_EQ(cv::norm(first, image, cv::NORM_INF), 0);
+  }
+  at::set_num_threads(threads);
+}
+
+std::vector<cv::Mat> video_frames(const fs::path& path) {
+  cv::VideoCapture video(path.string());
+  std::vector<cv::Mat> frames;
+  for (cv::Mat frame; video.read(frame);) frames.push_back(frame.clone());
+  return frames;
+}
+
+std::string text_of(const fs::path& path) { return read_file(path); }
+
+class SynthCapture : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new support::TemporaryFolder;
+    report_ = write_synthetic_capture(folder_->path() / "a", shortest());
+  }
+  static void TearDownTestSuite() { delete folder_; }
+  static fs::path root() { return folder_->path() / "a"; }
+
+  static support::TemporaryFolder* folder_;
+  static SynthReport report_;
+};
+support::TemporaryFolder* SynthCapture::folder_ = nullptr;
+SynthReport SynthCapture::report_;
+
+TEST_F(SynthCapture, IsAnOrdinaryCaptureFolder) {
+  const Capture capture = read_capture(root() / "capture.yaml");
+  ASSERT_EQ(capture.sequences.size(), 2u);
+  EXPECT_EQ(capture.sequences[0].split, Split::train);
+  EXPECT_EQ(capture.sequences[0].cuts, (std::vector<long>{3}));
+  EXPECT_EQ(capture.sequences[1].split, Split::test);
+  const auto cameras = read_calibration(root() / "calibration/cameras.calibration");
+  const auto same = read_calibration(root() / "calibration/cameras.yml");
+  ASSERT_EQ(cameras.size(), 2u);
+  ASSERT_EQ(same.size(), 2u);
+  for (int c = 0; c < 2; ++c) EXPECT_LT((cameras[c].projection() - same[c].projection()).cwiseAbs().maxCoeff(), 1e-6);
+  for (const auto& [name, frames] : std::map<std::string, int>{{"training", 6}, {"testing", 3}}) {
+    for (const std::string camera : {"000", "001"}) {
+      const auto masks = video_frames(root() / name / "foregroundSegmentation" / ("stream" + camera + ".mkv"));
+      ASSERT_EQ(static_cast<int>(masks.size()), frames);
+      EXPECT_EQ(masks[0].size(), cv::Size(96, 96));
+      EXPECT_EQ(static_cast<int>(video_frames(root() / name / "videos" / ("stream" + camera + ".mp4")).size()), frames);
+      for (int f = 0; f < frames; ++f) {
+        const auto file = nlohmann::json::parse(
+            text_of(root() / name / "keypoints" / camera / fmt::format("stream{}_{:012}_keypoints.json", camera, f)));
+        EXPECT_EQ(file["people"][0]["pose_keypoints_2d"].size(), 75u);
+      }
+    }
+    const Motion motion = read_motion(root() / name / "skeletoolToGTPose/poseAngles.motion", 33);
+    EXPECT_EQ(motion.num_frames(), frames);
+    const NpyArray truth = read_npy(root() / "ground_truth" / name / "vertices.npy");
+    EXPECT_EQ(truth.type, "<f4");
+    EXPECT_EQ(truth.shape, (std::vector<std::int64_t>{frames, report_.vertices, 3}));
+  }
+  EXPECT_GT(report_.skinning_iou, 0.75);
+  EXPECT_LT(report_.skinning_iou, 0.985);
+}
+
+TEST_F(SynthCapture, JointsInSpaceAreNearTheLandmarks) {
+  const Character character = load_character(root() / "character/actor.character");
+  const Motion motion = read_motion(root() / "testing/skeletoolToGTPose/poseAngles.motion", character.num_dofs());
+  const Camera camera = read_calibration(root() / "calibration/cameras.calibration")[1];
+  const auto found = read_joint_detections(root() / "testing/joints3d/001.csv", read_keypoint_map("body25").layout);
+  ASSERT_EQ(found.size(), 3u);
+  const std::vector<int> markers = body25_markers(character.skeleton);
+  double sum = 0.0;
+  int count = 0;
+  for (const auto& [frame, joints] : found) {
+    const auto points = landmark_positions(character.skeleton, character.skeleton.markers,
+                                           motion.frames[static_cast<std::size_t>(frame)]);
+    const auto point = [&](std::size_t k) { return points[static_cast<std::size_t>(markers[k])]; };
+    EXPECT_EQ(joints[8].position, Eigen::Vector3d(0, 0, 0)) << "the root";
+    for (std::size_t k = 0; k < markers.size(); ++k) {
+      EXPECT_EQ(joints[k].seen, markers[k] >= 0);
+      if (markers[k] < 0) continue;
+      sum += (joints[k].position - camera.R * (point(k) - point(8))).norm();
+      ++count;
+    }
+  }
+  EXPECT_GT(sum / count, 0.02);
+  EXPECT_LT(sum / count, 0.07);
+}
+
+TEST_F(SynthCapture, MasksShowTheGroundTruth) {
+  const NpyArray array = read_npy(root() / "ground_truth/testing/vertices.npy");
+  const std::vector<double> values = array.as<double>();
+  Points last;
+  for (std::size_t v = 0; v < static_cast<std::size_t>(report_.vertices); ++v) {
+    const double* p = &values[(2 * static_cast<std::size_t>(report_.vertices) + v) * 3];
+    last.emplace_back(p[0], p[1], p[2]);
+  }
+  const Character character = load_character(root() / "character/actor.character");
+  const auto cameras = read_calibration(root() / "calibration/cameras.calibration");
+  for (int c = 0; c < 2; ++c) {
+    cv::Mat mask;
+    cv::extractChannel(video_frames(root() / fmt::format("testing/foregroundSegmentation/stream{:03}.mkv", c)).at(2),
+                       mask, 0);
+    const cv::Mat covered = brute_coverage(last, character.mesh.faces, cameras[c]) > 4;
+    const double both = cv::countNonZero(mask & covered), any = cv::countNonZero(mask | covered);
+    EXPECT_GT(both / any, 0.995);
+  }
+}
+
+TEST_F(SynthCapture, IsTheSameForTheSameSeedWithOtherThreads) {
+  const int threads = at::get_num_threads();
+  at::set_num_threads(threads == 1 ? 2 : 1);
+  const fs::path other = folder_->path() / "b" / "a";
+  write_synthetic_capture(other, shortest());
+  at::set_num_threads(threads);
+  int files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(root())) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path relative = fs::relative(entry.path(), root());
+    ++files;
+    if (relative.extension() == ".mkv" || relative.extension() == ".mp4") {
+      const auto a = video_frames(entry.path()), b = video_frames(other / relative);
+      ASSERT_EQ(a.size(), b.size()) << relative;
+      // Masks are lossless and must be equal. The H.264 encoder turns equal images into slightly different ones from
+      // one run to the next; that the images it is given are equal is tested above.
+      const double allowed = relative.extension() == ".mkv" ? 0 : 4;
+      for (std::size_t f = 0; f < a.size(); ++f)
+        EXPECT_LE(cv::norm(a[f], b[f], cv::NORM_L1) / static_cast<double>(3 * a[f].total()), allowed) << relative;
+    } else {
+      EXPECT_EQ(text_of(entry.path()), text_of(other / relative)) << relative;
+    }
+  }
+  EXPECT_GT(files, 30);
+}
+
+TEST_F(SynthCapture, TakesAnotherCourseForAnotherSeed) {
+  SynthOptions o = shortest();
+  o.seed = 2;
+  const fs::path other = folder_->path() / "c";
+  write_synthetic_capture(other, o);
+  for (const char* file : {"training/skeletoolToGTPose/poseAngles.motion", "ground_truth/testing/vertices.npy",
+                           "calibration/cameras.calibration"})
+    EXPECT_NE(text_of(root() / file), text_of(other / file)) << file;
+  EXPECT_EQ(text_of(root() / "character/actor.obj"), text_of(other / "character/actor.obj")) << "the actor has no seed";
+}
+
+TEST_F(SynthCapture, NeverReplacesWhatItDidNotMake) {
+  EXPECT_THROW(write_synthetic_capture(root(), shortest()), UsageError) << "not without force";
+  SynthOptions forced = shortest();
+  forced.force = true;
+  const fs::path foreign = folder_->path() / "foreign";
+  fs::create_directories(foreign);
+  std::ofstream(foreign / "thesis.txt") << "irreplaceable\n";
+  EXPECT_THROW(write_synthetic_capture(foreign, forced), UsageError);
+  EXPECT_EQ(text_of(foreign / "thesis.txt"), "irreplaceable\n");
+}
+
+TEST(SynthRejects, OptionsOutOfRange) {
+  const support::TemporaryFolder folder;
+  const auto refuses = [&](void (*spoil)(SynthOptions&)) {
+    SynthOptions o = shortest();
+    spoil(o);
+    EXPECT_THROW(write_synthetic_capture(folder.path() / "x", o), UsageError);
+    EXPECT_FALSE(fs::exists(folder.path() / "x"));
+  };
+  refuses([](SynthOptions& o) { o.cameras = 0; });
+  refuses([](SynthOptions& o) { o.size = 97; });
+  refuses([](SynthOptions& o) { o.size = 8; });
+  refuses([](SynthOptions& o) { o.frames = 0; });
+  refuses([](SynthOptions& o) { o.test_frames = -1; });
+  EXPECT_THROW(SynthOptions::preset("huge"), UsageError);
+}
+
+TEST(SynthRejects, LeavesNothingBehindWhenStopped) {
+  const support::TemporaryFolder folder;
+  request_stop();
+  EXPECT_THROW(write_synthetic_capture(folder.path() / "x", shortest()), Error);
+  request_stop(false);
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+}  // namespace
+}  // namespace doppel::synth
