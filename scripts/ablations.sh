@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Trains the variants of the thesis's ablations on the synthetic actor and writes their tables into FOLDER/tables_*.md.
-#   scripts/ablations.sh [FOLDER] [TABLE ...]      default: ablations, both tables; resumed where it stopped
+# Trains the variants of the thesis's ablations on the synthetic person and writes their tables to FOLDER/tables_*.md.
+#   scripts/ablations.sh [FOLDER] [TABLE ...]      default: ablations, both tables; resumes after an interruption
 #     5.3   DeepCap with fewer cameras, with fewer frames, without DefNet     about half an hour on one thread
-#     6.4   Tables 6.4 and 6.5 (6.9.5): the parts of the actor, its cameras   about half an hour, too
+#     6.4   Tables 6.4 and 6.5 (6.9.5): parts of the actor, its cameras       about half an hour
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
@@ -25,14 +25,14 @@ train() {
   "$doppel" train "configs/ablation/$config.yaml" --set capture="$folder/prepared" "${sets[@]}" --stages "$stages" --out "$folder/$run"
 }
 
-# figure FILE METHOD METRIC DIGITS: a method's own figure, not that of one of its cameras
+# figure FILE METHOD METRIC DIGITS: the metric of a method over the evaluated cameras, not of one of them
 figure() { sed 's/"cameras":{[^}]*},*//g' "$folder/$1" | grep -o "\"$2\":{[^{}]*" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
 amviou() { figure "$1.all.json" "$2" AMVIoU 4; }
 
 # ---- Table 5.3 ----
 
-# deepcap NAME [key=value ...]: keys of `data`, for both networks. The test movement is captured from camera 0, on which
-# all were trained, and from every camera in turn.
+# deepcap NAME [key=value ...]: trains a variant; the keys belong to `data` of both networks. The test motion is
+# captured from each camera in turn. Camera 0 is among the training cameras of all variants.
 deepcap() {
   local name=$1 sets=() change camera
   shift
@@ -43,9 +43,9 @@ deepcap() {
   done
 }
 
-# mean NAME METHOD METRIC DIGITS: over the cameras from which a run captures
+# mean NAME METHOD METRIC DIGITS: mean over the cameras from which a run captures
 mean() { for camera in 0 1 2 3 4 5 6 7; do figure "deepcap-$1.$camera.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
-# line TITLE NAME METHOD
+# line TITLE NAME METHOD: a row of Table 5.3
 line() {
   echo "| $1 | $(figure "deepcap-$2.0.json" "$3" 3DPCK 1) | $(figure "deepcap-$2.0.json" "$3" AMVIoU 4) | $(mean "$2" "$3" 3DPCK 1) | $(mean "$2" "$3" AMVIoU 4) |"
 }
@@ -72,18 +72,18 @@ table_5_3() {
 
 # ---- Tables 6.4 and 6.5 ----
 
-# One camera, 007, is never trained on: pictures are compared in it alone.
+# Camera 007 is never used for training. Only its images are compared.
 held_out=7
 cameras_6_5=(2 4 7)
 
-# names of N cameras spread over the ring, without the one that is held out
+# cameras N: names of N cameras spread over the ring, without the held-out camera
 cameras() {
   local n=$1 i list=()
   for ((i = 0; i < n; ++i)); do list+=($((i * held_out / n))); done
   (IFS=,; echo "[${list[*]}]")
 }
 
-# ddc NAME CAMERAS STAGES [key=value ...]: trains STAGES, takes those before them from the variant `ours`
+# ddc NAME CAMERAS STAGES [key=value ...]: trains STAGES; earlier stages come from the variant `ours`
 ddc() {
   local name=$1 chosen=$2 stages=$3 sets=() stage
   shift 3
@@ -95,7 +95,7 @@ ddc() {
     fi
   done
   train ddc "$name" "$stages" "${sets[@]}" "$@"
-  # Geometry in all cameras, as AMVIoU wants; pictures in the camera that nobody trained on.
+  # Geometry is evaluated in all cameras, as AMVIoU requires; images in the held-out camera.
   "$doppel" evaluate --run "$folder/$name" --split test --every 4 --json >"$folder/$name.all.json"
   "$doppel" evaluate --run "$folder/$name" --split test --cameras $held_out --json >"$folder/$name.held.json"
 }

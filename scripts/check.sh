@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Before each merge: formatting, static checks, build, tests (the include floors among them).
+# Checks before each merge: formatting, static checks, build, tests (including the include levels).
 #   scripts/check.sh            everything
-#   scripts/check.sh --format   put the formatting right instead of complaining
+#   scripts/check.sh --format   only reformat the sources
 set -euo pipefail
 cd "$(dirname "$0")/.."
 mapfile -t sources < <(git ls-files '*.h' '*.cpp')
@@ -12,9 +12,9 @@ fi
 command -v clang-format >/dev/null || { echo "check.sh needs clang-format and clang-tidy (Debian packages of that name)" >&2; exit 1; }
 clang-format --dry-run --Werror "${sources[@]}"
 scripts/test.sh
-cmake --build build/release --target headers  # every header compiles alone
+cmake --build build/release --target headers  # compiles every header alone
 if command -v clang-tidy >/dev/null; then
-  # Only what is compiled without torch: with it a file takes clang-tidy half a minute.
-  mapfile -t light < <(git ls-files 'src/doppel/core/*.cpp' 'src/doppel/geometry/*.cpp' 'src/doppel/character/*.cpp')
+  # Only files without torch: with torch, clang-tidy takes half a minute per file.
+  mapfile -t light < <(git ls-files 'src/core/*.cpp' 'src/geometry/*.cpp' 'src/character/*.cpp')
   clang-tidy -p build/release --quiet "${light[@]}"
 fi

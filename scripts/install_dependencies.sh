@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Installs what Doppel needs from Debian's packages; says nothing and does nothing when all is there.
-#   scripts/install_dependencies.sh            what a build and the program need
-#   scripts/install_dependencies.sh tests      also what the tests need
-#   scripts/install_dependencies.sh benchmarks also the peers the benchmarks measure against
+# Installs the Debian packages that Doppel needs. Prints nothing and does nothing if all are installed.
+#   scripts/install_dependencies.sh            packages for building and running
+#   scripts/install_dependencies.sh tests      also packages for the tests
+#   scripts/install_dependencies.sh benchmarks also the libraries with which the benchmarks compare
 set -euo pipefail
 
 packages=(
@@ -34,7 +34,7 @@ if [ ${#missing[@]} -gt 0 ]; then
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
 fi
 
-# The reference BLAS is many times slower than OpenBLAS; a fresh install of OpenBLAS is chosen by itself.
+# The reference BLAS is many times slower than OpenBLAS. A new installation of OpenBLAS is selected automatically.
 library_folder="/usr/lib/$(uname -m)-linux-gnu"
 if ! readlink -f "$library_folder/libblas.so.3" | grep -q openblas; then
   echo "Note: libblas.so.3 is not OpenBLAS on this machine; choose it with: update-alternatives --config libblas.so.3-$(uname -m)-linux-gnu" >&2

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# What each part of the one-camera tracker contributes (thesis 4.8.7): switches them off one by one and writes a table.
+# Contribution of each part of the one-camera tracker (thesis 4.8.7): switches parts off one by one and writes a table.
 #   scripts/livecap_ablations.sh [FOLDER [CAPTURE [options of `doppel track`]]]
-# Default: the folder livecap-ablations, and one camera of the synthetic actor. Variants that are there are not run again.
+# Default: the folder livecap-ablations, and one camera of the synthetic person. Existing variants are not run again.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-livecap-ablations}"
@@ -18,10 +18,10 @@ else
   [ -f "$capture/capture.yaml" ] || "$doppel" synth --preset small --cameras 1 --frames 4 --test-frames 80 --out "$capture"
 fi
 
-# figure NAME KEY DIGITS: a number of the variant's track.json, or nothing where it has none
+# figure NAME KEY DIGITS: a number from the variant's track.json, or nothing if the key is missing
 figure() { grep -o "\"$2\": [0-9.e-]*" "$folder/$1/track.json" | head -1 | cut -d' ' -f2 | xargs -r printf "%.$3f"; }
 
-# variant NAME DESCRIPTION [key=value ...]: tracks once and adds a line to the table
+# variant NAME DESCRIPTION [key=value ...]: tracks once and adds a row to the table
 variant() {
   local name=$1 description=$2 sets=() change lost
   shift 2

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# From nothing to a digital double: installs what is missing, builds, makes a synthetic capture of a person, prepares it, trains
-# a model on its images, evaluates, exports, and films the result. Everything lands in ./demo (or the folder given as $1).
-# A second run keeps the build and the capture, and trains anew.
+# From a fresh checkout to a trained actor: installs missing packages, builds, creates a synthetic capture of a person,
+# prepares it, trains a model on its images, evaluates, exports, and renders a video. All results are written to ./demo
+# (or the folder given as $1). A second run keeps the build and the capture, and trains again.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 demo="${1:-demo}"
@@ -15,7 +15,7 @@ scripts/install_dependencies.sh
 step "Build"
 cmake --preset quickstart >/dev/null
 cmake --build --preset quickstart
-doppel=build/quickstart/tools/doppel
+doppel=build/release/tools/doppel
 
 if [ ! -f "$demo/capture/capture.yaml" ]; then
   step "A synthetic actor, filmed by eight cameras"

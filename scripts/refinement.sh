@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# One frame of the synthetic actor: the mesh refined with and without the radiance field's point clouds (Table 6.6), and
-# novel views of the field against a field without a mesh (6.12.5.2).
-#   scripts/refinement.sh [FOLDER]     default: ablations, as scripts/ablations.sh left it; two hours, resumed where it stopped
+# One frame of the synthetic person: the mesh refined with and without the radiance field's point clouds (Table 6.6),
+# and novel views of the radiance field compared with a field without a mesh (6.12.5.2).
+#   scripts/refinement.sh [FOLDER]     default: ablations, as written by scripts/ablations.sh; takes two hours, resumes
+#                                      after an interruption
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
@@ -11,11 +12,11 @@ doppel="${DOPPEL:-build/release/tools/doppel}"
 frame=40
 held_out=7,19
 
-# The same actor and movement as the run `ours` saw, before more cameras.
+# The person and motion of the run `ours`, with more cameras.
 [ -f "$folder/ring/capture.yaml" ] || "$doppel" synth --preset small --cameras 24 --out "$folder/ring"
 "$doppel" prepare "$folder/ring" --out "$folder/ring-prepared" >/dev/null
 
-# variant NAME STAGES [key=value ...]
+# variant NAME STAGES [key=value ...]: trains and evaluates once
 variant() {
   local name=$1 stages=$2 sets=() change
   shift 2
@@ -25,7 +26,7 @@ variant() {
   "$doppel" evaluate --run "$folder/$name" --split train --frames $frame --cameras $held_out --json >"$folder/$name.json"
 }
 
-# figure FILE METHOD METRIC DIGITS
+# figure FILE METHOD METRIC DIGITS: the metric of a method
 figure() { grep -o "\"$2\":{[^{]*" "$folder/$1.json" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
 geometry() { echo "$(figure "$1" "$2" seen_distance_mm 2) | $(figure "$1" "$2" surface_distance_mm 2) | $(figure "$1" "$2" Hausdorff_mm 1) | $(figure "$1" "$2" AMVIoU 4)"; }
 cloud() { echo "$(figure "$1" cloud surface_distance_mm 2) | $(figure "$1" cloud noise_mm 2)"; }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds everything and runs all tests.
+# Installs missing packages, builds everything and runs all tests.
 #   scripts/test.sh [PRESET]     release (default), debug or asan
-# With DOPPEL_SHARED set to a folder that holds the check data, tests labelled `real` run too; without it they skip.
+# If DOPPEL_SHARED names the folder with the check data, tests labelled `real` also run; otherwise they are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 preset="${1:-release}"

@@ -15,7 +15,7 @@ constexpr char kAdaptExample[] =
     "Example:\n"
     "  doppel prepare clips/park --out prepared/park\n"
     "  doppel adapt --run runs/anna-deepcap --capture prepared/park --out runs/anna-park\n"
-    "The studio's run is only read; the new one is used like it. docs/training.md lists the keys of --config.";
+    "The studio run is only read. The new run is used like any other. docs/training.md lists the keys of --config.";
 
 struct AdaptArguments {
   std::string config;
@@ -36,12 +36,13 @@ int run(const AdaptArguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_adapt(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("adapt", "Tune a run that captures from one camera to a clip");
+  CLI::App* app = program.add_subcommand("adapt", "Fine-tune a run of posenet or deepcap to a clip from one camera");
   app->footer(kAdaptExample);
   auto arguments = std::make_shared<AdaptArguments>();
   AdaptOptions& options = arguments->options;
-  app->add_option("--run", options.run, "The studio's run: posenet, or the chain deepcap")->required();
-  app->add_option("--capture", options.capture, "The clip, prepared: masks and keypoints, no motion needed")
+  app->add_option("--run", options.run, "The studio run: posenet, or the chain deepcap")->required();
+  app->add_option("--capture", options.capture,
+                  "Prepared capture of the clip, with masks and keypoints; no motion is needed")
       ->required();
   app->add_option("--out", options.out, "Folder of the new run")->required();
   app->add_option("--camera", options.camera, "The clip's camera (default: its first)");

@@ -7,6 +7,9 @@
 #include <optional>
 
 #include "command.h"
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/trained_actor.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
 #include "doppel/character/retarget.h"
@@ -17,9 +20,6 @@
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
 #include "doppel/geometry/calibration.h"
-#include "doppel/actor/run_folder.h"
-#include "doppel/actor/run_stages.h"
-#include "doppel/actor/trained_actor.h"
 
 namespace doppel::tools {
 namespace {
@@ -51,7 +51,7 @@ bool is_bvh(const std::string& path) {
 
 // ---- the motion ----
 
-/// The joints of the motion's own skeleton, where it has another than the character.
+/// The joints of the motion's own skeleton, where it is not that of the character.
 JointTracks source_tracks(const AnimateOptions& options, double fps) {
   if (is_bvh(options.motion)) {
     const BvhClip clip =
@@ -70,16 +70,16 @@ JointMap joint_map(const AnimateOptions& options, const Character& character, co
   const JointMap map = guess_joint_map(joints, source.names);
   const fs::path path = fs::path(options.out) / "joint_map.yaml";
   write_atomically(path, joint_map_text(map));
-  log::info("{} joints were paired by their names; see {} and pass it with --map, put right, where they are wrong",
+  log::info("{} joints were paired by their names, see {}; if pairs are wrong, correct the file and pass it with --map",
             map.pairs.size(), path.string());
   return map;
 }
 
-/// What the character does: its own motion as it stands, or another skeleton's.
+/// The motion of the character: read from its file, or retargeted from another skeleton.
 Motion driven_motion(const AnimateOptions& options, const Character& character, double fps, nlohmann::json& report) {
   if (!is_bvh(options.motion) && options.source_skeleton.empty()) {
     if (!options.map.empty())
-      fail<UsageError>("--map is for motions of another skeleton: give a .bvh file, or --source-skeleton");
+      fail<UsageError>("--map is for motions of another skeleton; give a .bvh file, or --source-skeleton");
     return read_motion(options.motion, character.num_dofs());
   }
   const JointTracks source = source_tracks(options, fps);
@@ -103,21 +103,20 @@ Motion driven_motion(const AnimateOptions& options, const Character& character, 
   }
   report["retargeting"] = {{"scale", result.scale}, {"joints", tracks}};
   log::info(
-      "retargeted {} frames at scale {:.3f}; of feet, hands and head, {} strays farthest from the scaled source: "
-      "{:.1f} cm",
+      "retargeted {} frames at scale {:.3f}; of feet, hands and head, {} is farthest from the scaled source: {:.1f} cm",
       result.motion.num_frames(), result.scale, worst, 100 * farthest);
   return result.motion;
 }
 
 // ---- the images ----
 
-/// The cameras that a name is looked up among, and the capture's images of the empty studio.
+/// The cameras to choose from by name, and the capture's images of the empty studio.
 struct Studio {
   std::vector<Camera> cameras;
   std::optional<Dataset> dataset;
 };
 
-/// A camera of which file: `--camera FILE` means the one camera in it.
+/// The path of the camera. `--camera FILE` selects the only camera of the file.
 std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Character& character, double fps,
                                         const Studio& studio) {
   if (options.camera == "orbit") {
@@ -138,7 +137,7 @@ std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Cha
   const std::string name = cameras.front().name.substr(0, cameras.front().name.find('@'));
   for (const Camera& camera : cameras)
     if (camera.name.substr(0, camera.name.find('@')) != name)
-      fail<UsageError>("{} holds several cameras; say which: --calibration {} --camera NAME", options.camera,
+      fail<UsageError>("{} holds several cameras; choose one: --calibration {} --camera NAME", options.camera,
                        options.camera);
   return make_calibrated_path(cameras, name, options.size);
 }
@@ -149,7 +148,7 @@ Studio read_studio(const AnimateOptions& options) {
     fail<UsageError>("--capture and --calibration both name cameras; give one of them");
   if (!options.capture.empty()) {
     studio.dataset = Dataset::open(options.capture);
-    studio.cameras = studio.dataset->cameras();
+    studio.cameras.assign(studio.dataset->cameras().begin(), studio.dataset->cameras().end());
   }
   if (!options.calibration.empty()) studio.cameras = read_calibration(options.calibration);
   return studio;
@@ -173,7 +172,7 @@ Backdrop backdrop(const AnimateOptions& options, const Studio& studio) {
   }
   result.image = cv::imread(options.background, cv::IMREAD_COLOR);
   result.name = options.background;
-  if (result.image.empty()) fail_at({options.background, 0}, "this is not an image that can be read");
+  if (result.image.empty()) fail_at({options.background, 0}, "is not an image that can be read");
   return result;
 }
 
@@ -188,23 +187,24 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   return film;
 }
 
-/// @throws UsageError for a run that takes images, with what to do with it instead
+/// @throws UsageError for a run that captures poses from images; the message names the right command
 void refuse_pose_run(const char* option, const std::string& path) {
   if (captures_poses(path))
     fail<UsageError>(
-        "{} {}: a run that takes images of a person and no motion; `doppel track --method deepcap` captures with it",
-        option, path);
+        "{} {}: this run takes images of a person, not a motion; use it with `doppel track --method deepcap`", option,
+        path);
 }
 
 /// An actor file. @throws UsageError for a run
 ActorFile load_model(const std::string& path) {
   refuse_pose_run("--model", path);
   if (fs::exists(RunFolder(path).config()))
-    fail<UsageError>("--model {}: a run; `doppel export --run {}` writes the file that is wanted here", path, path);
+    fail<UsageError>("--model {}: this is a run; `doppel export --run {}` writes the actor file that --model needs",
+                     path, path);
   return ActorFile::load(path);
 }
 
-/// Who moves: an exported actor, a hybrid from its run, or, with neither, the skinned template.
+/// The subject of the animation: an exported actor, a hybrid from its run, or else the skinned template.
 struct Performer {
   Character character;
   std::optional<ActorFile> file;
@@ -220,6 +220,7 @@ Performer make_performer(const AnimateOptions& options) {
   const bool radiance = options.renderer == "radiance";
   if (radiance != !options.run.empty())
     fail<UsageError>(
+        "{}",
         radiance ? "--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it"
                  : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
   if (radiance) {
@@ -300,16 +301,15 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
 }
 
 void add_motion_options(CLI::App& app, AnimateOptions& options) {
-  app.add_option("--motion", options.motion, "What drives it: a .motion file, or a .bvh file of any body")->required();
-  app.add_option("--source-skeleton", options.source_skeleton,
-                 "The .skeleton of a .motion that was made for another body");
-  app.add_option("--map", options.map, "Which joint of the other body is which, YAML (default: guessed by name)");
+  app.add_option("--motion", options.motion, "The motion: a .motion file, or a .bvh file of any skeleton")->required();
+  app.add_option("--source-skeleton", options.source_skeleton, "The .skeleton file of a .motion for another skeleton");
+  app.add_option("--map", options.map, "Pairs of joints of the two skeletons, YAML (default: guessed by name)");
   app.add_option("--bvh-unit", options.bvh_unit, "Metres per unit of the BVH file (default: guessed by its size)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--source-fps", options.source_fps, "Frames a second of a .motion of another body (default: --fps)")
+  app.add_option("--source-fps", options.source_fps,
+                 "Frames per second of a .motion for another skeleton (default: --fps)")
       ->check(CLI::Range(0.1, 1000.0));
-  app.add_option("--fps", options.fps,
-                 "Frames a second of the result (default: what the model was trained at, else 25)")
+  app.add_option("--fps", options.fps, "Frames per second of the result (default: the rate of the training, else 25)")
       ->check(CLI::Range(0.1, 1000.0));
 }
 
@@ -317,36 +317,35 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--camera", options.camera,
                  "orbit, the NAME of a camera of --capture or --calibration, or a calibration file with one camera")
       ->capture_default_str();
-  app.add_option("--capture", options.capture, "A prepared capture, for its cameras and images of the empty studio");
-  app.add_option("--calibration", options.calibration, "A calibration file, Skeletool or OpenCV");
+  app.add_option("--capture", options.capture, "Prepared capture, for its cameras and images of the empty studio");
+  app.add_option("--calibration", options.calibration, "Calibration file, Skeletool or OpenCV");
   app.add_option("--background", options.background, "An image, a colour (#rrggbb or a word), or `capture`");
   app.add_option("--light", options.light, "soft, or flat: the texture as it is (default: soft for orbit, else flat)")
       ->check(CLI::IsMember({"soft", "flat"}));
   app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
       ->check(CLI::Range(16, 4096));
-  app.add_option("--turns-per-second", options.turns_per_second, "How fast the orbiting camera circles")
-      ->capture_default_str();
+  app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
 }
 
 }  // namespace
 
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
-  CLI::App* app =
-      program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
+  CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
   app->add_option("--character", options->character, "The .character file (with --run: that of the run)");
   add_motion_options(*app, *options);
-  app->add_option("--model", options->model, "An actor file of `doppel export`; without it: pure skinning");
+  app->add_option("--model", options->model, "Actor file from `doppel export` (default: skinning alone)");
   app->add_option("--renderer", options->renderer, "What images show: the mesh, or the radiance field around it")
       ->check(CLI::IsMember({"mesh", "radiance"}))
       ->capture_default_str();
-  app->add_option("--run", options->run, "With --renderer radiance: the run that trained it");
+  app->add_option("--run", options->run, "With --renderer radiance: the run that trained the radiance field");
   app->add_option("--format", options->formats, "npy, obj, mp4, png, motion, bvh, or several with commas")
       ->delimiter(',')
       ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
-  app->add_option("--bone-rule", options->bone_rule, "Which joint carries a bone: exact or prefix")
+  app->add_option("--bone-rule", options->bone_rule,
+                  "How a bone of the skinning weights finds its joint by name: exact or prefix")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
   add_image_options(*app, *options);

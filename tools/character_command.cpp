@@ -27,8 +27,8 @@ CharacterOptions character_options(const BuildOptions& options) {
   return result;
 }
 
-/// A person is between 20 cm and 5 m across in any pose: anything else is the wrong unit, and would train for days
-/// before somebody notices.
+/// Checks the unit: a person is between 20 cm and 5 m across in any pose. A wrong unit could otherwise remain unnoticed
+/// through days of training.
 void check_size(const TriangleMesh& mesh, const BuildOptions& options) {
   Eigen::Vector3d low = mesh.vertices[0], high = mesh.vertices[0];
   for (const Eigen::Vector3d& v : mesh.vertices) {
@@ -37,8 +37,9 @@ void check_size(const TriangleMesh& mesh, const BuildOptions& options) {
   }
   const double size = (high - low).maxCoeff();
   if (size < 0.2 || size > 5.0)
-    fail<UsageError>("{} is {:.4g} m across when its unit is {}; a person is between 0.2 m and 5 m. Try --units {}",
-                     options.mesh, size, options.units, options.units == "mm" ? "m" : "mm");
+    fail<UsageError>(
+        "{} is {:.4g} m across if its unit is {}; a person is between 0.2 m and 5 m across. Try --units {}",
+        options.mesh, size, options.units, options.units == "mm" ? "m" : "mm");
 }
 
 Character build(const BuildOptions& options) {
@@ -85,22 +86,23 @@ void add_build_options(CLI::App& app, BuildOptions& options) {
   file("--skin", options.skin, "Skeletool skinning weights")->required();
   file("--motion", options.motion, "Motion whose first frame is the rest pose (default: all DoFs 0)");
   CLI::Option* graph =
-      file("--graph", options.graph, "Coarse mesh of the template, OBJ: its vertices become graph nodes");
-  app.add_option("--nodes", options.nodes, "Graph nodes when there is no --graph: the template is decimated to so many")
+      file("--graph", options.graph, "Coarse mesh of the template, OBJ, whose vertices become graph nodes");
+  app.add_option("--nodes", options.nodes,
+                 "Number of graph nodes without --graph; the template is decimated to this number")
       ->check(CLI::Range(4, 100000))
       ->excludes(graph)
       ->capture_default_str();
   file("--segmentation", options.segmentation, "Label 0..20 of each vertex, one per line (default: none, rigidity 1)");
-  app.add_option("--metric", options.metric, "Distance along the template that weighs graph nodes")
+  app.add_option("--metric", options.metric, "Distance along the template for the weights of graph nodes")
       ->check(CLI::IsMember({"hops", "geodesic"}))
       ->capture_default_str();
-  app.add_option("--bone-rule", options.bone_rule, "Which joint carries a bone of the skin")
+  app.add_option("--bone-rule", options.bone_rule, "How a bone of the skinning weights finds its joint by name")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
   app.add_option("--units", options.units, "Length unit of the OBJ files")
       ->check(CLI::IsMember({"mm", "m"}))
       ->capture_default_str();
-  app.add_option("--name", options.name, "Name of the character and its files (default: the mesh's)");
+  app.add_option("--name", options.name, "Name of the character and its files (default: that of the mesh)");
   app.add_option("--out", options.out, "Folder to write")->required();
 }
 

@@ -3,9 +3,10 @@
 #include <torch/torch.h>
 
 #include "character_report.h"
-#include "doppel/character/labels.h"
-#include "doppel/core/error.h"
 #include "doppel/capture/vertex_labels.h"
+#include "doppel/character/labels.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/surface.h"
 
@@ -25,9 +26,9 @@ std::vector<Eigen::Vector3d> posed_vertices(const Character& character, const La
     fail<UsageError>("--frame {} is not in {}, which has frames 0 to {}", options.frame, options.motion,
                      motion.num_frames() - 1);
   const torch::NoGradGuard no_grad;
-  const torch::Tensor dofs = torch::tensor(motion.frames[static_cast<std::size_t>(options.frame)], torch::kFloat64);
+  const torch::Tensor dofs = torch::tensor(motion.frames[as_size(options.frame)], torch::kFloat64);
   const torch::Tensor skinned = CharacterSurface(character)->skinned(dofs.unsqueeze(0)).contiguous();
-  std::vector<Eigen::Vector3d> vertices(static_cast<std::size_t>(character.num_vertices()));
+  std::vector<Eigen::Vector3d> vertices(as_size(character.num_vertices()));
   const double* x = skinned.data_ptr<double>();
   for (Eigen::Vector3d& vertex : vertices)
     for (double& value : vertex) value = *x++;
@@ -41,7 +42,7 @@ int run_label(const LabelOptions& options, const CommonOptions& common) {
   const VertexLabels found = label_vertices(character, posed_vertices(character, options), views);
   write_segmentation(options.out, found.labels);
   std::array<int, kNumLabels> count{};
-  for (const int label : found.labels) ++count[static_cast<std::size_t>(label)];
+  for (const int label : found.labels) ++count[as_size(label)];
   nlohmann::ordered_json report;
   report["written"] = options.out;
   report["views"] = views.size();
@@ -58,21 +59,22 @@ int run_label(const LabelOptions& options, const CommonOptions& common) {
 Command add_character_label(CLI::App& character) {
   auto options = std::make_shared<LabelOptions>();
   CLI::App* app = character.add_subcommand(
-      "label", "Find what every vertex is made of, from label images of several views: a majority vote");
+      "label", "Find the label of every vertex from label images of several views, by majority vote");
   app->fallthrough();
   app->add_option("character", options->character, "The .character file")->required();
   app->add_option("--calibration", options->calibration, "Cameras of the label images")->required();
-  app->add_option("--images", options->images, "Folder of label images, each called like its camera (007.png)")
+  app->add_option("--images", options->images, "Folder of label images, each named after its camera (007.png)")
       ->required();
   app->add_option("--legend", options->legend,
                   "YAML: label name: grey value or [red, green, blue] (default: grey values are labels 0..20)");
-  CLI::Option* motion =
-      app->add_option("--motion", options->motion, "Motion with the pose of the images (default: the rest pose)");
+  CLI::Option* motion = app->add_option("--motion", options->motion,
+                                        "Motion that contains the pose of the images (default: the rest pose)");
   app->add_option("--frame", options->frame, "Frame of --motion that the images show")
       ->check(CLI::NonNegativeNumber)
       ->needs(motion)
       ->capture_default_str();
-  app->add_option("--out", options->out, "File to write; segmentation.txt beside the mesh is read with the character")
+  app->add_option("--out", options->out,
+                  "File to write; a segmentation.txt next to the mesh is read with the character")
       ->required();
   app->footer(
       "Example: doppel character label actor/actor.character --calibration scan.calibration --images parsed/ "

@@ -4,7 +4,7 @@
 
 namespace doppel::tools {
 
-/// `doppel character label`. @param character the subcommand it belongs to
+/// Adds `doppel character label`. @param character the parent subcommand
 Command add_character_label(CLI::App& character);
 
 }  // namespace doppel::tools

@@ -6,8 +6,8 @@
 
 namespace doppel::tools {
 
-/// What there is to know of a character, in the order it is printed: counts, units, choices that were made, checks.
-/// @param verbose adds every DoF with its limits and joints, and the joint behind every bone
+/// A report about a character, in the order of printing: counts, units, options, checks.
+/// @param verbose adds every DoF with its limits and joints, and the joint of every bone
 nlohmann::ordered_json describe_character(const Character& character, bool verbose);
 
 /// Prints a report to stdout: as one JSON object, or as indented `key: value` lines.

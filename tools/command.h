@@ -6,15 +6,15 @@
 
 namespace doppel::tools {
 
-/// Options every subcommand takes.
+/// Options of all subcommands.
 struct CommonOptions {
   int threads = 0;  ///< 0: all cores
   bool json = false;
   std::string log_level = "info";
 };
 
-/// One subcommand: its options are bound to `app` when it is added; `run` does the work and returns the exit code.
-/// Errors are thrown: main prints UsageError and exits with 2, any other Error with 1.
+/// One subcommand. Adding it binds its options to `app`; `run` does the work and returns the exit code. Errors are
+/// thrown; main prints them and exits with 2 for a UsageError, with 1 for any other error.
 struct Command {
   CLI::App* app;
   std::function<int(const CommonOptions&)> run;

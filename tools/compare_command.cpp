@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "command.h"
+#include "doppel/actor/run_folder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/actor/run_folder.h"
 
 namespace doppel::tools {
 
@@ -21,14 +21,14 @@ using Json = nlohmann::ordered_json;
 constexpr char kCompareExample[] =
     "Example:\n"
     "  doppel compare runs/anna runs/anna-without-light --split test\n"
-    "Shows what `doppel evaluate` left in the runs' evaluation.json.";
+    "Compares the results that `doppel evaluate` wrote to evaluation.json of each run.";
 
 struct CompareArguments {
   std::vector<std::string> runs;
   std::string split = "test";
 };
 
-/// A figure that runs are compared by.
+/// A metric in the table.
 struct Metric {
   const char* key;
   int digits;
@@ -39,17 +39,17 @@ constexpr Metric kMetrics[] = {{"AMVIoU", 4}, {"vertex_error_mm", 2}, {"Hausdorf
 Json read_evaluation(const fs::path& run, const std::string& split) {
   const fs::path file = RunFolder(run).evaluation();
   if (!fs::exists(file))
-    fail("{} holds no evaluation.json; run `doppel evaluate --run {}` first", run.string(), run.string());
+    fail("{} has no evaluation.json; run `doppel evaluate --run {}` first", run.string(), run.string());
   const Json evaluation = Json::parse(read_file(file), nullptr, false);
   if (evaluation.is_discarded() || !evaluation.is_object() || !evaluation.contains("splits"))
-    fail("{} is not what `doppel evaluate` writes; evaluate the run again", file.string());
+    fail("{} is not a file of `doppel evaluate`; evaluate the run again", file.string());
   if (!evaluation["splits"].contains(split))
-    fail<UsageError>("{} holds no {} split; run `doppel evaluate --run {} --split {}`", file.string(), split,
+    fail<UsageError>("{} has no {} split; run `doppel evaluate --run {} --split {}`", file.string(), split,
                      run.string(), split);
   return evaluation["splits"][split];
 }
 
-/// The metrics that any of the runs has.
+/// The metrics that at least one run has.
 std::vector<Metric> used_metrics(const Json& runs) {
   std::vector<Metric> used;
   for (const Metric& metric : kMetrics)
@@ -96,7 +96,7 @@ int run(const CompareArguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_compare(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("compare", "Put the evaluations of several runs into one table (Markdown)");
+  CLI::App* app = program.add_subcommand("compare", "Print the evaluations of several runs as one table (Markdown)");
   app->footer(kCompareExample);
   auto arguments = std::make_shared<CompareArguments>();
   app->add_option("runs", arguments->runs, "Folders of runs")->required();

@@ -28,7 +28,7 @@ using Json = nlohmann::ordered_json;
 constexpr char kEvaluateExample[] =
     "Example:\n"
     "  doppel evaluate --run runs/anna --split test --json\n"
-    "Without --run, pure skinning is evaluated alone: doppel evaluate --capture prepared/anna";
+    "Without --run, only skinning is evaluated: doppel evaluate --capture prepared/anna";
 
 struct EvaluateArguments {
   std::string run, capture, split = "test";
@@ -43,7 +43,7 @@ std::vector<Split> splits_to_evaluate(const Dataset& dataset, const std::string&
   return splits;
 }
 
-/// What is evaluated: a character, and, with a run, its trained model: one of the two.
+/// The subject of an evaluation: a trained actor, a trained pose network, or a character alone.
 struct Subject {
   std::optional<TrainedActor> actor;
   std::optional<TrainedPose> pose;
@@ -54,7 +54,7 @@ struct Subject {
 
 bool compares_images(const TrainedActor& actor) { return actor.lighting || actor.deltanet || actor.texnet; }
 
-/// Rows of surfaces first, then those of images.
+/// Sorts rows: surfaces first, then images.
 Json surfaces_first(const Json& rows) {
   Json sorted = Json::object();
   for (const bool surfaces : {true, false})
@@ -71,7 +71,7 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
     return subject.surface->skinned(torch::stack(poses));
   };
   Json rows = Json::object();
-  // Runs that capture poses are evaluated without known poses too; all others stop here with an error.
+  // Only runs that capture poses can be evaluated without known poses; all others fail here.
   if (!subject.pose || poses_are_known(dataset, split))
     rows["skinning"] =
         evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
@@ -86,7 +86,7 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
 Subject load_subject(const EvaluateArguments& arguments, fs::path& capture) {
   Subject subject;
   if (arguments.run.empty()) {
-    if (arguments.capture.empty()) fail<UsageError>("nothing to evaluate: give --run RUN or --capture PREPARED");
+    if (arguments.capture.empty()) fail<UsageError>("nothing to evaluate; give --run RUN or --capture PREPARED");
     capture = arguments.capture;
     subject.untrained = load_character(read_capture(capture).character_path());
   } else {
@@ -101,29 +101,31 @@ Subject load_subject(const EvaluateArguments& arguments, fs::path& capture) {
   return subject;
 }
 
-/// The camera that a capture from one camera is given: the first of those compared, unless one is named.
+/// Sets the input camera of a run that captures poses: the first of the compared cameras, unless one is named.
 EvaluationOptions with_input_camera(const Subject& subject, const Dataset& dataset, EvaluationOptions options) {
   if (!subject.pose && !options.input_camera.empty())
-    fail<UsageError>("--input-camera: this run does not capture from one camera; leave the option out");
+    fail<UsageError>("--input-camera: this run has no input camera; leave the option out");
   if (subject.pose && options.input_camera.empty())
     options.input_camera = dataset.camera(dataset.camera_indices(options.cameras).front()).name;
   return options;
 }
 
-/// The conditions that the trained model adds.
+/// Adds the conditions of the trained model to the protocol.
 void describe_run(const Subject& subject, const Dataset& dataset, const EvaluateArguments& arguments,
                   const EvaluationOptions& options, const std::vector<Split>& splits, Json& protocol) {
   if (subject.actor && compares_images(*subject.actor)) protocol["pictures"] = photometric_protocol(dataset);
   if (subject.pose) {
     protocol["input_camera"] = options.input_camera;
-    protocol["keypoints"] = "of all cameras compared, in pixels of an image 1024 wide";
+    protocol["keypoints"] = "of all compared cameras, in pixels of an image 1024 wide";
     for (Split split : splits)
       if (poses_are_known(dataset, split))
-        protocol["poses"] = "14 joints against the capture's motion, bones rescaled; surfaces moved to the true place";
+        protocol["poses"] =
+            "14 joints against the capture's motion, bones rescaled; surfaces moved to the true position";
       else
         protocol["left_out"][to_string(split)] =
-            "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stand where the "
-            "keypoints of the input camera put them";
+            "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; the positions of "
+            "surfaces "
+            "come from the keypoints of the input camera";
   }
   protocol["run"] = fs::absolute(arguments.run).lexically_normal().string();
   protocol["steps"] = subject.pose ? subject.pose->steps : subject.actor->steps;
@@ -152,18 +154,20 @@ int run(const EvaluateArguments& arguments, const CommonOptions& common) {
 
 Command add_evaluate(CLI::App& program) {
   CLI::App* app = program.add_subcommand(
-      "evaluate", "Measure how well skinning and a trained model fill the masks, and captured poses");
+      "evaluate", "Measure a trained model, and skinning, against masks, images and known poses");
   app->footer(kEvaluateExample);
   auto arguments = std::make_shared<EvaluateArguments>();
-  app->add_option("--run", arguments->run, "Folder of a run; results also go into its evaluation.json and report.html");
-  app->add_option("--capture", arguments->capture, "Prepared capture (default: the one the run was trained on)");
+  app->add_option("--run", arguments->run,
+                  "Folder of a run; results are also written to its evaluation.json and report.html");
+  app->add_option("--capture", arguments->capture, "Prepared capture (default: that of the training)");
   app->add_option("--split", arguments->split, "train, test or all")->capture_default_str();
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
   app->add_option("--input-camera", arguments->options.input_camera,
-                  "The camera that PoseNet and DefNet see (default: the first of --cameras)");
-  app->add_option("--frames", arguments->options.frames, "Rows of the motions to evaluate (default: as --every says)")
+                  "Camera of the images for PoseNet and DefNet (default: the first of --cameras)");
+  app->add_option("--frames", arguments->options.frames,
+                  "Frames to evaluate, as rows of the motions (default: set by --every)")
       ->delimiter(',');
-  app->add_option("--every", arguments->options.every, "Each n-th frame")
+  app->add_option("--every", arguments->options.every, "Evaluate every n-th frame")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};

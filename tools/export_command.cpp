@@ -4,12 +4,12 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "doppel/core/error.h"
-#include "doppel/export/actor_file.h"
-#include "doppel/export/pose_file.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/actor/trained_pose.h"
+#include "doppel/core/error.h"
+#include "doppel/export/actor_file.h"
+#include "doppel/export/pose_file.h"
 
 namespace doppel::tools {
 namespace {
@@ -40,7 +40,7 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
   return modules;
 }
 
-/// Where the file goes that was not given a name.
+/// The output file; its default is in the run folder.
 std::filesystem::path out_path(const ExportArguments& arguments, const char* name) {
   return arguments.out.empty() ? std::filesystem::path(arguments.run) / name : std::filesystem::path(arguments.out);
 }
@@ -71,8 +71,7 @@ void export_pose(const ExportArguments& arguments, const std::optional<std::file
                  const CommonOptions& common) {
   if (arguments.geometry_only)
     fail<UsageError>(
-        "--geometry-only: {} captures poses and surfaces and has no TexNet to leave out; --pose-only leaves "
-        "DefNet out",
+        "--geometry-only: {} is a run of deepcap and has no TexNet to leave out; --pose-only leaves DefNet out",
         arguments.run);
   TrainedPose trained = TrainedPose::load(arguments.run, capture, /*with_defnet=*/!arguments.pose_only);
   const std::filesystem::path out = out_path(arguments, "pose.pt");
@@ -101,13 +100,15 @@ int run(const ExportArguments& arguments, const CommonOptions& common) {
 
 Command add_export(CLI::App& program) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App* app = program.add_subcommand(
-      "export", "Write a trained actor, or what captures a person from images, as one TorchScript file");
+  CLI::App* app =
+      program.add_subcommand("export", "Write a trained actor, or trained pose networks, as one TorchScript file");
   app->add_option("--run", arguments->run, "Folder of a run")->required();
-  app->add_option("--capture", arguments->capture, "Prepared capture, if it has moved since the training");
+  app->add_option("--capture", arguments->capture, "Prepared capture, if it was moved after training");
   app->add_option("--out", arguments->out, "The file to write (default: RUN/actor.pt, or RUN/pose.pt)");
-  app->add_flag("--geometry-only", arguments->geometry_only, "Of an actor leave TexNet out: smaller, vertices only");
-  app->add_flag("--pose-only", arguments->pose_only, "Of a run of deepcap leave DefNet out: smaller, skinned vertices");
+  app->add_flag("--geometry-only", arguments->geometry_only,
+                "Actor: leave TexNet out; the file is smaller and gives only vertices");
+  app->add_flag("--pose-only", arguments->pose_only,
+                "Run of deepcap: leave DefNet out; the file is smaller and gives skinned vertices");
   app->footer(
       "Examples:\n"
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"

@@ -5,12 +5,12 @@
 
 #include "character_report.h"
 #include "command.h"
+#include "doppel/capture/capture.h"
+#include "doppel/capture/capture_layouts.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/geometry/topology.h"
 
@@ -58,7 +58,7 @@ Json describe_mesh(const TriangleMesh& mesh) {
   return json;
 }
 
-/// The smallest, mean and largest number of items in a row: influences of a vertex.
+/// The smallest, mean and largest number of items in a row, for example influences of a vertex.
 Json describe_rows(const IndexRows& rows) {
   int smallest = rows.num_rows() > 0 ? rows.size(0) : 0, largest = smallest;
   for (int r = 0; r < rows.num_rows(); ++r) {
@@ -72,7 +72,7 @@ Json describe_rows(const IndexRows& rows) {
   return json;
 }
 
-/// The root's axes in the order they act, with the DoF and weight behind each: "ry: rotate_y x 3".
+/// The root's axes in the order of application, with DoF and weight of each.
 Json describe_root(const Skeleton& skeleton) {
   Json json;
   try {
@@ -169,7 +169,7 @@ Json describe_markers(const Character& character) {
 }
 
 Json describe_motion(const fs::path& path) {
-  // A motion does not say how many DoFs it has; its first row does.
+  // A motion file does not state the number of DoFs; its first row shows it.
   int columns = 0;
   {
     TextReader reader(path, "a motion file");
@@ -230,7 +230,7 @@ fs::path character_of_folder(const fs::path& folder) {
   return characters.empty() ? fs::path() : characters[0];
 }
 
-/// A capture.yaml says so in a line of its own; other YAML files are calibrations.
+/// A capture.yaml has the key doppel_capture at the start of a line; other YAML files are calibrations.
 bool is_capture_file(const fs::path& path) {
   const std::string extension = path.extension().string();
   if (extension != ".yaml" && extension != ".yml") return false;
@@ -301,7 +301,7 @@ Json describe(const fs::path& path, const InfoOptions& options) {
   static const std::set<std::string> calibrations{".calibration", ".yml", ".yaml", ".xml", ".json"};
   if (calibrations.count(extension)) return describe_calibration(path, options.verbose);
   fail<UsageError>(
-      "cannot tell what {} is by its extension '{}'; known are .character, .skeleton, .motion, .skin, .obj, "
+      "{} has the unknown extension '{}'; known are .character, .skeleton, .motion, .skin, .obj, "
       ".calibration, "
       ".yml, .yaml, .xml, .json, and folders that hold a capture or a character",
       path.string(), extension);
@@ -359,17 +359,17 @@ void print_report(const Json& report, bool json) {
 
 Command add_info(CLI::App& program) {
   auto options = std::make_shared<InfoOptions>();
-  CLI::App* app = program.add_subcommand("info", "Say what a file is and how Doppel reads it");
+  CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
                   "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder")
       ->required();
-  app->add_option("--bone-rule", options->bone_rule, "Which joint carries a bone of the skin")
+  app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
-  app->add_option("--metric", options->metric, "Distance along the template that weighs graph nodes")
+  app->add_option("--metric", options->metric, "Distance along the template for the weights of graph nodes")
       ->check(CLI::IsMember({"hops", "geodesic"}))
       ->capture_default_str();
-  app->add_option("--metres-per-unit", options->metres_per_unit, "Unit of an OBJ that is read on its own")
+  app->add_option("--metres-per-unit", options->metres_per_unit, "Unit of an OBJ file that is read without a character")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");

@@ -40,7 +40,7 @@ int run(const Command& command, const CommonOptions& common) {
 
 int main(int argc, char** argv) {
   setup_process();
-  CLI::App program{"Doppel turns calibrated multi-view video of a person into a digital double.", "doppel"};
+  CLI::App program{"Doppel turns calibrated multi-view video of a person into a digital double", "doppel"};
   program.set_version_flag("--version", DOPPEL_VERSION);
   program.require_subcommand(1);
   CommonOptions common;

@@ -4,11 +4,11 @@
 #include <string>
 
 #include "command.h"
+#include "doppel/capture/capture_layouts.h"
+#include "doppel/capture/prepare.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/prepare.h"
 
 namespace doppel::tools {
 
@@ -30,13 +30,14 @@ void add_options(CLI::App& app, PrepareArguments& arguments) {
   app.add_option("--out", options.out, "Folder to prepare into (default: CAPTURE/prepared)");
   app.add_option("--mask-size", options.mask_size, "Side of the cropped masks, pixels")->capture_default_str();
   app.add_option("--image-size", options.image_size, "Side of the cropped images, pixels")->capture_default_str();
-  app.add_option("--margin", options.margin, "Margin around the person, of the longer side")->capture_default_str();
-  app.add_option("--jpeg-quality", options.jpeg_quality, "Of the cropped images (0: lossless PNG)")
+  app.add_option("--margin", options.margin, "Margin around the person, relative to the longer side")
       ->capture_default_str();
-  app.add_option("--limit-frames", options.limit_frames, "Only so many frames of each sequence (0: all)")
+  app.add_option("--jpeg-quality", options.jpeg_quality, "JPEG quality of the cropped images (0: lossless PNG)")
       ->capture_default_str();
-  app.add_flag("--overwrite", options.overwrite, "Throw away what was prepared there before");
-  app.add_flag("--force", options.force, "Only warn where a check of units, cameras or masks would stop");
+  app.add_option("--limit-frames", options.limit_frames, "Largest number of frames of each sequence (0: all)")
+      ->capture_default_str();
+  app.add_flag("--overwrite", options.overwrite, "Replace an earlier prepared capture in this folder");
+  app.add_flag("--force", options.force, "Warn instead of stopping when a check of units, cameras or masks fails");
 }
 
 std::filesystem::path default_out(const std::filesystem::path& capture) {
@@ -49,7 +50,7 @@ int run(const PrepareArguments& arguments, const CommonOptions& common) {
   options.threads = resolve_threads(common.threads);
   const PrepareReport report = prepare_capture(find_capture(arguments.capture), options);
   if (!report.finished) {
-    log::warn("stopped after {} records; the same command goes on from there", report.records);
+    log::warn("stopped after {} records; run the same command again to resume", report.records);
     return 1;
   }
   std::printf("%s", common.json ? (report.json() + "\n").c_str() : report.table().c_str());
@@ -60,7 +61,8 @@ int run(const PrepareArguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_prepare(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("prepare", "Turn a capture into a store that training reads");
+  CLI::App* app = program.add_subcommand(
+      "prepare", "Convert a capture to a prepared capture: cropped masks and images in one store");
   app->footer(kPrepareExample);
   auto arguments = std::make_shared<PrepareArguments>();
   add_options(*app, *arguments);

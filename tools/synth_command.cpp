@@ -11,7 +11,7 @@ namespace doppel::tools {
 
 namespace {
 
-/// What the command line says; values not given keep the preset's.
+/// Options of the command line; missing values are those of the preset.
 struct SynthArguments {
   std::string out, preset = "tiny";
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
@@ -41,7 +41,7 @@ void print_summary(const std::string& out, const synth::SynthOptions& o, const s
              o.frames / 2, o.test_frames, o.fps);
   fmt::print("  clothes   {:.1f} mm from the skinned template on average, {:.1f} mm at most (test frames)\n",
              1e3 * r.mean_displacement, 1e3 * r.largest_displacement);
-  fmt::print("  skinning  silhouettes overlap with the truth by IoU {:.4f} (test frames, all cameras)\n",
+  fmt::print("  skinning  silhouettes overlap with the ground truth by IoU {:.4f} (test frames, all cameras)\n",
              r.skinning_iou);
   fmt::print("next: doppel prepare {}\n", out);
 }
@@ -67,7 +67,7 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
 
 Command add_synth(CLI::App& program) {
   CLI::App* app =
-      program.add_subcommand("synth", "Make a synthetic capture: an actor, cameras, videos, masks, ground truth");
+      program.add_subcommand("synth", "Make a synthetic capture: a character, cameras, videos, masks, ground truth");
   app->footer("Example: doppel synth --out captures/tiny --preset tiny");
   auto arguments = std::make_shared<SynthArguments>();
   app->add_option("--out", arguments->out, "The capture folder to make")->required();
@@ -78,7 +78,7 @@ Command add_synth(CLI::App& program) {
   app->add_option("--test-frames", arguments->test_frames, "Number of test frames, instead of the preset's");
   app->add_option("--size", arguments->size, "Side of the square images in pixels, instead of the preset's");
   app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
-  app->add_flag("--force", arguments->force, "Replace a synthetic capture that stands in the folder");
+  app->add_flag("--force", arguments->force, "Replace a synthetic capture in the folder");
   return {app, [app, arguments](const CommonOptions& common) {
             const synth::SynthOptions options = options_of(*arguments, *app);
             const synth::SynthReport report = synth::write_synthetic_capture(arguments->out, options);

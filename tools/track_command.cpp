@@ -32,7 +32,7 @@ constexpr char kTrackExample[] =
     "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
     "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least "
     "two\n"
-    "cameras. Its sequences need no motion: the capture.yaml that is written names the tracked ones.";
+    "cameras. Sequences need no motion. The capture.yaml in the output folder names the tracked motions.";
 
 struct TrackArguments {
   std::string capture, method = "multiview", config, camera;
@@ -40,7 +40,7 @@ struct TrackArguments {
   TrackTask task;
   bool surface = false;
   int sheet_frames = TrackOptions().sheet_frames;
-  DeepcapOptions deepcap;  ///< what deepcap alone has
+  DeepcapOptions deepcap;  ///< options of deepcap alone
   std::string source, preview, texture;
   SourceOptions playing;
   int empty_frames = 0;
@@ -56,14 +56,15 @@ ConfigDocument config_document(const TrackArguments& arguments) {
 void print_live(const LiveFigures& live) {
   fmt::print("  {} images of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
              live.images, live.source, live.dropped, live.frames_per_second, live.latency_ms, live.largest_latency_ms);
-  fmt::print("  milliseconds a frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
-             live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
+  fmt::print(
+      "  milliseconds per frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
+      live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
 }
 
 void print_livecap(const LivecapSummary& livecap) {
   fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
              livecap.overlap);
-  fmt::print("  {:.1f} frames/s with reading; milliseconds a frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
+  fmt::print("  {:.1f} frames/s with reading; milliseconds per frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
              livecap.frames_per_second, livecap.read_ms, livecap.pose_ms, livecap.surface_ms);
 }
 
@@ -77,7 +78,8 @@ void print_table(const TrackReport& report) {
                lost.size(), tracked.count(FrameState::recovered), sequence.keypoint_error(),
                sequence.frames_per_second());
     if (sequence.difference)
-      fmt::print("  against the given motion: landmarks {:.1f} mm apart on average\n", sequence.difference->mean_mm);
+      fmt::print("  compared with the given motion: mean distance of landmarks {:.1f} mm\n",
+                 sequence.difference->mean_mm);
     if (tracked.surface) {
       const SurfaceSummary surface = summarise(*tracked.surface);
       fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",
@@ -85,7 +87,7 @@ void print_table(const TrackReport& report) {
     }
     if (sequence.livecap) print_livecap(summarise_livecap(sequence));
     if (sequence.live) print_live(*sequence.live);
-    if (!lost.empty()) fmt::print("  lost frames, interpolated from their neighbours: {}\n", fmt::join(lost, ", "));
+    if (!lost.empty()) fmt::print("  lost frames (bridged from their neighbours): {}\n", fmt::join(lost, ", "));
   }
 }
 
@@ -99,7 +101,7 @@ TrackViewOptions view_options(const TrackArguments& arguments) {
   return options;
 }
 
-std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const Camera& camera, const Character& character,
+std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const PinholeCamera& camera, const Character& character,
                                     double frames_per_second) {
   if (arguments.preview.empty()) return nullptr;
   return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
@@ -107,7 +109,7 @@ std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const Camer
 
 void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, LiveView& view) {
   if (arguments.empty_frames == 0) return;
-  log::info("learning the empty scene from {} images: nobody may be seen yet", arguments.empty_frames);
+  log::info("learning the empty scene from {} images; no person may be in view yet", arguments.empty_frames);
   std::vector<cv::Mat> images;
   while (static_cast<int>(images.size()) < arguments.empty_frames) {
     const auto image = source.next();
@@ -117,7 +119,7 @@ void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, Liv
   view.learn_empty_scene(images);
 }
 
-/// Both methods that need one camera, on images as they come.
+/// Tracks live images with one of the methods for one camera.
 TrackReport track_source(const TrackArguments& arguments) {
   const bool deepcap = arguments.method == "deepcap";
   const auto source = open_source(arguments.source, arguments.playing);
@@ -166,30 +168,30 @@ TrackReport track_with_all_cameras(const TrackArguments& arguments) {
   return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
 }
 
-/// What does not go together.
+/// @throws UsageError for options that cannot be combined
 void check(const TrackArguments& arguments) {
   const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
   if ((livecap || deepcap) && arguments.surface)
     fail<UsageError>(
-        "--surface belongs to --method multiview; livecap tracks the surface always, unless the "
-        "configuration says `surface: {{enabled: false}}`, and deepcap where DefNet was trained");
+        "--surface belongs to --method multiview; livecap always tracks the surface, unless the configuration has "
+        "`surface: {{enabled: false}}`, and deepcap tracks it if DefNet was trained");
   if (!livecap && !deepcap && !arguments.camera.empty())
-    fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit takes all cameras of the capture");
+    fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit uses all cameras of the capture");
   if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
-    fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which look through one camera");
+    fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which use one camera");
   if (deepcap && arguments.deepcap.run.empty())
-    fail<UsageError>("--method deepcap needs --run RUN: what `doppel train` or `doppel adapt` wrote");
+    fail<UsageError>("--method deepcap needs --run RUN, a run of `doppel train` or `doppel adapt`");
   if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
-    fail<UsageError>("--config and --set belong to the methods that fit; deepcap has the configuration of its run");
+    fail<UsageError>("--config and --set belong to multiview and livecap; deepcap has the configuration of its run");
   if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
     fail<UsageError>(
-        "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet places joints in space");
+        "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
   if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1))
     fail<UsageError>("--empty-frames, --live and --repeat belong to --source");
   if (deepcap && !arguments.live() && !arguments.preview.empty())
-    fail<UsageError>("deepcap writes SEQUENCE.mp4 by itself; --preview belongs to livecap, or to --source");
+    fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
   if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
-    fail<UsageError>("--texture is drawn in the preview: give --preview too");
+    fail<UsageError>("--texture is drawn in the preview; give --preview too");
 }
 
 int run(TrackArguments arguments, const CommonOptions& common) {
@@ -197,9 +199,9 @@ int run(TrackArguments arguments, const CommonOptions& common) {
   TrackTask& task = arguments.task;
   if (task.out.empty()) task.out = default_track_out(arguments.capture);
   const TrackReport report = arguments.live()                ? track_source(arguments)
-                                        : arguments.method == "livecap" ? track_with_one_camera(arguments)
-                                        : arguments.method == "deepcap" ? track_with_networks(arguments)
-                                                                        : track_with_all_cameras(arguments);
+                             : arguments.method == "livecap" ? track_with_one_camera(arguments)
+                             : arguments.method == "deepcap" ? track_with_networks(arguments)
+                                                             : track_with_all_cameras(arguments);
   if (common.json)
     fmt::print("{}\n", to_json(report).dump(2));
   else
@@ -214,56 +216,62 @@ int run(TrackArguments arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_track(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("track", "Find the person's pose in every frame from keypoints and masks");
+  CLI::App* app = program.add_subcommand("track", "Find pose and surface in every frame from keypoints and masks");
   app->footer(kTrackExample);
   auto arguments = std::make_shared<TrackArguments>();
   TrackTask& task = arguments->task;
-  app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared folder")->required();
-  app->add_option("--method", arguments->method,
-                  "multiview: a fit to all cameras; livecap: a fit to one; deepcap: trained networks that see one")
+  app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared capture")->required();
+  app->add_option(
+         "--method", arguments->method,
+         "multiview: a fit to all cameras; livecap: a fit to one camera; deepcap: trained networks, one camera")
       ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
       ->capture_default_str();
   app->add_option("--out", task.out, "Folder to write into (default: CAPTURE/tracked)");
   app->add_option("--sequences", task.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
-  app->add_option("--limit-frames", task.limit_frames, "Only so many frames of each sequence (0: all)")
+  app->add_option("--limit-frames", task.limit_frames, "Largest number of frames of each sequence (0: all)")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app->add_option("--config", arguments->config, "Weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
+  app->add_option("--config", arguments->config,
+                  "Configuration of weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
   app->add_option("--camera", arguments->camera,
-                  "The camera to track with (livecap, deepcap), where the capture has several");
-  app->add_option("--set", arguments->set, "Override one of them: --set silhouette.weight=0");
-  app->add_flag("--surface", arguments->surface, "Bend the surface to the masks after the pose: SEQUENCE_graph.npy");
-  app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or bent");
+                  "Name of the camera for livecap and deepcap, if the capture has several");
+  app->add_option("--set", arguments->set, "Override a key of the configuration: --set silhouette.weight=0");
+  app->add_flag("--surface", arguments->surface,
+                "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");
+  app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or deformed");
   app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))
       ->capture_default_str();
   DeepcapOptions& deepcap = arguments->deepcap;
-  app->add_option("--run", deepcap.run,
-                  "deepcap: a run of PoseNet, or of PoseNet and DefNet; livecap with --source: PoseNet places joints");
-  app->add_option("--smoothing", deepcap.smoothing, "deepcap: sigma over five frames, in frames (0: none)")
+  app->add_option(
+      "--run", deepcap.run,
+      "deepcap: a run of PoseNet, or of PoseNet and DefNet; livecap with --source: PoseNet predicts joints");
+  app->add_option("--smoothing", deepcap.smoothing,
+                  "deepcap: sigma of the Gaussian over five frames, in frames (0: none)")
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();
-  app->add_flag("!--no-film", deepcap.film, "deepcap: without SEQUENCE.mp4, the surface over the images");
-  app->add_option(
-      "--source", arguments->source,
-      "livecap, deepcap: images as they come instead of the capture's: a camera (0, 1, ...), a video or a "
-      "folder of images; the capture says what stands around them");
-  app->add_option("--empty-frames", arguments->empty_frames, "The first images of the source show the empty scene")
+  app->add_flag("!--no-film", deepcap.film,
+                "deepcap: do not write SEQUENCE.mp4, a film of the surface over the images");
+  app->add_option("--source", arguments->source,
+                  "livecap, deepcap: live images instead of those of the capture: a camera (0, 1, ...), a video or a "
+                  "folder of images; character, calibration and landmarks are those of the capture");
+  app->add_option("--empty-frames", arguments->empty_frames,
+                  "Number of images at the start of the source that show the empty scene")
       ->check(CLI::Range(0, 1000));
   app->add_flag("--live", arguments->playing.live,
-                "A file as the source comes at its own rate, and may be dropped from");
-  app->add_option("--repeat", arguments->playing.repeat, "How often a file as the source is played")
+                "Play a file as the source at its own rate; images that come too fast are dropped");
+  app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   const CLI::Option* preview =
       app->add_option(
              "--preview", arguments->preview,
-             "Show the surface over the image and from the side: in a window (keys a, d turn; q ends), or into "
-             "an .mp4 file where there is no screen")
+             "Show the surface over the image and from the side: in a window (keys a and d rotate, q ends), or in "
+             "an .mp4 file if there is no screen")
           ->expected(0, 1)
           ->type_name("[FILE.mp4]");
   app->add_option("--texture", arguments->texture,
-                  "An image that the surface wears in the preview, or in deepcap's film");
+                  "Texture image for the surface in the preview, or in the film of deepcap");
   return {app, [arguments, preview](const CommonOptions& common) {
             if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
             return run(*arguments, common);

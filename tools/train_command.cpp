@@ -22,7 +22,7 @@ constexpr char kTrainExample[] =
     "Example:\n"
     "  doppel train configs/small/egnet.yaml --set capture=prepared/anna --out runs/anna\n"
     "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna-ddc --stages deltanet,texnet\n"
-    "The same command resumes a run that was stopped or killed. docs/training.md lists the keys of CONFIG.";
+    "The same command resumes a stopped or killed run. docs/training.md lists the keys of CONFIG.";
 
 struct TrainArguments {
   std::string config, out;
@@ -30,7 +30,7 @@ struct TrainArguments {
   bool resume = false, overwrite = false;
 };
 
-/// A path on the command line starts at the working directory, one in the file at the file.
+/// Paths on the command line are relative to the working directory; paths in a file are relative to the file.
 std::vector<std::string> absolute_capture(std::vector<std::string> overrides) {
   const std::string key = "capture=";
   for (std::string& text : overrides)
@@ -72,10 +72,10 @@ void print_summaries(const std::vector<StageSummary>& summaries, const fs::path&
 }
 
 int run(const TrainArguments& arguments, const CommonOptions& common) {
-  if (arguments.resume && arguments.overwrite) fail<UsageError>("--resume and --overwrite exclude each other");
+  if (arguments.resume && arguments.overwrite) fail<UsageError>("--resume and --overwrite cannot be combined");
   std::vector<std::string> overrides = absolute_capture(arguments.overrides);
   const fs::path capture = StageChain::read(ConfigDocument::load(arguments.config, overrides)).capture();
-  // The run's own copy must not depend on where it lies.
+  // The copy of the configuration in the run must not depend on its folder.
   overrides.push_back("capture=" + capture.string());
   const StageChain chain = StageChain::read(ConfigDocument::load(arguments.config, overrides));
   ChainOptions options;
@@ -85,7 +85,7 @@ int run(const TrainArguments& arguments, const CommonOptions& common) {
   const auto summaries = train_stages(chain, out, options);
   print_summaries(summaries, out, chain.single(), common.json);
   if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
-  log::warn("stopped at step {} of {}; the same command goes on from there", summaries.back().summary.step,
+  log::warn("stopped at step {} of {}; run the same command again to resume", summaries.back().summary.step,
             summaries.back().stage);
   return 1;
 }
@@ -98,11 +98,11 @@ Command add_train(CLI::App& program) {
   auto arguments = std::make_shared<TrainArguments>();
   app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/egnet.yaml")->required();
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
-  app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the stage's or chain's name)");
+  app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the name of the stage or chain)");
   app->add_option("--stages", arguments->stages,
                   "Stages of a chain to train: egnet,lighting,deltanet,texnet or posenet,defnet (default: all)")
       ->delimiter(',');
-  app->add_flag("--resume", arguments->resume, "Fail unless there is a run to resume");
+  app->add_flag("--resume", arguments->resume, "Resume a run; fail when there is none");
   app->add_flag("--overwrite", arguments->overwrite, "Replace the run in --out");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/fit/thesis_units.h"
 #include "pose_frame.h"
@@ -81,7 +82,7 @@ class PoseFunctor {
     std::vector<DualQuaternion<T>> bones;  ///< [Bn] world from rest
     std::vector<Vector3<T>> landmarks;
   };
-  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+  static std::size_t at(int index) { return as_size(index); }
 
   template <typename T>
   Body<T> pose(const T* step) const {
@@ -158,7 +159,7 @@ class PoseFunctor {
 
   template <typename T>
   Eigen::Matrix<T, 2, 1> project(const Vector3<T>& point) const {
-    const Camera& camera = frame_.cameras[0];
+    const PinholeCamera& camera = frame_.cameras[0];
     const Vector3<T> x = camera.K.cast<T>() * Vector3<T>(camera.R.cast<T>() * point + camera.t.cast<T>());
     return {x.x() / x.z(), x.y() / x.z()};
   }

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "doppel/fit/livecap/livecap.h"
 #include "doppel/energy/terms/point_term.h"
 #include "doppel/energy/terms/silhouette_term.h"
+#include "doppel/fit/livecap/livecap.h"
 
 namespace doppel::bench {
 
@@ -12,7 +12,7 @@ namespace doppel::bench {
 /// minimise the same sum. One camera; M landmarks, D DoFs.
 struct PoseFrame {
   const PoseModel* model;
-  std::vector<Camera> cameras;              ///< the one
+  std::vector<PinholeCamera> cameras;       ///< the one
   FrameEvidence evidence;                   ///< keypoints and the mask's outline
   std::vector<OutlineVertex> outline;       ///< of the surface at the start
   std::vector<PointTerm::Target> joints;    ///< in space

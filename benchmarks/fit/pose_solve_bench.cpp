@@ -10,20 +10,21 @@
 #include <memory>
 #include <random>
 
-#include "doppel/synth/actor.h"
-#include "doppel/synth/performance.h"
-#include "doppel/synth/studio.h"
+#include "doppel/core/as_size.h"
 #include "doppel/energy/fit_problem.h"
-#include "doppel/fit/livecap/landmark_roles.h"
 #include "doppel/energy/outline.h"
 #include "doppel/energy/terms/keypoint_term.h"
 #include "doppel/energy/terms/limit_term.h"
 #include "doppel/energy/terms/prior_term.h"
 #include "doppel/energy/terms/relative_point_term.h"
+#include "doppel/fit/livecap/landmark_roles.h"
 #include "doppel/fit/thesis_units.h"
+#include "doppel/synth/actor.h"
+#include "doppel/synth/performance.h"
+#include "doppel/synth/studio.h"
+#include "energy/body_fixture.h"
 #include "pose_frame.h"
 #include "support/ratio.h"
-#include "energy/body_fixture.h"
 
 namespace doppel::bench {
 namespace {
@@ -57,7 +58,7 @@ double cost_at(const PoseFrame& frame, const std::vector<double>& dofs) {
 }
 
 /// What a detector with 3 pixels and 20 mm of noise would say of a pose.
-PoseFrame observe(const PoseModel& model, const Camera& camera, const std::vector<double>& truth,
+PoseFrame observe(const PoseModel& model, const PinholeCamera& camera, const std::vector<double>& truth,
                   const std::vector<double>& before, std::mt19937& random) {
   std::normal_distribution<double> normal;
   PoseFrame frame{&model, {camera}, keypoints_of(model, {camera}, truth), {}, {}, {}, {}, before, before, {}};
@@ -65,7 +66,7 @@ PoseFrame observe(const PoseModel& model, const Camera& camera, const std::vecto
   const LandmarkRoles roles = landmark_roles(model.landmarks());
   frame.landmark_weights = roles.detection;
   for (int m = 0; m < model.num_landmarks(); ++m) {
-    const auto i = static_cast<std::size_t>(m);
+    const auto i = as_size(m);
     Keypoint& keypoint = frame.evidence[0].keypoints[i];
     keypoint.x += static_cast<float>(3.0 * normal(random));
     keypoint.y += static_cast<float>(3.0 * normal(random));
@@ -96,7 +97,7 @@ int run(int count) {
   std::mt19937 random(1);
   std::vector<PoseFrame> frames;
   for (int i = 0; i < count; ++i) {
-    const auto f = static_cast<std::size_t>(6 * i);
+    const auto f = as_size(6 * i);
     frames.push_back(observe(model, camera, motion.frames[f + 2], motion.frames[f], random));
   }
   std::printf("%d unknowns, %zu landmarks, %zu outline vertices, %d frames a call, one thread\n", model.num_unknowns(),

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel::bench {
 namespace {
 
@@ -60,7 +62,7 @@ BenchMesh bench_mesh() {
   std::vector<double> uvs;
   for (const Triangle& f : mesh.face_uvs) {
     for (const int i : f) {
-      const Eigen::Vector2d& uv = mesh.uvs[static_cast<std::size_t>(i)];
+      const Eigen::Vector2d& uv = mesh.uvs[as_size(i)];
       uvs.insert(uvs.end(), {uv.x(), uv.y()});
     }
   }

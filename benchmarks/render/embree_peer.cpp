@@ -8,6 +8,8 @@
 #include <limits>
 #include <string>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel::bench {
 
 struct EmbreePeer::State {
@@ -28,7 +30,7 @@ EmbreePeer::EmbreePeer(const PeerScene& scene) : state_(std::make_unique<State>(
   s.bvh = rtcNewScene(s.device);
   rtcSetSceneFlags(s.bvh, RTC_SCENE_FLAG_DYNAMIC);
   s.mesh = rtcNewGeometry(s.device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  const auto vertices = static_cast<std::size_t>(scene.num_vertices), faces = static_cast<std::size_t>(scene.num_faces);
+  const auto vertices = as_size(scene.num_vertices), faces = as_size(scene.num_faces);
   std::memcpy(rtcSetNewGeometryBuffer(s.mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, vertices),
               scene.vertices, 12 * vertices);
   std::memcpy(rtcSetNewGeometryBuffer(s.mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, faces), scene.faces,
@@ -39,7 +41,7 @@ EmbreePeer::EmbreePeer(const PeerScene& scene) : state_(std::make_unique<State>(
   rtcSetGeometryBuildQuality(s.mesh, RTC_BUILD_QUALITY_REFIT);
   rtcCommitGeometry(s.mesh);
   rtcCommitScene(s.bvh);
-  const auto pixels = static_cast<std::size_t>(scene.size) * static_cast<std::size_t>(scene.size);
+  const auto pixels = as_size(scene.size) * as_size(scene.size);
   s.id.assign(pixels, -1);
   s.depth.assign(pixels, 0);
   s.barycentrics.assign(3 * pixels, 0);
@@ -76,7 +78,7 @@ void EmbreePeer::State::trace(int x0, int y0) {
   rtcIntersect16(valid, bvh, &context, &packet);
   for (int i = 0; i < 16; ++i) {
     if (!valid[i]) continue;
-    const auto pixel = static_cast<std::size_t>((y0 + i / 4) * scene.size + x0 + i % 4);
+    const auto pixel = as_size((y0 + i / 4) * scene.size + x0 + i % 4);
     const bool hit = packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
     id[pixel] = hit ? static_cast<int>(packet.hit.primID[i]) : -1;
     depth[pixel] = packet.ray.tfar[i];

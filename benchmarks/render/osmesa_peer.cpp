@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel::bench {
 
 struct OsmesaPeer::State {
@@ -62,7 +64,7 @@ OsmesaPeer::OsmesaPeer(const PeerScene& scene) : state_(std::make_unique<State>(
   s.scene = scene;
   setenv("LP_NUM_THREADS", std::to_string(scene.threads).c_str(), 1);
   setenv("GALLIUM_DRIVER", "llvmpipe", 1);
-  const auto pixels = static_cast<std::size_t>(scene.size) * static_cast<std::size_t>(scene.size);
+  const auto pixels = as_size(scene.size) * as_size(scene.size);
   s.frame.assign(pixels, 0);
   s.colour.assign(pixels, 0);
   s.depth.assign(pixels, 0);

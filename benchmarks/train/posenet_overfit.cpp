@@ -9,8 +9,8 @@
 #include <ctime>
 
 #include "doppel/capture/prepare.h"
-#include "doppel/synth/synth.h"
 #include "doppel/eval/pose_metrics.h"
+#include "doppel/synth/synth.h"
 #include "doppel/train/pose_net_stage.h"
 
 namespace {

@@ -5,11 +5,12 @@
 #include <fstream>
 #include <regex>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/core/crc32c.h"
 
 namespace doppel {
 
@@ -26,14 +27,14 @@ std::string describe(const torch::Tensor& tensor) {
   return fmt::format("{} [{}]", c10::toString(tensor.scalar_type()), shape);
 }
 
-/// The part of a reader's message that a user can use: LibTorch appends its call stack.
+/// The first line of LibTorch's message; LibTorch appends its call stack.
 std::string first_line(const char* what) {
   const std::string text(what);
   return text.substr(0, std::min<std::size_t>(text.find('\n'), 200));
 }
 
-/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler trusts what it reads, so a
-/// damaged file must be found before it gets there.
+/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler does not check its input, so
+/// damage must be detected before.
 constexpr const char* kSeal = "doppel crc32c ";
 constexpr std::size_t kSealSize = 14 + 8;
 
@@ -94,7 +95,7 @@ std::int64_t Checkpoint::integer(const std::string& name) const {
 void Checkpoint::copy_tensor(const std::string& name, torch::Tensor target) const {
   const torch::Tensor& source = tensor(name);
   if (source.sizes() != target.sizes() || source.scalar_type() != target.scalar_type())
-    fail("{}: `{}` is {}, the model wants {}; the checkpoint belongs to another character or configuration", where_,
+    fail("{}: `{}` is {}, the model needs {}; the checkpoint belongs to another character or configuration", where_,
          name, describe(source), describe(target));
   torch::NoGradGuard no_grad;
   target.copy_(source);
@@ -103,7 +104,7 @@ void Checkpoint::copy_tensor(const std::string& name, torch::Tensor target) cons
 void Checkpoint::save(const fs::path& path) const {
   TensorDict tensors;
   for (const auto& [name, tensor] : tensors_) {
-    // A view would drag its whole storage into the file.
+    // A view would save its whole storage.
     const bool whole = tensor.is_contiguous() && tensor.storage().nbytes() == tensor.nbytes();
     tensors.insert(name, whole ? tensor : tensor.clone(torch::MemoryFormat::Contiguous));
   }
@@ -177,7 +178,8 @@ std::vector<std::int64_t> CheckpointFolder::steps() const {
 std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest() const {
   std::vector<std::int64_t> candidates = steps();
   if (candidates.empty()) return std::nullopt;
-  // A checkpoint newer than `latest` is whole too (it was renamed into place), so the newest that reads is the one.
+  // A checkpoint newer than `latest` is complete too (it was renamed after writing), so the newest readable checkpoint
+  // is used.
   std::string first_error;
   for (auto step = candidates.rbegin(); step != candidates.rend(); ++step) {
     try {
@@ -187,7 +189,7 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest
       if (first_error.empty()) first_error = e.what();
     }
   }
-  fail("no checkpoint in {} can be read; use --overwrite to start anew. {}", folder_.string(), first_error);
+  fail("no checkpoint in {} can be read; use --overwrite to start again. {}", folder_.string(), first_error);
 }
 
 void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
@@ -200,7 +202,7 @@ void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
 
 void CheckpointFolder::prune() const {
   std::vector<std::int64_t> all = steps();
-  const std::size_t kept = std::min(all.size(), static_cast<std::size_t>(keep_last_));
+  const std::size_t kept = std::min(all.size(), as_size(keep_last_));
   for (std::size_t i = 0; i + kept < all.size(); ++i) {
     const bool milestone = keep_every_ > 0 && all[i] % keep_every_ == 0;
     std::error_code ignored;

@@ -10,7 +10,7 @@
 
 namespace doppel {
 
-/// Everything a run needs to go on, as named tensors and texts in one file.
+/// Everything a run needs to continue, as named tensors and texts in one file.
 ///
 /// The file is a pickled dictionary in a zip archive (Python: `torch.load(path)`); the archive's comment holds a
 /// CRC-32C of all bytes before it, which is checked before anything is parsed.
@@ -23,7 +23,7 @@ class Checkpoint {
 
   bool has_tensor(const std::string& name) const { return tensors_.count(name) > 0; }
   bool has_text(const std::string& name) const { return texts_.count(name) > 0; }
-  /// @throws Error when there is none of that name
+  /// @throws Error when there is no entry of this name
   const torch::Tensor& tensor(const std::string& name) const;
   const std::string& text(const std::string& name) const;
   std::int64_t integer(const std::string& name) const;
@@ -46,27 +46,28 @@ class Checkpoint {
 
 /// Parameters and buffers of a module under `<prefix><name>`.
 void save_module(const torch::nn::Module& module, const std::string& prefix, Checkpoint& checkpoint);
-/// Fills them in place. @throws Error naming the first missing tensor, or one of another shape
+/// Copies stored values into the parameters and buffers of a module.
+/// @throws Error naming the first missing tensor, or the first of another shape
 void load_module(torch::nn::Module& module, const std::string& prefix, const Checkpoint& checkpoint);
 
 /// The checkpoints of a run: `step-000500.pt`, ..., and `latest`, a text file that names one of them.
 class CheckpointFolder {
  public:
-  /// @param keep_last how many of the newest to keep; @param keep_every also keep steps divisible by this (0: none)
+  /// @param keep_last number of the newest checkpoints to keep
+  /// @param keep_every also keep steps divisible by this (0: none)
   explicit CheckpointFolder(std::filesystem::path folder, int keep_last = 2, std::int64_t keep_every = 0);
 
   std::filesystem::path path(std::int64_t step) const;
   /// Steps on disk, ascending.
   std::vector<std::int64_t> steps() const;
-  /// The newest whole checkpoint: the one `latest` names, or, if that one cannot be read, an older one (with a
-  /// warning).
-  /// @throws Error when there are checkpoints but none can be read
+  /// The newest complete checkpoint. A checkpoint that cannot be read is skipped with a warning.
+  /// @throws Error when there are checkpoints but none of them can be read
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
-  /// Saves, moves `latest`, removes what need not be kept.
+  /// Saves a checkpoint, updates `latest`, and removes checkpoints that need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);
-  /// Removes all but one: the newest from now on. @throws Error when there is none of this step
+  /// Removes all checkpoints except that of `step`. @throws Error when there is no checkpoint of this step
   void keep_only(std::int64_t step);
-  /// Removes all checkpoints and what an interrupted write left behind.
+  /// Removes all checkpoints and the remains of interrupted writes.
   void clear();
 
  private:

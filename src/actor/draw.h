@@ -7,17 +7,18 @@
 
 namespace doppel {
 
-/// How a surface is coloured.
+/// The colours of a surface: texture and lighting.
 struct Appearance {
   torch::Tensor texture;   ///< [B or 1,Th,Tw,3] RGB 0..1
-  torch::Tensor lighting;  ///< [B or 1,C,3,9]; undefined: the texture's colours as they are
+  torch::Tensor lighting;  ///< [B or 1,C,3,9]; undefined: unlit
 };
 
-/// The texture of the template, unlit. @pre the template has one (TrainedActor::static_texture)
+/// The static texture, unlit. @pre the template has a texture (TrainedActor::static_texture)
 Appearance static_appearance(const TrainedActor& actor);
-/// The texture of the template under the light that cameras learnt (6.6). @param cameras int64 [B,C]
+/// The static texture under the learnt lighting of cameras (6.6). @param cameras int64 [B,C]
 Appearance lit_appearance(TrainedActor& actor, const torch::Tensor& cameras);
-/// TexNet's texture for a motion and a view (6.8), unlit. @param dof_window [B,F+1,D] @param projection [B,3,4]
+/// The dynamic texture for a motion window and a camera (6.8), unlit.
+/// @param dof_window [B,F+1,D] @param projection [B,3,4]
 Appearance dynamic_appearance(TrainedActor& actor, const torch::Tensor& dof_window, const torch::Tensor& projection);
 
 /// Draws a surface, with gradients to vertices, texture and lighting.
@@ -25,7 +26,8 @@ Appearance dynamic_appearance(TrainedActor& actor, const torch::Tensor& dof_wind
 ShadedImage draw(const RenderMesh& mesh, const torch::Tensor& vertices, const Appearance& appearance,
                  const torch::Tensor& projection, std::int64_t height, std::int64_t width, bool nearest = false);
 
-/// Draws as a camera films: the mean over samples x samples points of each pixel. Without gradients.
+/// Draws with supersampling, as a camera films: the mean over samples x samples points of each pixel. Without
+/// gradients.
 SupersampledImage draw_filmed(const RenderMesh& mesh, const torch::Tensor& vertices, const Appearance& appearance,
                               const torch::Tensor& projection, std::int64_t height, std::int64_t width, int samples);
 

@@ -9,7 +9,7 @@
 
 namespace doppel {
 
-/// What counts as a detection, in the alignment and in the losses alike.
+/// Which keypoints count as detections. Shared by the global alignment and the losses.
 struct DetectionOptions {
   GlobalAlignmentOptions alignment;
   KeypointLossOptions loss;
@@ -18,20 +18,20 @@ struct DetectionOptions {
   static DetectionOptions read(const ConfigReader& loss);
 };
 
-/// The loader's options with images of people, `person_size` pixels wide, and keypoints; without a motion window.
+/// The loader's options with images of the person, `person_size` pixels wide, and keypoints; without past frames.
 LoaderOptions with_people(LoaderOptions options, int person_size);
 
-/// Frames as PoseNet and DefNet see them in evaluation: nothing is drawn at random, the image is that of the first of
-/// the cameras in which the person is seen.
-/// @param cameras whose keypoints come along
+/// Samples as input of PoseNet and DefNet in evaluation, without random changes. The image is that of the first camera
+/// that sees the person.
+/// @param cameras whose keypoints the batch contains
 Batch person_batch(const Dataset& dataset, const std::vector<SampleId>& samples, const std::vector<int>& cameras,
                    int person_size);
-/// A frame in the cameras that a loader draws from.
+/// A sample in the cameras that a loader draws from.
 Batch person_batch(const Dataset& dataset, const SampleId& sample, const LoaderOptions& options);
 
-/// What the batch shows of each person, and the rays of its keypoints in all of its cameras.
+/// The images of the batch, and the rays of its keypoints in all of its cameras.
 PersonView person_view(const Batch& batch);
-/// The batch's keypoints as the losses take them. @param counts bool [B]: people whose keypoints count at all
+/// The batch's keypoints as input of the losses. @param counts bool [B]: samples whose keypoints count
 KeypointTarget keypoint_target(const Batch& batch, const torch::Tensor& counts);
 
 }  // namespace doppel

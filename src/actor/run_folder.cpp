@@ -16,9 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Keys that may change when a run is resumed. The capture is compared by what it holds (Stage::identity).
+/// Keys that may change when a run is resumed. The capture is compared by its content (Stage::identity).
 const std::set<std::string> kFreeKeys = {
-    "capture",         "data.workers",     "train.max_minutes",   "train.checkpoint_every",
+    "capture",         "data.workers",     "train.max_minutes",  "train.checkpoint_every",
     "train.keep_last", "train.keep_every", "train.images_every", "train.pictures_every"};
 
 void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::string, std::string>& out) {
@@ -34,7 +34,7 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
   }
 }
 
-/// What a kill in the middle of an atomic write leaves behind: `.report.4711-0.html` and the like.
+/// The remains of an interrupted atomic write, such as `.report.4711-0.html`.
 void remove_leftovers(const fs::path& folder) {
   static const std::regex leftover("\\.(config|metrics|report|evaluation)\\.[0-9]+-[0-9]+\\.[a-z]+");
   std::error_code ignored;
@@ -77,7 +77,7 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
   remove_leftovers(path_);
   const bool has_run = fs::exists(config());
   if (!has_run && fs::exists(path_) && !fs::is_empty(path_))
-    fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", path_.string());
+    fail<UsageError>("--out {}: the folder contains files that are not a run; choose another one", path_.string());
   const bool has_checkpoint = has_run && !CheckpointFolder(checkpoints()).steps().empty();
   if (mode == RunMode::resume && !has_checkpoint)
     fail<UsageError>("--resume: {} holds no checkpoint; leave --resume out to start a run there", path_.string());

@@ -7,22 +7,22 @@
 
 namespace doppel {
 
-/// What to do when the folder already holds a run.
+/// What to do when the folder already contains a run.
 enum class RunMode {
-  automatic,  ///< resume if the configuration is the same, else stop with an error
-  resume,     ///< there must be something to resume
-  overwrite   ///< begin anew
+  automatic,  ///< resume if the configuration is the same, otherwise stop with an error
+  resume,     ///< resume; without a checkpoint, stop with an error
+  overwrite   ///< start again
 };
 
-/// A run on disk: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `events.out.tfevents.*`, `images/`, `report.html`,
-/// `evaluation.json`.
+/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `events.out.tfevents.*`, `images/`,
+/// `report.html`, `evaluation.json`.
 class RunFolder {
  public:
   explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}
 
-  /// Makes the folder ready for a run of `config` (resolved YAML): finds out whether there is something to resume,
-  /// refuses to mix two configurations, clears what an overwritten run left, writes config.yaml.
-  /// @throws UsageError naming the keys that differ; Error when the folder holds other things
+  /// Prepares the folder for a run of `config` (resolved YAML): checks whether a run can be resumed and whether its
+  /// configuration is the same, removes the files of an overwritten run, and writes config.yaml.
+  /// @throws UsageError naming the keys that differ; Error when the folder contains other files
   void open(const std::string& config, RunMode mode) const;
 
   const std::filesystem::path& path() const { return path_; }
@@ -38,8 +38,8 @@ class RunFolder {
   std::filesystem::path path_;
 };
 
-/// The keys (dotted) in which two configurations differ, apart from those that cannot change the result: where the
-/// capture lies, time limits, what is kept, how often images are drawn. Written "key: old -> new".
+/// The keys (dotted) in which two configurations differ, as "key: old -> new". Keys that cannot change the result are
+/// left out: the path of the capture, time limits, which checkpoints are kept, how often images are drawn.
 std::vector<std::string> config_differences(const std::string& old_yaml, const std::string& new_yaml);
 
 }  // namespace doppel

@@ -9,7 +9,7 @@
 
 namespace doppel {
 
-/// What all stages of a run share: the top of a configuration.
+/// The settings that all stages of a run share: the top level of a configuration.
 struct RunSubject {
   std::filesystem::path capture;  ///< prepared folder, absolute
   std::int64_t seed = 1;

@@ -1,8 +1,8 @@
 #include "doppel/actor/stored_stage.h"
 
-#include "doppel/core/error.h"
-#include "doppel/core/crc32c.h"
 #include "doppel/actor/run_folder.h"
+#include "doppel/core/crc32c.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 

@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "doppel/character/character.h"
-#include "doppel/core/config.h"
 #include "doppel/actor/checkpoint.h"
 #include "doppel/actor/run_stages.h"
+#include "doppel/character/character.h"
+#include "doppel/core/config.h"
 
 namespace doppel {
 
@@ -20,15 +20,15 @@ struct StoredStage {
   Checkpoint checkpoint;
 };
 
-/// Nothing when the run has no such stage, or no checkpoint of it yet.
+/// Reads a stage of a run. @return nothing when the run has no such stage, or no checkpoint of it
 std::optional<StoredStage> find_stage(const std::filesystem::path& run, const std::string& stage);
 
-/// @throws Error when the checkpoint was trained for another character
+/// Checks that a stage was trained for `character`. @throws Error when it was trained for another character
 void check_character(const StoredStage& stage, const Character& character, const std::filesystem::path& run,
                      const std::filesystem::path& character_path);
 
-/// Puts the weights and buffers that a checkpoint means for use into a module: the running mean of the weights where
-/// the run kept one, recalibrated statistics. Switches it to evaluation mode; no parameter needs a gradient any more.
+/// Loads the evaluation weights and buffers of a checkpoint into a module: the running mean of the weights if the run
+/// kept one, and recalibrated statistics. Switches the module to evaluation mode and its gradients off.
 void load_evaluation_weights(torch::nn::Module& network, const Checkpoint& checkpoint);
 
 /// A digest of the parameters and buffers of a module.

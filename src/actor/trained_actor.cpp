@@ -5,8 +5,8 @@
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/stored_stage.h"
-#include "doppel/core/error.h"
 #include "doppel/capture/capture.h"
+#include "doppel/core/error.h"
 #include "doppel/data/loader.h"
 #include "doppel/render/projection.h"
 
@@ -65,13 +65,13 @@ void load_nerf(TrainedActor& actor, const StoredStage& stage) {
   actor.nerf = PlainField(torch::zeros({1, 3}), PlainFieldConfig::read(root.section("model")));
   load_evaluation_weights(*actor.nerf, stage.checkpoint);
   const ConfigReader data = root.section("data");
-  actor.nerf_frame = nerf_frame(Dataset::open(actor.subject.capture),
-                                parse_split(data.choice("split", {"train", "test"}, "train")),
-                                data.list<long>("frames"));
+  actor.nerf_frame =
+      nerf_frame(Dataset::open(actor.subject.capture), parse_split(data.choice("split", {"train", "test"}, "train")),
+                 data.list<long>("frames"));
 }
 
-/// What a trained stage adds to an actor, in the order the stages are trained in. EGNet, which begins every actor, is
-/// loaded before these.
+/// The loaders of the stages, in the order of training. EGNet is the first stage of every actor and is loaded before
+/// these.
 struct ActorPart {
   const char* stage;
   void (*load)(TrainedActor& actor, const StoredStage& stage);
@@ -82,7 +82,7 @@ constexpr ActorPart kActorParts[] = {{"lighting", load_lighting},
                                      {"radiance", load_radiance},
                                      {"nerf", load_nerf}};
 
-/// A texture at another size. @param texture [1,Th,Tw,3] @return [size,size,3]
+/// A texture resized to another resolution. @param texture [1,Th,Tw,3] @return [size,size,3]
 torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
   const torch::Tensor planes = texture.permute({0, 3, 1, 2});
   const torch::Tensor out = planes.size(2) >= size && planes.size(3) >= size
@@ -100,7 +100,7 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
   const auto egnet_stage = find_stage(run, "egnet");
   if (!egnet_stage) fail("{} has no checkpoint of egnet yet; train it first", run.string());
   TrainedActor actor;
-  // The run's own, which need not be the one that a borrowed EGNet was trained on.
+  // The subject of this run. An EGNet from another run may have been trained on another capture.
   load_egnet(actor, *egnet_stage, run, capture ? *capture : run_subject(run).capture);
   actor.steps["egnet"] = egnet_stage->step;
   for (const ActorPart& part : kActorParts) {
@@ -152,7 +152,7 @@ torch::Tensor TrainedActor::refined(const torch::Tensor& dof_window) {
 }
 
 FieldImage TrainedActor::radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height,
-                                    int64_t width) {
+                                  int64_t width) {
   torch::NoGradGuard no_grad;
   const FieldSurface around{displaced(hybrid->around, dof_window)[0], hybrid->vertex_values(dof_window)};
   return field_viewer->draw(hybrid->field, around, projection, height, width, field_stencil, field_image);
@@ -184,7 +184,7 @@ torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, cons
                             const torch::Tensor& surface) {
   const torch::Tensor window = last_rows(dof_window, config.past_frames);
   const auto frames = window.size(1);
-  // Normals do not know where the root stands, so the window's translation need not be taken out.
+  // Normals do not depend on the position of the root, so the window's translation need not be removed.
   torch::Tensor posed =
       actor.surface->skinned(window.flatten(0, 1)).view({-1, frames, actor.character.num_vertices(), 3});
   if (config.surface_normals) posed = at::cat({posed.narrow(1, 0, frames - 1), surface.unsqueeze(1)}, 1);
@@ -199,7 +199,7 @@ SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>
   const std::vector<SampleId> samples = chosen_samples(dataset, split, frames);
   if (samples.size() != 1)
     fail<UsageError>(
-        "nerf: a field without a mesh is of one frame, and the data holds {}; name it: --set nerf.data.frames=[{}]",
+        "nerf: a field without a mesh needs exactly one frame, found {}; name it: --set nerf.data.frames=[{}]",
         samples.size(), samples.front().frame);
   return samples.front();
 }

@@ -1,8 +1,8 @@
 #include "doppel/actor/trained_pose.h"
 
-#include "doppel/core/error.h"
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/stored_stage.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -32,7 +32,8 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   trained.steps["posenet"] = stored->step;
   if (!with_defnet) return trained;
   if (const auto deformation = find_stage(run, "defnet")) {
-    trained.defnet = DefNet(trained.character.num_nodes(), BackboneConfig::read(deformation->config.root().section("model")));
+    trained.defnet =
+        DefNet(trained.character.num_nodes(), BackboneConfig::read(deformation->config.root().section("model")));
     load_evaluation_weights(*trained.defnet, deformation->checkpoint);
     trained.steps["defnet"] = deformation->step;
   }

@@ -18,24 +18,24 @@
 
 namespace doppel {
 
-/// What captures a performance from one camera (chapter 5), as far as a run has been trained: PoseNet, then DefNet.
-/// Networks are in evaluation mode and need no gradient.
+/// The networks of a run that capture a performance from one camera (chapter 5), with all networks trained so far:
+/// PoseNet, then DefNet. Networks are in evaluation mode and need no gradient.
 struct TrainedPose {
   RunSubject subject;
   Character character;
   std::vector<Marker> landmarks;                ///< [M] of the capture
   std::vector<std::string> trained_on_cameras;  ///< of PoseNet; empty: all
-  std::map<std::string, std::int64_t> steps;    ///< of each stage that is there
+  std::map<std::string, std::int64_t> steps;    ///< of each loaded stage
   DetectionOptions detections;
 
   std::optional<PoseDofs> pose;
   Landmarks landmark_layer{nullptr};
   CharacterSurface surface{nullptr};
   PoseNet posenet{nullptr};
-  DefNet defnet{nullptr};  ///< null where it was not trained
+  DefNet defnet{nullptr};  ///< null if it was not trained
 
-  /// @param run what `doppel train` wrote: posenet, or a chain of it and defnet
-  /// @param capture a prepared folder to use instead of the one the run was trained on
+  /// @param run output of `doppel train`: posenet, or a chain of posenet and defnet
+  /// @param capture a prepared capture to use instead of the one the run was trained on
   /// @param with_defnet false: PoseNet alone
   /// @throws Error when the folder is not a run, PoseNet has no checkpoint, or the character is not the one it was
   /// trained for
@@ -46,9 +46,9 @@ struct TrainedPose {
   CapturedPose capture(const PersonView& view);
   /// All DoFs of captured poses. @return [B,D]
   torch::Tensor dofs(const CapturedPose& captured) const;
-  /// DefNet's deformation of what the image shows, zeros without DefNet. @return A, T [B,K,3]
+  /// DefNet's deformation for an image; zeros without DefNet. @return A, T [B,K,3]
   std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& image);
-  /// A digest of PoseNet's weights: what DefNet was trained on.
+  /// A digest of PoseNet's weights. It identifies what DefNet was trained on.
   std::string digest() const;
 };
 

@@ -7,17 +7,18 @@
 #include <opencv2/video/background_segm.hpp>
 #include <vector>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/mask.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr int kHistory = 500;
-constexpr int kFewest = 20;  ///< images that the model is shown: fewer are shown again, or variances stay as guessed
-constexpr double kSmallestShare = 5e-4;      ///< of the image: a person is not smaller
-constexpr double kHoleShare = 2e-3;          ///< of the person: a hole is at least as large, or it is a gap
+constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
+constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
+constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
 constexpr double kSizeOfGaps = 1.0 / 140.0;  ///< of the image's longer side
 constexpr std::uint64_t kSeed = 20210917;
 
@@ -26,8 +27,8 @@ constexpr std::uint64_t kSeed = 20210917;
 constexpr double kLogRange = 0.25, kLogStep = 0.005;
 constexpr int kBins = 2 * static_cast<int>(kLogRange / kLogStep) + 1, kReach = 3;
 constexpr int kSampleStep = 3;
-constexpr int kDarkest = 25, kBrightest = 245;  ///< of what is compared: noise below, clipped values above
-constexpr double kSmallestAgreement = 0.1;      ///< of the pixels compared
+constexpr int kDarkest = 25, kBrightest = 245;  ///< of the compared pixels: noise below, clipped values above
+constexpr double kSmallestAgreement = 0.1;      ///< of the compared pixels
 
 using Histogram = std::array<double, kBins>;
 
@@ -37,7 +38,7 @@ double sum_around(const Histogram& votes, int bin) {
   return sum;
 }
 
-/// The ratio that most pixels agree on: what the person covers has no ratio in common. 1 when they do not agree.
+/// The ratio that most pixels agree on. The pixels of the person have no common ratio. 1 when pixels do not agree.
 double common_ratio(const Histogram& votes) {
   int best = 0;
   double total = 0.0;
@@ -53,7 +54,7 @@ double common_ratio(const Histogram& votes) {
   return std::exp(mean);
 }
 
-/// How much brighter an image is than the empty scene, per channel.
+/// The brightness of an image relative to the empty scene, per channel.
 cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
   std::array<Histogram, 3> votes{};
   for (int row = 0; row < image.rows; row += kSampleStep)
@@ -88,7 +89,7 @@ void fill_small_holes(cv::Mat& mask) {
   }
 }
 
-/// One person without specks and gaps; empty when what is left is too small to be one.
+/// The mask of one person without specks and gaps; empty when the result is too small to be a person.
 cv::Mat clean(const cv::Mat& found, int gap) {
   cv::Mat mask;
   cv::medianBlur(found, mask, 3);
@@ -99,7 +100,8 @@ cv::Mat clean(const cv::Mat& found, int gap) {
   return mask;
 }
 
-/// Where the graph cut may decide, and what it starts from. @param changed whatever is not as it was, shadows too
+/// The pixels that the graph cut may change, and its initial labels. @param changed pixels that differ from the empty
+/// scene, including shadows
 cv::Mat cut_labels(const cv::Mat& person, const cv::Mat& changed, int gap) {
   cv::Mat inside, near;
   cv::erode(person, inside, disc(std::max(3, gap)));
@@ -111,16 +113,16 @@ cv::Mat cut_labels(const cv::Mat& person, const cv::Mat& changed, int gap) {
   return labels;
 }
 
-/// The outline along the image's edges. Falls back to `person` where a cut makes no sense.
+/// Moves the outline to the edges of the image. Returns `person` when a cut is not possible.
 cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& changed, int gap) {
   cv::Mat labels = cut_labels(person, changed, gap);
   cv::Rect box = cv::boundingRect(labels != cv::GC_BGD);
   const cv::Point margin(2 * gap + 2, 2 * gap + 2);
   box = cv::Rect(box.tl() - margin, box.br() + margin) & cv::Rect({}, image.size());
   cv::Mat window = labels(box), colours_outside, colours_inside;
-  const int enough = 100;  // pixels on either side, for mixtures of five colours
+  const int enough = 100;  // pixels of either label, for mixtures of five colours
   if (cv::countNonZero(window == cv::GC_FGD) < enough || cv::countNonZero(window == cv::GC_BGD) < enough) return person;
-  // The mixtures start from random colours: from the same ones for the same image.
+  // The mixtures start from random colours. A fixed seed gives the same mask for the same image.
   cv::RNG& random = cv::theRNG();
   const std::uint64_t state = random.state;
   random.state = kSeed;
@@ -137,19 +139,19 @@ cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& chang
 struct BackgroundModel::Impl {
   BackgroundOptions options;
   cv::Ptr<cv::BackgroundSubtractorMOG2> model;
-  std::vector<cv::Mat> few;  ///< the first images, to show them again
+  std::vector<cv::Mat> few;  ///< the first images, kept to repeat them
   int learnt = 0, shown = 0;
   cv::Size size;
-  cv::Mat empty;  ///< the scene as it was learnt; none before the first mask
+  cv::Mat empty;  ///< the learnt scene; empty before the first mask
 
   void check(const cv::Mat& image) const {
-    if (image.type() != CV_8UC3) fail("background subtraction wants 8-bit colour images");
+    if (image.type() != CV_8UC3) fail("background subtraction needs 8-bit colour images");
     if (learnt > 0 && image.size() != size)
-      fail("an image has {}x{} pixels, the first of the empty scene {}x{}; they must be equal", image.cols,
-           image.rows, size.width, size.height);
+      fail("an image has {}x{} pixels, the first of the empty scene {}x{}; they must be equal", image.cols, image.rows,
+           size.width, size.height);
   }
 
-  /// The n-th image changes the model by 1 / n, so that all weigh the same.
+  /// The n-th image changes the model by 1 / n, so that all images have the same weight.
   void show(const cv::Mat& image) {
     cv::Mat ignored;
     model->apply(image, ignored, 1.0 / ++shown);
@@ -157,7 +159,7 @@ struct BackgroundModel::Impl {
 
   void finish_learning() {
     if (!empty.empty()) return;
-    for (int i = 0; shown < kFewest; ++i) show(few[static_cast<std::size_t>(i) % few.size()]);
+    for (int i = 0; shown < kFewest; ++i) show(few[as_size(i) % few.size()]);
     few.clear();
     model->getBackgroundImage(empty);
   }
@@ -179,7 +181,7 @@ BackgroundModel::BackgroundModel(BackgroundModel&&) noexcept = default;
 BackgroundModel& BackgroundModel::operator=(BackgroundModel&&) noexcept = default;
 
 void BackgroundModel::learn(const cv::Mat& image) {
-  if (!impl_->empty.empty()) fail<UsageError>("background subtraction learns no more once it has made a mask");
+  if (!impl_->empty.empty()) fail<UsageError>("background subtraction cannot learn after its first mask");
   impl_->check(image);
   impl_->size = image.size();
   ++impl_->learnt;

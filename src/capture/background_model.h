@@ -5,18 +5,18 @@
 
 namespace doppel {
 
-/// How to tell the person from what the camera saw before the person came.
+/// Settings of background subtraction.
 struct BackgroundOptions {
-  double threshold = 4.0;  ///< how far a colour may lie from those learnt, standard deviations
-  /// A darker shade of what was learnt is a shadow, and so background, down to this share of its brightness; 1: shadows
-  /// count as the person.
+  double threshold = 4.0;  ///< largest distance of a background colour from the learnt colours, standard deviations
+  /// A darker shade of a learnt colour counts as shadow, and so as background, down to this share of its brightness.
+  /// With 1, shadows count as the person.
   double shadow = 0.5;
-  bool refine = true;  ///< lay the outline along the image's own edges; takes most of the time
+  bool refine = true;  ///< move the outline to the edges of the image; takes most of the time
 };
 
-/// The empty scene of one camera that stands still: learns from empty images (a mixture of Gaussians per pixel), then
-/// cuts one person out of others without learning any more. Images are independent of each other, and the same
-/// image always gives the same mask. Not thread-safe.
+/// A model of the empty scene in one static camera. The model learns from images of the empty scene (a mixture of
+/// Gaussians per pixel), then segments one person in other images without learning from them. A mask does not depend on
+/// earlier images: the same image always gives the same mask. Not thread-safe.
 ///
 /// Usage:
 /// @code
@@ -32,18 +32,20 @@ class BackgroundModel {
   BackgroundModel(BackgroundModel&&) noexcept;
   BackgroundModel& operator=(BackgroundModel&&) noexcept;
 
-  /// Learns from an empty image, 8-bit BGR; all weigh the same. A dozen or more show the sensor's noise, one will do.
+  /// Learns from an image of the empty scene, 8-bit BGR. All images have the same weight. One image suffices; a dozen
+  /// or more also show the noise of the sensor.
   /// @throws UsageError after the first mask; Error when the size or the type differs from the images before
   void learn(const cv::Mat& image);
   int num_learnt() const;
 
-  /// The person in an image: 255, elsewhere 0; of several parts the largest, and nothing where it is a mere speck.
-  /// 1. The exposure is brought to that of the empty images, channel by channel: the background may have become up to
-  ///    a quarter brighter or darker.
-  /// 2. Pixels that fit neither what was learnt nor a shadow of it are the person; gaps are closed.
-  /// 3. With `refine`, a graph cut (GrabCut) between what is surely the person and what surely is not moves the outline
-  ///    to the image's edges. It brings back what step 2 took for a shadow, and drops halos.
-  /// @throws UsageError before anything was learnt; Error for another size or type
+  /// The mask of the person in an image: 255 on the person, 0 elsewhere. Only the largest connected part is kept. The
+  /// mask is empty when this part is too small to be a person.
+  /// 1. The exposure is matched to that of the empty scene, channel by channel. The background may be up to a quarter
+  ///    brighter or darker.
+  /// 2. Pixels that match neither the learnt colours nor a shadow of them belong to the person; gaps are closed.
+  /// 3. With `refine`, a graph cut (GrabCut) between certain foreground and certain background moves the outline to the
+  ///    edges of the image. The cut recovers parts of the person that step 2 took for shadow, and removes halos.
+  /// @throws UsageError before the first `learn`; Error for another size or type
   cv::Mat mask(const cv::Mat& image);
 
  private:

@@ -4,7 +4,7 @@
 
 namespace doppel {
 
-/// A file of configs/keypoints, compiled in so that an installed program needs no folder beside it.
+/// A file of configs/keypoints. The file is compiled in, so an installed program needs no data folder.
 struct BuiltinKeypointMap {
   const char* name;
   const char* yaml;

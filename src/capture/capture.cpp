@@ -1,7 +1,5 @@
 #include "doppel/capture/capture.h"
 
-#include "doppel/capture/path_pattern.h"
-
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <cstring>
 #include <set>
 
+#include "doppel/capture/path_pattern.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
 
@@ -19,7 +18,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kSchemaVersion = 1;
-constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames a second: anything above is a slip
+constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames per second: larger numbers are mistakes
 
 /// Names become keys of the store and parts of file names.
 void check_name(const ConfigReader& reader, const std::string& key, const std::string& name) {
@@ -28,7 +27,7 @@ void check_name(const ConfigReader& reader, const std::string& key, const std::s
     reader.fail_at_key(key, "'{}' is no usable name: 1 to 64 letters, digits, '_', '-', '.' or '@' are allowed", name);
 }
 
-/// Tries a pattern with some numbers, so that a slip in its braces is reported at its line.
+/// Expands a pattern with arbitrary numbers, so that a mistake in its braces is reported at its line.
 void check_pattern(const ConfigReader& reader, const std::string& key, const std::string& pattern) {
   try {
     expand_pattern(pattern, 0, "0", 0);
@@ -108,7 +107,7 @@ void read_range(const ConfigReader& reader, SequenceEntry& sequence) {
   sequence.cuts = reader.list<long>("cuts");
   for (std::size_t i = 0; i < sequence.cuts.size(); ++i)
     if (sequence.cuts[i] < 0 || (i > 0 && sequence.cuts[i] <= sequence.cuts[i - 1]))
-      reader.fail_at_key("cuts", "must be motion rows >= 0 in ascending order; {} stands at place {}", sequence.cuts[i],
+      reader.fail_at_key("cuts", "must be motion rows >= 0 in ascending order; {} is at index {}", sequence.cuts[i],
                          i + 1);
 }
 
@@ -140,7 +139,7 @@ PoseDetectorOptions read_detector(const ConfigReader& reader) {
   return detector;
 }
 
-/// What the keypoints are put on, and how they are made steady.
+/// Reads the landmarks, the keypoint map, the filter and the detector.
 void read_evidence(const ConfigReader& reader, Capture& capture) {
   capture.landmarks = reader.get("landmarks", "");
   capture.keypoint_map = reader.get("keypoint_map", "");
@@ -241,7 +240,7 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
   return node;
 }
 
-/// `root` as seen from `folder`, when a reader would still call it near.
+/// `root` relative to `folder` when it is in or beside this folder; otherwise absolute.
 fs::path portable_root(const fs::path& root, const fs::path& folder) {
   const fs::path relative = fs::weakly_canonical(root).lexically_relative(fs::weakly_canonical(folder));
   const auto ups = std::count(relative.begin(), relative.end(), fs::path(".."));
@@ -253,7 +252,7 @@ fs::path portable_root(const fs::path& root, const fs::path& folder) {
 Split parse_split(const std::string& word) {
   if (word == "train") return Split::train;
   if (word == "test") return Split::test;
-  fail<UsageError>("'{}' is no split; the splits are train and test", word);
+  fail<UsageError>("'{}' is not a split; the splits are train and test", word);
 }
 
 std::string to_string(Split split) { return split == Split::train ? "train" : "test"; }
@@ -282,7 +281,7 @@ Capture read_capture(const fs::path& file_or_folder) {
   const ConfigDocument document = ConfigDocument::load(file);
   const ConfigReader reader = document.root();
   if (!reader.has("doppel_capture"))
-    reader.fail_at_key("", "is no capture description: the key `doppel_capture: {}` is missing", kSchemaVersion);
+    reader.fail_at_key("", "is not a capture description: the key `doppel_capture: {}` is missing", kSchemaVersion);
   const long version = reader.get<long>("doppel_capture");
   if (version != kSchemaVersion)
     reader.fail_at_key("doppel_capture", "has version {}; this program reads version {}", version, kSchemaVersion);

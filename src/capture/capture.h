@@ -6,22 +6,22 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
 #include "doppel/capture/background_model.h"
 #include "doppel/capture/chroma_key.h"
 #include "doppel/capture/keypoint_filter.h"
 #include "doppel/capture/pose_detector.h"
+#include "doppel/core/config.h"
 
 namespace doppel {
 
-/// What a sequence is for.
+/// The use of a sequence: training or evaluation.
 enum class Split { train, test };
 /// "train" or "test". @throws UsageError for another word.
 Split parse_split(const std::string& word);
 std::string to_string(Split split);
 
-/// How to cut a person out of images of a camera that stands still, when there are no masks: what differs from the
-/// empty scene is the person.
+/// Background subtraction for a static camera without masks: the pixels that differ from the empty scene are the
+/// person.
 struct BackgroundSubtraction {
   std::string empty;     ///< the empty scene: a video, an image per frame or a single image; "": the sequence's videos
   long first_frame = 0;  ///< of `empty`, video frames
@@ -38,23 +38,23 @@ struct SequenceEntry {
   std::string masks;   ///< the same; empty when one of the next two is set
   std::optional<ChromaKey> chroma_key;
   std::optional<BackgroundSubtraction> subtraction;
-  int mask_threshold = 128;                  ///< a pixel >= this is the person
+  int mask_threshold = 128;                  ///< pixels >= this value are the person
   bool largest_component = false;            ///< keep only the largest connected part of a mask
   std::string keypoints;                     ///< keypoint files (JSON or a table), or empty
-  std::string joints3d;                      ///< table of joints in space (joint_detections.h), or empty
-  std::string motion;                        ///< Skeletool motion file; row f belongs to the f-th instant; or empty
+  std::string joints3d;                      ///< table of 3D joints (joint_detections.h), or empty
+  std::string motion;                        ///< Skeletool motion file, row f is the pose of frame f; or empty
   std::map<std::string, long> frame_offset;  ///< camera name -> video frame = motion row + offset
   long first_frame = 0;                      ///< first motion row to use
   std::optional<long> last_frame;            ///< last motion row to use; the last of the motion if not given
   std::vector<long> cuts;                    ///< motion rows that begin a new segment, ascending
 
   long offset(const std::string& camera) const;
-  /// Whether masks are cut out of the images instead of read from files.
+  /// Whether masks are computed from the images instead of read from files.
   bool masks_from_images() const { return chroma_key || subtraction; }
 };
 
-/// A capture as its `capture.yaml` (schema version 1, docs/capture.md) describes it: calibrated cameras, synchronised
-/// video, masks, poses where they are known.
+/// A capture as described by its `capture.yaml` (schema version 1, docs/capture.md): calibrated cameras, synchronised
+/// video, masks, and poses where they are known.
 struct Capture {
   std::string name;
   std::filesystem::path file;  ///< the capture.yaml this came from; empty when recognised from a folder
@@ -62,31 +62,31 @@ struct Capture {
   std::string character;       ///< `.character` file
   std::string calibration;
   double fps = 25.0;
-  std::vector<std::string> cameras;  ///< names to use, empty: all of the calibration file
+  std::vector<std::string> cameras;  ///< names of the cameras to use; empty: all of the calibration file
   std::string background;            ///< image of the empty studio per camera, or empty
   std::string landmarks;             ///< placement file of the landmarks; empty: the skeleton's markers
-  std::string keypoint_map;          ///< a built-in map's name or a file; empty: as the keypoint files suggest
+  std::string keypoint_map;          ///< a built-in map's name or a file; empty: chosen by the keypoint files
   KeypointFilter keypoint_filter;
-  std::optional<PoseDetectorOptions> detector;  ///< for sequences without `keypoints`; paths as written
+  std::optional<PoseDetectorOptions> detector;  ///< for sequences without `keypoints`; paths as written in the file
   std::vector<SequenceEntry> sequences;
 
-  /// `written` made absolute: relative paths start at `root`.
+  /// The absolute path of `written`. Relative paths start at `root`.
   std::filesystem::path resolve(const std::string& written) const;
-  /// Absolute path, or pattern with `{frame}`, of one camera's files. @param file_index its place in the calibration
-  /// file
+  /// The absolute path of one camera's files, or a pattern with `{frame}`.
+  /// @param file_index index of the camera in the calibration file
   std::string source(const std::string& pattern, int file_index, const std::string& camera) const;
   std::filesystem::path character_path() const { return resolve(character); }
   std::filesystem::path calibration_path() const { return resolve(calibration); }
-  /// Whether any sequence names keypoints, or a detector can find some.
+  /// Whether any sequence has keypoint files, or the capture has a detector.
   bool has_keypoints() const;
 };
 
-/// Reads a `capture.yaml`, or the one in a folder. Every value is checked on its own; whether files exist and agree is
-/// the business of `prepare`.
+/// Reads a `capture.yaml`, or the one in a folder. Every value is checked on its own; `prepare` checks whether the
+/// files exist and agree with each other.
 /// @throws FileError with file:line:key
 Capture read_capture(const std::filesystem::path& file_or_folder);
-/// Writes it, `root` included, so that `read_capture` gives the same capture. `root` is written relative to the file's
-/// folder when it lies in it or beside it, else absolute.
+/// Writes a capture, including `root`, so that `read_capture` returns the same capture. `root` is written as a relative
+/// path when it is in or beside the folder of the file, otherwise as an absolute path.
 void write_capture(const std::filesystem::path& path, const Capture& capture);
 
 }  // namespace doppel

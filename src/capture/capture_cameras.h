@@ -15,12 +15,13 @@ struct CaptureCameras {
   std::vector<int> file_index;  ///< [C] position in the calibration file
 };
 
-/// Those the capture names, in its order, or all of the calibration file.
+/// The cameras that the capture names, in its order; all cameras of the calibration file when it names none.
 /// @throws Error naming a camera that the calibration file does not have; FileError as read_calibration
 CaptureCameras choose_cameras(const Capture& capture);
 
-/// The camera at the resolution of its images, and a line in the log where that differs from the calibration's.
-/// @param source where the images are, for messages @throws Error when the aspect ratios differ by more than 1 %
+/// The camera scaled to the resolution of its images. Logs a line when this resolution differs from the calibration.
+/// @param source path of the images, for messages
+/// @throws Error when the aspect ratios differ by more than 1 %
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source);
 
 }  // namespace doppel

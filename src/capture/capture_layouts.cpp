@@ -8,9 +8,9 @@
 #include <regex>
 #include <set>
 
+#include "doppel/capture/path_pattern.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/geometry/calibration.h"
 
 namespace doppel {
@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Files of one folder that differ in a number only, e.g. stream000.mp4, stream001.mp4.
+/// Files of one folder whose names differ only in a number, e.g. stream000.mp4, stream001.mp4.
 struct NumberedFiles {
   std::string pattern;  ///< file name with {camera} or {camera:03}
   std::set<long> numbers;
@@ -59,7 +59,7 @@ std::optional<NumberedFiles> numbered_files(const fs::path& folder, const std::s
 const std::vector<std::string> kVideoExtensions{"mp4", "avi", "mkv", "mov"};
 const std::vector<std::string> kMaskExtensions{"mkv", "mp4", "avi", "mov"};
 
-/// One way the public releases arrange videos and masks below training/ and testing/.
+/// A layout of videos and masks below training/ and testing/ in the public releases.
 struct Layout {
   std::string name, video_folder, mask_folder, prefix;
 };
@@ -73,7 +73,7 @@ const std::vector<Layout> kLayouts{
 
 std::string relative_to(const fs::path& path, const fs::path& root) { return path.lexically_relative(root).string(); }
 
-/// Files below `folder` (at most `depth` levels down) that `wanted` accepts, the nearest level first.
+/// Files below `folder` (at most `depth` levels) that `wanted` accepts, the upper levels first.
 std::vector<fs::path> find_files(const fs::path& folder, int depth,
                                  const std::function<bool(const fs::path&)>& wanted) {
   std::vector<fs::path> found, level{folder};
@@ -184,7 +184,7 @@ std::optional<FoundSequence> find_sequence(const fs::path& folder, const std::st
   return std::nullopt;
 }
 
-/// `background/<cam>/NAME`, with the first NAME that every camera's folder has.
+/// `background/<cam>/NAME`, with the first NAME that the folders of all cameras contain.
 std::string find_background_folders(const fs::path& folder) {
   std::vector<fs::path> cameras;
   std::size_t shortest = 6, longest = 0;
@@ -210,13 +210,13 @@ std::string find_background_folders(const fs::path& folder) {
   return "";
 }
 
-/// The empty studio: `background/NNN.png`, or an image that all of `background/<cam>/` have.
+/// The images of the empty studio: `background/NNN.png`, or an image that all folders `background/<cam>/` contain.
 std::string find_background(const fs::path& folder) {
   const auto files = numbered_files(folder / "background", "", {"png", "jpg"});
   return files ? "background/" + files->pattern : find_background_folders(folder / "background");
 }
 
-/// The cameras that have a video in every sequence, by name; empty when these are all.
+/// The names of the cameras that have a video in every sequence; empty when all cameras have one.
 std::vector<std::string> common_cameras(const std::vector<FoundSequence>& sequences, const std::vector<Camera>& all) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < all.size(); ++i) {

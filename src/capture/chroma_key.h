@@ -4,8 +4,8 @@
 
 namespace doppel {
 
-/// How to cut a person out of a uniformly coloured studio when there are no masks. A pixel is background when its
-/// chroma is near that of the key, which is either one colour or the image of the empty studio.
+/// Chroma keying for a uniformly coloured studio without masks. A pixel is background when its chroma is near that of
+/// the key. The key is either one colour or the image of the empty studio.
 struct ChromaKey {
   enum class Space { hsv, ycrcb };
   Space space = Space::ycrcb;

@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/capture/mask.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/log.h"
-#include "doppel/capture/mask.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
-constexpr float kLargestShare = 1.5f;  ///< pixels: a whole body is never smaller
+constexpr float kLargestShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
 
 std::string chosen_map(const Capture& capture) {
   if (!capture.keypoint_map.empty()) return capture.keypoint_map;
@@ -30,7 +30,7 @@ KeypointMap load_map(const Capture& capture, const std::string& name) {
   return read_keypoint_map(is_builtin ? name : capture.resolve(name).string());
 }
 
-/// Some detectors can be told to write parts of the image's size, 0 to 1.
+/// Some detectors can write fractions of the image size, 0 to 1.
 void check_pixels(const std::vector<std::vector<Keypoint>>& frames) {
   float largest = 0.0f;
   for (const auto& landmarks : frames)
@@ -72,7 +72,7 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
   const bool by_name = name == kNamesMap;
   plan.map_name = name;
   if (by_name && capture.detector)
-    fail("{} has a detector, whose points have an order and no names: `keypoint_map` must be a map, not '{}'",
+    fail("{} has a detector, whose points have an order but no names: `keypoint_map` must be a map, not '{}'",
          capture.name, kNamesMap);
   if (!by_name) plan.map = load_map(capture, name);
   if (!capture.landmarks.empty())
@@ -81,7 +81,7 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
     plan.landmarks = by_name ? character.skeleton.markers : known_markers(character.skeleton, plan.map);
   if (by_name) plan.map = map_of_names(plan.landmarks);
   if (!plan.landmarks.empty()) {
-    LandmarkPicker(plan.map, plan.landmarks);  // refuses landmarks that the map does not know
+    LandmarkPicker(plan.map, plan.landmarks);  // throws for landmarks that the map does not contain
     return plan;
   }
   const std::string sentence = fmt::format(
@@ -89,7 +89,7 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
       "landmarks with `landmarks`, or another `keypoint_map`",
       capture.name, name, character.skeleton.markers.size());
   if (!capture.keypoint_map.empty()) fail("{}", sentence);
-  log::warn("{}. The keypoints are left out", sentence);
+  log::warn("{}. The keypoints are ignored", sentence);
   return plan;
 }
 
@@ -129,12 +129,13 @@ KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask
 std::vector<std::string> keypoint_doubts(const KeypointFacts& facts) {
   std::vector<std::string> doubts;
   if (facts.missing_files == facts.frames)
-    doubts.push_back("none of the keypoint files is there; check the path and its number of digits");
+    doubts.push_back("none of the keypoint files exists; check the path and its number of digits");
   else if (facts.missing_files > 0)
-    doubts.push_back(fmt::format("{} of {} keypoint files are missing; nobody is taken to be seen there",
+    doubts.push_back(fmt::format("{} of {} keypoint files are missing; their frames have no keypoints",
                                  facts.missing_files, facts.frames));
   if (facts.unsure > 0 && facts.unsure == facts.frames - facts.nobody)
-    doubts.push_back(fmt::format("all keypoints have a confidence below {}; they will hardly count", kSeenConfidence));
+    doubts.push_back(
+        fmt::format("all keypoints have a confidence below {}; they have little influence", kSeenConfidence));
   if (facts.missing_files < facts.frames && facts.nobody == facts.frames)
     doubts.push_back("nobody was found in any frame");
   return doubts;

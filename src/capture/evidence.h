@@ -5,67 +5,68 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/character.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/keypoint_map.h"
 #include "doppel/capture/mask.h"
+#include "doppel/character/character.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel {
 
-/// What a capture's keypoints are put on.
+/// The landmarks of a capture, and the map from keypoints to these landmarks.
 struct EvidencePlan {
   KeypointMap map;
-  std::string map_name;           ///< of the map: built in, "names", or a path as written
-  std::vector<Marker> landmarks;  ///< [M]; none: the capture has no keypoints, or nothing to put them on
+  std::string map_name;           ///< name of a built-in map, "names", or a path as written
+  std::vector<Marker> landmarks;  ///< [M]; none: the capture has no keypoints, or no landmarks for them
 };
 
-/// Chooses map and landmarks: those of the placement file, else the skeleton's markers that the map knows. Without
-/// `keypoint_map`, tables (.csv) name landmarks, other files and a detector's points are taken for BODY_25. Keypoints
-/// without any landmark are left alone with a warning, unless the capture asks for a map.
-/// @throws Error for a detector whose points have no order (the map `names`), for landmarks that the map does not know,
-/// or what its readers throw
+/// Chooses the map and the landmarks. The landmarks are those of the placement file; without a placement file, the
+/// skeleton's markers that the map contains. Without `keypoint_map`, the points of a table (.csv) have the names of
+/// landmarks, and the points of other files and of a detector are BODY_25. When there is no landmark, the keypoints are
+/// ignored with a warning; when the capture names a map, this is an error.
+/// @throws Error for a detector with the map `names`, which defines no order of points; for landmarks that the map does
+/// not contain; and the errors of the readers
 EvidencePlan plan_evidence(const Capture& capture, const Character& character);
 
-/// What was found of the keypoints of one camera in one sequence.
+/// Statistics of the keypoints of one camera in one sequence.
 struct KeypointFacts {
   long frames = 0;
   long missing_files = 0;  ///< frames without a file
-  long nobody = 0;         ///< frames in which nobody was found, missing files included
-  long several = 0;        ///< frames in which more than one person was found
+  long nobody = 0;         ///< frames without a detected person, missing files included
+  long several = 0;        ///< frames with more than one detected person
   long unsure = 0;         ///< frames with people, but no landmark of at least kSeenConfidence
   double seen = 0.0;       ///< share of landmarks, over all frames, of at least kSeenConfidence
 };
 
-/// The keypoints of one camera in consecutive frames, on landmarks, in pixels of the image without distortion.
+/// The keypoints of one camera in consecutive frames, one per landmark, in pixels of the image without distortion.
 struct KeypointTrack {
   std::vector<std::vector<Keypoint>> frames;  ///< [F] of [M]
   KeypointFacts facts;
 };
 
-/// Where the people of a video frame come from, and the mask of the frame (empty: none); both by video frame.
+/// Functions that return the people in a video frame, and the mask of a video frame (empty: none).
 using PeopleOfFrame = std::function<std::optional<People>(long frame)>;
 using MaskOfFrame = std::function<cv::Mat(long frame)>;
 
-/// Follows one person through the frames `first` to `last` of a video: chooses whom, takes the lens distortion out,
+/// Follows one person through the frames `first` to `last` of a video: chooses the person, removes the lens distortion,
 /// picks the landmarks and filters them.
-/// @param camera with its distortion, at the resolution of the images that points were found in
+/// @param camera with its distortion, at the resolution of the images in which the points were detected
 /// @param cuts video frames that begin a new segment
-/// @throws Error when the points are no pixels (all of them parts of the image's size)
+/// @throws Error when the points are not in pixels (all of them are fractions of the image size)
 KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
                             const Camera& camera, long first, long last, const std::vector<long>& cuts,
                             const KeypointFilter& filter);
 
-/// The one person of an image: chooses whom, takes the lens distortion out and picks the landmarks. [M]
-/// @param people of the image as it was filmed @param mask of the image without distortion; asked for where
-/// several people were found
+/// Keypoints of one person in an image, [M]: chooses the person, removes the lens distortion and picks the landmarks.
+/// @param people of the image as filmed, with distortion
+/// @param mask of the image without distortion; called only when several people were detected
 std::vector<Keypoint> pick_person(std::optional<People> people, const std::function<cv::Mat()>& mask,
                                   const LandmarkPicker& picker, const Undistorter& undistorter);
 
-/// The capture's detector, which it must have. @param layout of the points that it finds
+/// Opens the detector of a capture. @pre the capture has one @param layout of the detected points
 PoseDetector open_detector(const Capture& capture, const PointLayout& layout);
 
-/// What should be said about a track, in plain sentences; empty when all is well.
+/// Warnings about the keypoints of a track, in sentences; empty when there are none.
 std::vector<std::string> keypoint_doubts(const KeypointFacts& facts);
 
 }  // namespace doppel

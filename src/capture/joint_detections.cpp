@@ -2,6 +2,7 @@
 
 #include <climits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -11,10 +12,9 @@ namespace {
 constexpr double kMillimetre = 1e-3;
 constexpr double kFarthest = 10.0;
 
-/// The place of the row's point in the layout.
+/// The index of the row's point in the layout.
 std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
-  const auto place =
-      static_cast<std::size_t>(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
+  const auto place = as_size(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
   if (reader.tokens()[2] != layout.points[place])
     reader.fail_here("point {} is called '{}', but in '{}' it is '{}'", place, reader.tokens()[2].substr(0, 60),
                      layout.name, layout.points[place]);
@@ -36,7 +36,7 @@ std::map<long, std::vector<JointDetection>> read_joint_detections(const std::fil
     const Eigen::Vector3d millimetres(reader.number(3, "x"), reader.number(4, "y"), reader.number(5, "z"));
     joints[place] = {kMillimetre * millimetres, true};
     if (joints[place].position.norm() > kFarthest)
-      reader.fail_here("the point '{}' lies {:.4g} m from the body's root; millimetres are expected, relative to it",
+      reader.fail_here("the point '{}' is {:.4g} m from the body's root; millimetres relative to it are expected",
                        layout.points[place], joints[place].position.norm());
   }
   if (frames.empty()) reader.fail_here("the table has no rows");

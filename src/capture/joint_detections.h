@@ -10,18 +10,18 @@
 
 namespace doppel {
 
-/// A joint as a network that looks at one image places it in space.
+/// A 3D joint as estimated by a network from one image.
 struct JointDetection {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, camera axes, from the body's root (mid-hip)
-  bool seen = false;                                   ///< false: the network says nothing of it
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, camera axes, relative to the body's root (mid-hip)
+  bool seen = false;                                   ///< false: the network gives no estimate
 };
 
-/// Reads a table with the columns `frame,index,name,x_mm,y_mm,z_mm`: what such a network found in the frames of one
-/// camera's video. x right, y down, z forward; relative to the body's root, so how far the person stands away is left
-/// open. `index` is the point's place in the layout.
-/// @return by video frame, [n] in the layout's order; frames and points that are not in the table are not seen
-/// @throws FileError (file:line): another header, an index or a name that the layout does not have or that do not
-///         belong together, a point given twice, farther than 10 m from the root, numbers that are none, no rows at all
+/// Reads a table with the columns `frame,index,name,x_mm,y_mm,z_mm`: the estimates of such a network in the frames of
+/// one camera's video. x right, y down, z forward, relative to the root of the body; the distance of the person from
+/// the camera is unknown. `index` is the index of the point in the layout.
+/// @return by video frame, [n] in the order of the layout; frames and points that are not in the table are not seen
+/// @throws FileError (file:line): another header, an index or a name that the layout does not have, an index and a name
+/// of different points, a point given twice or farther than 10 m from the root, an invalid number, no rows
 std::map<long, std::vector<JointDetection>> read_joint_detections(const std::filesystem::path& csv,
                                                                   const PointLayout& layout);
 

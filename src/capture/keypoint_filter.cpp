@@ -9,8 +9,9 @@ namespace {
 
 using Track = std::vector<Keypoint>;  ///< one landmark in the frames of one segment
 
-constexpr double kSpreads = 4.0;               ///< of neighbours, that a point may lie from them
-constexpr double kDeviationOfMedian = 1.4826;  ///< standard deviation of a normal distribution per upper_median deviation
+constexpr double kSpreads = 4.0;  ///< largest distance of a point from its neighbours, in spreads of the neighbours
+constexpr double kDeviationOfMedian =
+    1.4826;  ///< standard deviation of a normal distribution per upper_median deviation
 constexpr float kBridgedConfidence = 0.5f;
 
 bool seen(const Keypoint& point) { return point.confidence > 0.0f; }
@@ -27,7 +28,7 @@ bool is_outlier(const Track& track, int frame, const KeypointFilter& filter, dou
   std::vector<Keypoint> near;
   for (int f = std::max(0, frame - filter.window); f <= last; ++f)
     if (seen(track[f])) near.push_back(track[f]);
-  if (near.size() < 3) return false;  // two that differ do not say which of them is wrong
+  if (near.size() < 3) return false;  // of two points that differ, either may be wrong
   for (const Keypoint& point : near) {
     x.push_back(point.x);
     y.push_back(point.y);
@@ -60,7 +61,7 @@ void bridge_gaps(Track& track, int longest) {
   }
 }
 
-/// Positions move, confidences stay.
+/// Smooths the positions; the confidences stay the same.
 void smooth(Track& track, const KeypointFilter& filter) {
   if (filter.sigma <= 0.0) return;
   const Track raw = track;

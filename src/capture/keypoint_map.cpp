@@ -4,8 +4,9 @@
 #include <array>
 #include <set>
 
-#include "doppel/core/config.h"
 #include "doppel/capture/builtin_keypoint_maps.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/config.h"
 
 namespace doppel {
 
@@ -62,7 +63,7 @@ KeypointMap read_map(const ConfigDocument& document) {
   KeypointMap map;
   map.layout = read_layout(root);
   const auto add = [&](const ConfigReader& at, const std::string& key, KeypointMap::Entry entry) {
-    if (map.find(entry.landmark)) at.fail_at_key(key, "the landmark '{}' stands twice", entry.landmark);
+    if (map.find(entry.landmark)) at.fail_at_key(key, "the landmark '{}' is given twice", entry.landmark);
     map.entries.push_back(std::move(entry));
   };
   const ConfigReader landmarks = root.section("landmarks");
@@ -127,8 +128,8 @@ LandmarkPicker::LandmarkPicker(const KeypointMap& map, const std::vector<Marker>
       std::vector<std::string> known;
       for (const KeypointMap::Entry& other : map.entries) known.push_back(other.landmark);
       fail(
-          "the keypoint map of '{}' does not know the landmark '{}'; it knows {}. List it under `absent` of a map of "
-          "your own if the detector does not find it",
+          "the keypoint map of '{}' does not contain the landmark '{}'; it contains {}. List it under `absent` of a "
+          "map of your own if the detector does not find it",
           map.layout.name, landmark.name, fmt::join(known, ", "));
     }
     points_.push_back(entry->points);
@@ -141,7 +142,7 @@ std::vector<Keypoint> LandmarkPicker::pick(const std::optional<Person>& person) 
   for (const std::vector<int>& points : points_) {
     Keypoint middle{0.0f, 0.0f, points.empty() ? 0.0f : 1.0f};
     for (const int place : points) {
-      const Keypoint& point = person->at(static_cast<std::size_t>(place));
+      const Keypoint& point = person->at(as_size(place));
       middle.x += point.x / static_cast<float>(points.size());
       middle.y += point.y / static_cast<float>(points.size());
       middle.confidence = std::min(middle.confidence, point.confidence);
@@ -157,7 +158,7 @@ std::vector<JointDetection> LandmarkPicker::pick(const std::vector<JointDetectio
     JointDetection middle;
     middle.seen = !points.empty();
     for (const int place : points) {
-      const JointDetection& joint = joints.at(static_cast<std::size_t>(place));
+      const JointDetection& joint = joints.at(as_size(place));
       middle.position += joint.position / static_cast<double>(points.size());
       middle.seen = middle.seen && joint.seen;
     }

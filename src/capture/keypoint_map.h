@@ -3,18 +3,18 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/skeleton.h"
 #include "doppel/capture/joint_detections.h"
 #include "doppel/capture/keypoints.h"
+#include "doppel/character/skeleton.h"
 
 namespace doppel {
 
-/// From a detector's points to landmarks.
+/// A map from the points of a detector to landmarks.
 struct KeypointMap {
-  /// A landmark, and the points whose middle it is: one, several, or none where the detector does not find it.
+  /// A landmark and the points whose mean it is: one, several, or none when the detector does not find this landmark.
   struct Entry {
     std::string landmark;
-    std::vector<int> points;  ///< places in `layout.points`
+    std::vector<int> points;  ///< indices into `layout.points`
   };
   PointLayout layout;
   std::vector<Entry> entries;
@@ -25,7 +25,7 @@ struct KeypointMap {
 /// Reads a map: `body25`, `coco18` or `coco17`, which are built in (configs/keypoints/*.yaml), or a YAML file:
 ///
 ///     layout: coco17            # or `points: [nose, ...]`, the detector's own points in its order
-///     landmarks:                # landmark: point, or the points whose middle it is
+/// landmarks: # landmark: point, or the points whose mean it is
 ///       nose: nose
 ///       neck: [left_shoulder, right_shoulder]
 ///     absent: [mid_hip]         # landmarks that this detector does not find
@@ -34,25 +34,26 @@ struct KeypointMap {
 ///         is neither a built-in map nor a file
 KeypointMap read_keypoint_map(const std::string& name_or_path);
 
-/// The map in which every landmark is a point of its own name: that of tables which name landmarks.
+/// The map in which every landmark is a point of the same name, for tables with landmark names.
 KeypointMap map_of_names(const std::vector<Marker>& landmarks);
 
 /// The names of the maps that are built in.
 std::vector<std::string> builtin_keypoint_maps();
 
-/// The markers whose names a map knows: the landmarks of a capture without a placement file.
+/// The markers whose names a map contains: the landmarks of a capture without a placement file.
 std::vector<Marker> known_markers(const Skeleton& skeleton, const KeypointMap& map);
 
-/// Picks landmarks out of what a detector found.
+/// Picks landmarks from the points of a detector.
 class LandmarkPicker {
  public:
-  /// @throws Error for a landmark that the map does not know, listing those it does
+  /// @throws Error for a landmark that the map does not contain, listing those it contains
   LandmarkPicker(const KeypointMap& map, const std::vector<Marker>& landmarks);
 
-  /// [M] The middle of several points is as sure as the least sure of them, and not seen unless all are. Without a
-  /// person nothing is seen.
+  /// [M] The mean of several points has the lowest of their confidences, and is seen only if all of them are seen.
+  /// Without a person no landmark is seen.
   std::vector<Keypoint> pick(const std::optional<Person>& person) const;
-  /// [M] The same in space: the middle of several points is seen when all are. @param joints [n] in the layout's order
+  /// [M] The same for 3D joints: the mean of several points is seen if all of them are.
+  /// @param joints [n] in the order of the layout
   std::vector<JointDetection> pick(const std::vector<JointDetection>& joints) const;
 
  private:

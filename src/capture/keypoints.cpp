@@ -8,11 +8,12 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "doppel/capture/path_pattern.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/capture/path_pattern.h"
 
 namespace doppel {
 
@@ -23,11 +24,11 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 30;
-constexpr int kMaxJsonDepth = 4;  ///< lists within lists: no tool nests deeper
+constexpr int kMaxJsonDepth = 4;  ///< of nested lists; no known tool nests deeper
 constexpr double kReachPerSide = 0.03;
 constexpr char kTableHeader[] = "frame,camera,name,x,y,confidence";
 
-/// What one file's numbers are read with.
+/// The context for reading one file.
 struct Context {
   FileLocation where;
   const PointLayout& layout;
@@ -35,7 +36,7 @@ struct Context {
 
 float number_of(const json& value, const Context& context) {
   if (!value.is_number() || !std::isfinite(value.get<float>()))
-    fail_at(context.where, "'{}' stands where a number of a person's keypoints is expected",
+    fail_at(context.where, "found '{}' where a number of a person's keypoints is expected",
             value.dump(-1, ' ', false, json::error_handler_t::replace).substr(0, 40));
   return value.get<float>();
 }
@@ -53,7 +54,7 @@ Keypoint make_point(float x, float y, float confidence) {
       found, context.layout.points.size(), context.layout.name);
 }
 
-/// COCO's labels say 0 not labelled, 1 hidden, 2 visible, where detectors say how sure they are.
+/// In place of a confidence, COCO's annotations have 0 (not labelled), 1 (hidden) or 2 (visible).
 void halve_visibilities(std::vector<std::array<float, 3>>& rows) {
   bool visible = false;
   for (const auto& row : rows) {
@@ -83,7 +84,7 @@ Person read_flat(const json& list, const Context& context) {
 /// [[x, y], ...] with the confidences in a list beside it, or [[x, y, confidence], ...].
 Person read_nested(const json& list, const json* scores, const Context& context) {
   if (scores && (!scores->is_array() || scores->size() != list.size()))
-    fail_at(context.where, "a person has {} points, but `keypoint_scores` is no list of as many", list.size());
+    fail_at(context.where, "a person has {} points, but `keypoint_scores` is not a list of that length", list.size());
   std::vector<std::array<float, 3>> rows;
   for (std::size_t i = 0; i < list.size(); ++i) {
     if (!list[i].is_array() || list[i].size() < 2 || (list[i].size() < 3 && !scores))
@@ -108,13 +109,13 @@ const json* list_of(const json& object) {
 
 Person read_person(const json& object, const Context& context) {
   const json& points = *points_of(object);
-  if (!points.is_array()) fail_at(context.where, "the keypoints of a person are no list");
+  if (!points.is_array()) fail_at(context.where, "the keypoints of a person are not a list");
   if (!points.empty() && points[0].is_array())
     return read_nested(points, find(object, {"keypoint_scores", "keypoints_scores"}), context);
   return read_flat(points, context);
 }
 
-/// Everybody below a node, in the order of the file.
+/// All people below a node, in the order of the file.
 void collect_people(const json& node, const Context& context, People& people, int depth = 0) {
   if (depth > kMaxJsonDepth) fail_at(context.where, "lists are nested deeper than any known keypoint file's");
   if (node.is_array()) {
@@ -125,18 +126,18 @@ void collect_people(const json& node, const Context& context, People& people, in
     collect_people(*list_of(node), context, people, depth + 1);
   } else {
     fail_at(context.where,
-            "is no keypoint file: a person must have `pose_keypoints_2d` (OpenPose) or `keypoints` (COCO, MMPose), and "
-            "stand in a list `people`, `instances`, `predictions` or `annotations`");
+            "is not a keypoint file: a person must have `pose_keypoints_2d` (OpenPose) or `keypoints` (COCO, MMPose), "
+            "and be in a list `people`, `instances`, `predictions` or `annotations`");
   }
 }
 
 json parse_json(const fs::path& path, const FileLocation& where) {
   json document = json::parse(read_file(path, kMaxBytes), nullptr, false);
-  if (document.is_discarded()) fail_at(where, "is no JSON; it may be truncated");
+  if (document.is_discarded()) fail_at(where, "is not JSON; it may be truncated");
   return document;
 }
 
-/// The number that the last digits of a file's name make.
+/// The number at the end of a file name.
 std::optional<long> trailing_number(const std::string& name) {
   const std::string stem = fs::path(name).stem().string();
   std::size_t end = stem.size();
@@ -154,7 +155,8 @@ std::optional<long> frame_number(const json& value) {
   return number >= 0 && number <= INT_MAX ? std::optional<long>(number) : std::nullopt;
 }
 
-/// What `image_id` means: the number in the image's file name where the file lists its images, else itself.
+/// The frame number of an `image_id`: the number in the image's file name if the file lists its images, otherwise the
+/// id itself.
 std::map<long, long> frames_of_images(const json& document) {
   std::map<long, long> frames;
   const json* images = document.is_object() ? find(document, {"images"}) : nullptr;
@@ -172,7 +174,7 @@ long frame_of(const json& entry, const std::map<long, long>& images, const Conte
   const std::optional<long> frame = value ? frame_number(*value) : std::nullopt;
   if (!frame)
     fail_at(context.where,
-            "an entry has no frame's number (`frame_id`, or `image_id` as a number or a file name that ends in one); a "
+            "an entry has no frame number (`frame_id`, or `image_id` as a number or a file name that ends in one); a "
             "file of one frame needs {{frame}} in its path");
   const auto image = images.find(*frame);
   return image == images.end() ? *frame : image->second;
@@ -181,7 +183,7 @@ long frame_of(const json& entry, const std::map<long, long>& images, const Conte
 int place_of(const TextReader& reader, const PointLayout& layout, const std::string& name) {
   const auto found = std::find(layout.points.begin(), layout.points.end(), name);
   if (found != layout.points.end()) return static_cast<int>(found - layout.points.begin());
-  reader.fail_here("there is no point '{}'; '{}' knows {}", name.substr(0, 60), layout.name,
+  reader.fail_here("there is no point '{}'; '{}' has {}", name.substr(0, 60), layout.name,
                    fmt::join(layout.points, ", "));
 }
 
@@ -191,7 +193,7 @@ double total_confidence(const Person& person) {
   return sum;
 }
 
-/// The sum over points that lie on the mask, or nearly so.
+/// The sum of confidences over points on or near the mask.
 double confidence_inside(const Person& person, const cv::Mat& distance, double reach) {
   double sum = 0.0;
   for (const Keypoint& point : person) {
@@ -217,7 +219,7 @@ std::map<long, People> read_all_people(const fs::path& path, const PointLayout& 
   const json* entries = document.is_object() ? list_of(document) : &document;
   if (!entries || !entries->is_array())
     fail_at(context.where,
-            "is no keypoint file of all frames: there is no list of entries, `instance_info` or "
+            "is not a keypoint file of all frames: there is no list of entries, `instance_info` or "
             "`annotations`");
   const std::map<long, long> images = frames_of_images(document);
   std::map<long, People> all;
@@ -252,7 +254,7 @@ std::map<long, People> read_keypoint_table(const fs::path& path, const PointLayo
     people[0][place] = make_point(static_cast<float>(x), static_cast<float>(y), static_cast<float>(confidence));
   }
   if (all.empty())
-    reader.fail_here("no row is of camera '{}'; the table has rows of: {}", camera, fmt::join(others, ", "));
+    reader.fail_here("the table has no row of camera '{}'; it has rows of: {}", camera, fmt::join(others, ", "));
   return all;
 }
 
@@ -286,7 +288,7 @@ std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
   }
   if (*std::max_element(scores.begin(), scores.end()) == 0.0)
     for (std::size_t i = 0; i < people.size(); ++i) scores[i] = total_confidence(people[i]);
-  return people[static_cast<std::size_t>(std::max_element(scores.begin(), scores.end()) - scores.begin())];
+  return people[as_size(std::max_element(scores.begin(), scores.end()) - scores.begin())];
 }
 
 KeypointSource::KeypointSource(std::string path, const PointLayout& layout, const std::string& camera)

@@ -25,7 +25,7 @@ cv::Mat key_image(const ChromaKey& key, const cv::Mat& image, const cv::Mat& bac
   return cv::Mat(image.size(), CV_8UC3, cv::Scalar(key.colour[2], key.colour[1], key.colour[0]));
 }
 
-/// Background where hue is near the key's and the pixel is colourful.
+/// Background where the hue is near the key's and the saturation is high enough.
 cv::Mat hsv_background(const cv::Mat& image, const cv::Mat& key, const ChromaKey& options) {
   cv::Mat pixels, keys;
   cv::cvtColor(image, pixels, cv::COLOR_BGR2HSV);
@@ -42,8 +42,9 @@ cv::Mat hsv_background(const cv::Mat& image, const cv::Mat& key, const ChromaKey
   return result;
 }
 
-/// Background where the chroma, scaled to the key's brightness, is near the key's. The scaling lets a shadow on
-/// the studio floor pass as floor; it is bounded so that the noise of dark cloth is not blown up to a colour.
+/// Background where the chroma, scaled to the key's brightness, is near the key's. With this scaling, shadows on the
+/// studio floor count as background. The scale is bounded so that it does not amplify the noise of dark cloth to a
+/// colour.
 cv::Mat ycrcb_background(const cv::Mat& image, const cv::Mat& key, const ChromaKey& options) {
   constexpr double kMaxGain = 3.0;
   cv::Mat pixels, keys;
@@ -66,7 +67,7 @@ int fit_start(int start, int side, int size) {
   return side <= size ? std::clamp(start, 0, size - side) : (size - side) / 2;
 }
 
-/// The window cut out at full resolution, beyond the image filled as `border` says.
+/// The window at full resolution; `border` defines the pixels beyond the image.
 cv::Mat cut_window(const cv::Mat& image, const CropBox& box, int border) {
   const cv::Rect window(box.u0, box.v0, box.side, box.side);
   const cv::Rect inside = window & cv::Rect(0, 0, image.cols, image.rows);
@@ -124,7 +125,7 @@ cv::Mat crop_image(const cv::Mat& image, const CropBox& box, int pixels) {
   return resize_square(cut_window(image, box, cv::BORDER_CONSTANT), pixels);
 }
 
-Camera crop_camera(const Camera& camera, const CropBox& box, int pixels) {
+PinholeCamera crop_camera(const PinholeCamera& camera, const CropBox& box, int pixels) {
   return camera.cropped(box.u0, box.v0, static_cast<double>(pixels) / box.side, pixels, pixels);
 }
 
@@ -152,7 +153,7 @@ cv::Mat signed_distance(const cv::Mat& mask) {
 }
 
 std::vector<ContourPixel> contour_pixels(const cv::Mat& mask) {
-  // Beyond the window nothing is known, so its border is no outline: the padding repeats the edge.
+  // The mask beyond the window is unknown, so the window's border is not an outline: the padding repeats the edge.
   cv::Mat padded, eroded;
   cv::copyMakeBorder(mask, padded, 1, 1, 1, 1, cv::BORDER_REPLICATE);
   cv::erode(padded, eroded, cv::getStructuringElement(cv::MORPH_CROSS, {3, 3}));
@@ -168,16 +169,15 @@ std::vector<ContourPixel> contour_pixels(const cv::Mat& mask) {
   return pixels;
 }
 
-Undistorter::Undistorter(const Camera& camera) : pinhole_(camera) {
+Undistorter::Undistorter(const Camera& camera) : pinhole_(without_distortion(camera)) {
   if (!camera.has_distortion()) return;
-  pinhole_.distortion = {};
   coefficients_.assign(camera.distortion.begin(), camera.distortion.end());
   const cv::Matx33d k = opencv_intrinsics();
   cv::initUndistortRectifyMap(k, coefficients_, cv::Matx33d::eye(), k, {camera.width, camera.height}, CV_32FC1, map1_,
                               map2_);
 }
 
-/// OpenCV puts pixel centres at integers, we at +0.5.
+/// In OpenCV pixel centres are at integers, here at +0.5.
 cv::Matx33d Undistorter::opencv_intrinsics() const {
   cv::Matx33d k;
   for (int row = 0; row < 3; ++row)
@@ -194,7 +194,7 @@ Eigen::Vector2d Undistorter::apply(const Eigen::Vector2d& pixel) const {
   const cv::Matx33d k = opencv_intrinsics();
   const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-9);
   cv::undistortPoints(from, to, k, coefficients_, cv::Matx33d::eye(), k, until);
-  // Far outside of the image the polynomial of the lens has no inverse.
+  // Far outside of the image the lens polynomial has no inverse.
   if (!std::isfinite(to[0].x) || !std::isfinite(to[0].y)) return pixel;
   return {to[0].x + 0.5, to[0].y + 0.5};
 }

@@ -1,19 +1,18 @@
 #include "doppel/capture/mask_source.h"
 
-#include "doppel/capture/path_pattern.h"
-
 #include <algorithm>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/capture/path_pattern.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
 
 namespace {
 
-constexpr long kMaxEmptyFrames = 200;  ///< more teach a model of one scene nothing
+constexpr long kMaxEmptyFrames = 200;  ///< more frames do not improve the model of one scene
 
 cv::Mat read_background(const std::string& path) {
   cv::Mat image;
@@ -32,7 +31,7 @@ BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std:
   const auto frames = open_frames(source, PixelFormat::colour);
   const long first = subtraction.first_frame;
   const long last = subtraction.last_frame ? *subtraction.last_frame : frames->num_frames(-1) - 1;
-  if (last < first) fail_at({source, 0}, "holds no frame of the empty scene");
+  if (last < first) fail_at({source, 0}, "contains no frame of the empty scene");
   const long count = std::min(last - first + 1, kMaxEmptyFrames);
   for (long i = 0; i < count; ++i) model.learn(frames->read(first + i * (last - first + 1) / count));
   return model;

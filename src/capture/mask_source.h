@@ -11,21 +11,22 @@
 
 namespace doppel {
 
-/// The masks of one camera in one sequence: from its mask files, or cut out of its images by colour or by subtraction
-/// of the empty scene, as the capture says: thresholded, 0 or 255, of the image's size and without lens distortion.
+/// The masks of one camera in one sequence. As configured in the capture, they come from mask files, from chroma keying
+/// or from background subtraction. Masks are thresholded (0 or 255), of the image's size and without lens distortion.
 class MaskSource {
  public:
   /// Opens the mask files or the image of the empty studio, or learns the empty scene.
   /// @param camera with its distortion, at the resolution of the images
-  /// @param file_index its place in the calibration file
+  /// @param file_index index of the camera in the calibration file
   /// @throws FileError when one of them cannot be read
   MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
-  /// Cuts them out of images by a model that has learnt the empty scene, whatever the sequence says.
+  /// Computes masks by a model that has learnt the empty scene, whatever the sequence configures.
   MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera);
 
   /// Whether `read` needs the image.
   bool needs_image() const { return !masks_; }
-  /// @param frame of the video, in ascending order @param image of this frame, BGR, as filmed; unused unless needed
+  /// @param frame of the video, in ascending order
+  /// @param image of this frame, BGR, as filmed; used only if `needs_image`
   cv::Mat read(long frame, const cv::Mat& image);
 
  private:

@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kMaxDigits = 20;
 
-/// Replaces every {key} or {key:0n} by what `value_of` returns; `nullopt` leaves it as it stands.
+/// Replaces every {key} or {key:0n} by the result of `value_of`; `nullopt` leaves the placeholder unchanged.
 template <typename F>
 std::string replace_placeholders(const std::string& pattern, const F& value_of) {
   std::string result;
@@ -35,7 +35,7 @@ std::string padded(long number, const std::string& format, const std::string& pa
   if (!format.empty()) {
     const std::optional<double> parsed = parse_number(format);
     if (!parsed || *parsed < 0 || *parsed > kMaxDigits || format.find_first_not_of("0123456789") != std::string::npos)
-      fail("the path '{}' asks for ':{}'; what may stand there is a number of digits up to {}, as in {{camera:03}}",
+      fail("the path '{}' contains ':{}'; only a number of digits up to {} is allowed there, as in {{camera:03}}",
            pattern, format, kMaxDigits);
     digits = static_cast<int>(*parsed);
   }

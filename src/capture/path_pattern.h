@@ -12,9 +12,9 @@ namespace doppel {
 /// @throws Error for an unknown placeholder, an unclosed brace, or more than 20 digits
 std::string expand_pattern(const std::string& pattern, int camera, const std::string& name,
                            std::optional<long> frame = std::nullopt);
-/// As above, but keeps `{frame...}` as it stands.
+/// As above, but leaves `{frame...}` unchanged.
 std::string expand_camera(const std::string& pattern, int camera, const std::string& name);
-/// Whether a pattern holds {frame}.
+/// Whether a pattern contains {frame}.
 bool has_frame_placeholder(const std::string& pattern);
 
 }  // namespace doppel

@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kStride = 8;  ///< of the networks of this family: other sizes would shift the heatmaps
+constexpr int kStride = 8;  ///< of this family of networks: other input sizes would shift the heatmaps
 
 /// The network's files, for messages.
 std::string files_of(const PoseDetectorOptions& options) {
@@ -21,7 +21,7 @@ std::string files_of(const PoseDetectorOptions& options) {
          (options.weights.empty() ? "" : fmt::format(" with the weights {}", options.weights.string()));
 }
 
-/// OpenCV's sentence without its own file and line.
+/// OpenCV's message without its file and line.
 std::string reason_of(const std::exception& e) {
   const auto* const known = dynamic_cast<const cv::Exception*>(&e);
   return known ? known->err : e.what();
@@ -32,9 +32,9 @@ cv::dnn::Net read_net(const PoseDetectorOptions& options) {
     if (!path.empty() && !fs::is_regular_file(path)) fail_at({path.string(), 0}, "there is no such file");
   const std::string extension = options.model.extension().string();
   if (extension != ".onnx" && extension != ".prototxt")
-    fail_at({options.model.string(), 0}, "is no network that can be read: .onnx and .prototxt are");
+    fail_at({options.model.string(), 0}, "is not a network that can be read; use .onnx or .prototxt");
   if ((extension == ".prototxt") == options.weights.empty())
-    fail_at({options.model.string(), 0}, "a .prototxt needs its .caffemodel as `weights`, an .onnx has them inside");
+    fail_at({options.model.string(), 0}, "a .prototxt needs its .caffemodel as `weights`, an .onnx needs no weights");
   try {
     cv::dnn::Net net = extension == ".onnx"
                            ? cv::dnn::readNetFromONNX(options.model.string())
@@ -46,13 +46,13 @@ cv::dnn::Net read_net(const PoseDetectorOptions& options) {
   fail_at({files_of(options), 0}, "the network has no layers");
 }
 
-/// Where a parabola through three neighbours is largest, -0.5 to 0.5.
+/// The position of the maximum of a parabola through three neighbours, -0.5 to 0.5.
 double peak(double before, double middle, double after) {
   const double curvature = before - 2.0 * middle + after;
   return curvature < 0.0 ? std::clamp(0.5 * (before - after) / curvature, -0.5, 0.5) : 0.0;
 }
 
-/// The largest value of a heatmap, in its own pixels. @param heatmap 32-bit float
+/// The largest value of a heatmap and its position, in pixels of the heatmap. @param heatmap 32-bit float
 Keypoint find_peak(const cv::Mat& heatmap, double threshold) {
   double value = 0.0;
   cv::Point at;
@@ -77,7 +77,7 @@ struct PoseDetector::Impl {
     const auto stepped = [](double pixels) { return std::max(1, cvRound(pixels / kStride)) * kStride; };
     const cv::Size size(stepped(static_cast<double>(options.input_height) * image.cols / image.rows),
                         stepped(options.input_height));
-    // Averaged down, where blobFromImage would pick single pixels.
+    // Downsampled by area averaging; blobFromImage would pick single pixels.
     cv::Mat resized;
     cv::resize(image, resized, size, 0.0, 0.0, size.height < image.rows ? cv::INTER_AREA : cv::INTER_LINEAR);
     const cv::Scalar mean(options.mean[0], options.mean[1], options.mean[2]);

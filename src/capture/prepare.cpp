@@ -11,16 +11,16 @@
 #include <sstream>
 #include <thread>
 
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/log.h"
-#include "doppel/core/process.h"
-#include "doppel/core/progress.h"
 #include "doppel/capture/mask_source.h"
+#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/pose_detector.h"
 #include "doppel/capture/prepare_plan.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/capture/video.h"
-#include "doppel/capture/path_pattern.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/core/progress.h"
 
 namespace doppel {
 
@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kMaxParallelCameras = 2;
-constexpr double kMinTemplateIou = 0.3;  // median; below, camera and masks do not belong together
+constexpr double kMinTemplateIou = 0.3;  // median; a lower value means that camera and masks do not belong together
 constexpr int kFramesChecked = 10;
 
 /// One camera in one sequence: the unit of work.
@@ -47,7 +47,7 @@ std::string encode_image(const cv::Mat& image, int jpeg_quality) {
   return std::string(bytes.begin(), bytes.end());
 }
 
-/// Reads images and masks of a job and makes records of them.
+/// Makes records from the images and masks of a job.
 class RecordMaker {
  public:
   RecordMaker(const PreparePlan& plan, const PrepareOptions& options, const Job& job)
@@ -139,7 +139,7 @@ class Preparation {
     if (options_.overwrite) fs::remove_all(folder);
     const bool found = Store::exists(folder);
     Store store(folder, Store::Mode::write);
-    // A run killed before its first transaction leaves a store without a word in it.
+    // A run that was killed before its first transaction leaves an empty store.
     if (!found || store.keys("").empty()) {
       for (const PlannedSequence& sequence : plan_.sequences)
         for (const Camera& camera : plan_.cameras) fs::remove(detected_file(sequence, camera));
@@ -179,7 +179,7 @@ class Preparation {
       for (std::size_t c = 0; c < plan_.cameras.size(); ++c) {
         Job job{static_cast<int>(s), static_cast<int>(c), 0};
         job.done = count_records(job);
-        // Records are written in the order of frames, so their number says where to go on.
+        // Records are written in the order of frames, so their number is the position to continue from.
         if (job.done > 0 && !store_.has(key(job, sequence(job).first_frame + job.done - 1)))
           fail("{}: {} has gaps in the store; prepare it again with --overwrite", options_.out.string(), title(job));
         jobs.push_back(job);
@@ -193,7 +193,7 @@ class Preparation {
       total += sequence(job).num_frames();
       done += job.done;
     }
-    if (done > 0) log::info("{} of {} records are there already", done, total);
+    if (done > 0) log::info("{} of {} records exist already", done, total);
     progress_ = std::make_unique<Progress>("prepare", total, done);
     const int workers = std::clamp(options_.threads, 1, kMaxParallelCameras);
     std::vector<std::thread> threads;
@@ -233,7 +233,7 @@ class Preparation {
         new_records_ += chunk_end - row;
         progress_->advance(chunk_end - row, title(job));
       }
-      // A wrong camera shows on the first frames: no need to wait for the last.
+      // A wrong camera is visible in the first frames, so it is checked early.
       if (row == sequence(job).first_frame) check_template(job, measure_template(job, row, chunk_end, 4));
       row = chunk_end;
     }
@@ -302,8 +302,7 @@ class Preparation {
     return expand_camera(PreparePlan::detected_table(planned, options_.out), 0, seen.name);
   }
 
-  /// Runs the capture's detector where no keypoints are given, and keeps what it finds as a table. @return false:
-  /// stopped
+  /// Runs the capture's detector where no keypoints are given, and saves its points as a table. @return false: stopped
   bool detect(const Job& job) const {
     const PlannedSequence& rows = sequence(job);
     const fs::path table = detected_file(rows, camera(job));
@@ -322,7 +321,7 @@ class Preparation {
     return true;
   }
 
-  /// Reads what was detected for one camera and stores it, a record per frame.
+  /// Reads the keypoints of one camera and stores one record per frame.
   KeypointFacts store_keypoints(const Job& job) {
     const PlannedSequence& rows = sequence(job);
     const Camera& filmed = plan_.cameras[job.camera];
@@ -350,7 +349,7 @@ class Preparation {
 
   void tell_doubts(const Job& job, const KeypointFacts& facts) const {
     const std::string& written = sequence(job).entry.keypoints;
-    if (written.empty() && !plan_.detects(sequence(job))) return;  // this sequence was not meant to have any
+    if (written.empty() && !plan_.detects(sequence(job))) return;  // this sequence has no keypoints
     const std::vector<std::string> doubts = keypoint_doubts(facts);
     if (facts.missing_files == facts.frames)
       stop_or_warn(options_, fmt::format("{}: {} ({})", title(job), doubts.at(0), plan_.source(written, job.camera)));
@@ -375,7 +374,7 @@ class Preparation {
       if (plan_.detects(plan_.sequences[i]))
         capture.sequences[i].keypoints = PreparePlan::detected_table(plan_.sequences[i], options_.out);
     }
-    // What was detected is there to be read now, and its points stay those of the detector.
+    // The detected keypoints are now files, in the layout of the detector.
     if (capture.detector) capture.keypoint_map = plan_.evidence.map_name;
     capture.detector.reset();
     capture.cameras.clear();
@@ -408,14 +407,15 @@ void check_options(const PrepareOptions& options) {
   require(options.chunk_frames >= 1 && options.chunk_frames <= 10000, "number of frames per transaction",
           options.chunk_frames, "1 to 10000");
   require(options.limit_frames >= 0, "limit of frames", static_cast<double>(options.limit_frames), "0 (all) or more");
-  if (options.out.empty()) fail<UsageError>("no folder to prepare into was given");
+  if (options.out.empty()) fail<UsageError>("no output folder was given");
 }
 
-/// The prepared capture.yaml says where the footage is; written over the footage's own it would lose what that says.
+/// The prepared capture.yaml names the folder of the capture. In the same folder it would overwrite the capture's own
+/// capture.yaml.
 void check_out_folder(const Capture& capture, const fs::path& out) {
   if (!capture.file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(capture.file) &&
       !fs::exists(out / kStoreFolder))
-    fail<UsageError>("{} is the capture itself; prepare it into a folder of its own with --out", out.string());
+    fail<UsageError>("{} is the capture itself; choose another folder with --out", out.string());
 }
 
 }  // namespace

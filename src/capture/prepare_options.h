@@ -8,13 +8,13 @@ struct PrepareOptions {
   std::filesystem::path out;  ///< folder for capture.yaml, store/ and report.json
   int mask_size = 350;        ///< side of the cropped masks (thesis A.2)
   int image_size = 512;       ///< side of the cropped images
-  double margin = 0.1;        ///< around the mask's box, of its longer side
+  double margin = 0.1;        ///< around the bounding box of the mask, as a share of its longer side
   int jpeg_quality = 95;      ///< of the cropped images; 0: lossless PNG
-  int threads = 1;            ///< cameras worked on at once (two at most)
+  int threads = 1;            ///< cameras processed in parallel (two at most)
   int chunk_frames = 16;      ///< frames per transaction
-  long limit_frames = 0;      ///< only so many frames of each sequence; 0: all
-  bool overwrite = false;     ///< throw away what was prepared with other settings
-  bool force = false;         ///< go on where a check would stop, with a warning
+  long limit_frames = 0;      ///< prepare only so many frames of each sequence; 0: all
+  bool overwrite = false;     ///< delete what was prepared with other settings
+  bool force = false;         ///< warn where a failed check would stop
 };
 
 }  // namespace doppel

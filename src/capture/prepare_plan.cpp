@@ -4,13 +4,13 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/log.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/joint_detections.h"
 #include "doppel/capture/mask.h"
+#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/capture/video.h"
-#include "doppel/capture/path_pattern.h"
+#include "doppel/core/log.h"
 
 namespace doppel {
 
@@ -22,7 +22,7 @@ constexpr double kMinPersonHeight = 0.5, kMaxPersonHeight = 2.5;        // metre
 constexpr double kMinCameraDistance = 0.3, kMaxCameraDistance = 100.0;  // metres
 constexpr int kPosesLookedAt = 8;
 
-/// How many frames all cameras have: the rows of a sequence without a motion.
+/// The number of frames that all cameras have: the rows of a sequence without a motion.
 long count_frames(const PreparePlan& plan, const SequenceEntry& entry) {
   long rows = std::numeric_limits<long>::max(), expected = entry.last_frame.value_or(-1) + 1;
   for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
@@ -34,16 +34,16 @@ long count_frames(const PreparePlan& plan, const SequenceEntry& entry) {
   return rows;
 }
 
-/// Chooses the rows to prepare. @param rows how many there are @param what has so many, for messages
+/// Chooses the rows to prepare. @param rows number of rows @param what source of this number, for messages
 void choose_rows(PlannedSequence& sequence, long rows, const std::string& what, const PrepareOptions& options) {
   const SequenceEntry& entry = sequence.entry;
   sequence.first_frame = entry.first_frame;
   sequence.last_frame = entry.last_frame.value_or(rows - 1);
   if (sequence.first_frame > sequence.last_frame || sequence.last_frame >= rows)
-    fail("sequence {}: rows {} to {} are asked for, but {} rows 0 to {}", entry.name, sequence.first_frame,
+    fail("sequence {}: rows {} to {} are requested, but {} rows 0 to {}", entry.name, sequence.first_frame,
          sequence.last_frame, what, rows - 1);
   for (const long cut : entry.cuts)
-    if (cut >= rows) fail("sequence {}: a cut stands at row {}, but {} rows 0 to {}", entry.name, cut, what, rows - 1);
+    if (cut >= rows) fail("sequence {}: it has a cut at row {}, but {} rows 0 to {}", entry.name, cut, what, rows - 1);
   if (options.limit_frames > 0)
     sequence.last_frame = std::min(sequence.last_frame, sequence.first_frame + options.limit_frames - 1);
 }
@@ -53,7 +53,7 @@ void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
     PlannedSequence sequence;
     sequence.entry = entry;
     if (entry.motion.empty()) {
-      log::info("sequence {}: no motion is named; what needs poses cannot use it until `doppel track` has found them",
+      log::info("sequence {}: no motion is named; commands that need poses cannot use it before `doppel track`",
                 entry.name);
       choose_rows(sequence, count_frames(plan, entry), "its videos have", options);
     } else {
@@ -64,7 +64,7 @@ void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
   }
 }
 
-/// One side of the comparison of frame counts. @param expected what the header must say to be believed
+/// The frame count of one source. @param expected frame count for which the header is believed
 void check_count(const PlannedSequence& sequence, const std::string& camera, const char* what, FrameReader& reader) {
   const long offset = sequence.entry.offset(camera);
   const long rows = sequence.has_motion() ? sequence.motion.num_frames() : sequence.last_frame + 1;
@@ -97,7 +97,7 @@ void check_mask_size(const PlannedSequence& sequence, const Camera& camera, Fram
          sequence.entry.name, camera.name, masks.source(), size.width, size.height, camera.width, camera.height);
 }
 
-/// Opens every source once: sizes, counts, and a line of settings for each.
+/// Opens every source once; checks sizes and counts, and adds a line of settings for each.
 void inspect_sources(PreparePlan& plan) {
   std::vector<bool> sized(plan.cameras.size(), false);
   for (const PlannedSequence& sequence : plan.sequences)
@@ -155,7 +155,7 @@ void check_camera(const Camera& camera, const std::vector<Eigen::Matrix3Xf>& pos
   if (best.distance < kMinCameraDistance || best.distance > kMaxCameraDistance)
     stop_or_warn(
         options,
-        fmt::format("camera {} stands {:.4g} m from the person (allowed: {} to {} m); the calibration is probably "
+        fmt::format("camera {} is {:.4g} m from the person (allowed: {} to {} m); the calibration is probably "
                     "in other units than its format says (Skeletool files: millimetres; OpenCV files: metres, or "
                     "`units: millimetres`)",
                     camera.name, best.distance, kMinCameraDistance, kMaxCameraDistance));
@@ -171,7 +171,7 @@ void check_camera(const Camera& camera, const std::vector<Eigen::Matrix3Xf>& pos
                              camera.name));
 }
 
-/// Tables of joints are read where they are used; here only to find out early what is wrong with them.
+/// Reads the tables of joints to report errors early. They are read again where they are used.
 void check_joints(const PreparePlan& plan) {
   for (const PlannedSequence& sequence : plan.sequences) {
     if (sequence.entry.joints3d.empty()) continue;
@@ -196,7 +196,7 @@ std::string describe_sequence(const PlannedSequence& sequence) {
     key = fmt::format("{} {} {},{},{} {} {} {}", chroma->space == ChromaKey::Space::hsv ? "hsv" : "ycrcb",
                       chroma->against_background ? "background" : "colour", chroma->colour[0], chroma->colour[1],
                       chroma->colour[2], chroma->tolerance, chroma->min_saturation, chroma->smooth);
-  // Nothing without subtraction, so that captures prepared before there was any still match.
+  // Empty without subtraction, so that captures prepared by versions without it still match.
   std::string subtracted;
   if (const auto& subtraction = entry.subtraction)
     subtracted = fmt::format(", empty scene {} {} to {}, threshold {}, shadow {}, refine {}", subtraction->empty,
@@ -207,7 +207,7 @@ std::string describe_sequence(const PlannedSequence& sequence) {
                      entry.largest_component, key, subtracted);
 }
 
-/// Name and size of a source; enough to notice that it was exchanged.
+/// Name and size of a source, to detect that the file was replaced.
 std::string describe_source(const std::string& source) {
   return has_frame_placeholder(source) ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
 }
@@ -247,7 +247,7 @@ std::string describe_detector(const Capture& capture) {
                      fmt::join(detector.mean, " "), detector.rgb, detector.threshold);
 }
 
-/// Nothing without keypoints, so that captures prepared before there were any still match.
+/// Empty without keypoints, so that captures prepared by versions without them still match.
 std::string describe_evidence(const PreparePlan& plan) {
   std::string text;
   if (plan.evidence.landmarks.empty()) return text;
@@ -289,7 +289,7 @@ std::string PreparePlan::detected_table(const PlannedSequence& sequence, const f
 }
 
 void stop_or_warn(const PrepareOptions& options, const std::string& sentence) {
-  if (!options.force) fail("{} (--force goes on in spite of it)", sentence);
+  if (!options.force) fail("{} (--force continues with a warning)", sentence);
   log::warn("{}", sentence);
 }
 

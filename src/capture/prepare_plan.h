@@ -4,17 +4,17 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/character.h"
-#include "doppel/character/motion.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/evidence.h"
 #include "doppel/capture/prepare_options.h"
 #include "doppel/capture/store_layout.h"
+#include "doppel/character/character.h"
+#include "doppel/character/motion.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel {
 
-/// A sequence with its poses and the rows of them to prepare.
+/// A sequence with its motion and the rows to prepare.
 struct PlannedSequence {
   SequenceEntry entry;
   Motion motion;  ///< without frames: none is known
@@ -24,32 +24,32 @@ struct PlannedSequence {
   long num_frames() const { return last_frame - first_frame + 1; }
 };
 
-/// A capture whose parts were found, opened and held against each other.
+/// A capture whose parts were found, opened and checked against each other.
 struct PreparePlan {
   Capture capture;
   Character character;
-  std::vector<Camera> cameras;  ///< chosen ones at the resolution of their video, with distortion
+  std::vector<Camera> cameras;  ///< the chosen ones, at the resolution of their video, with distortion
   std::vector<int> file_index;  ///< [C] position in the calibration file
   std::vector<PlannedSequence> sequences;
   EvidencePlan evidence;
-  StoreLayout layout;  ///< what the store will say about itself
+  StoreLayout layout;  ///< the description of the store
 
-  /// Absolute path or image pattern of one camera.
+  /// The absolute path or image pattern of one camera.
   std::string source(const std::string& pattern, int camera) const;
-  /// Whether the sequence's keypoints are to be found by the capture's detector.
+  /// Whether the capture's detector must find the keypoints of a sequence.
   bool detects(const PlannedSequence& sequence) const {
     return capture.detector && sequence.entry.keypoints.empty() && !evidence.landmarks.empty();
   }
-  /// The table that these keypoints of one camera are kept in; `{name}` in place of the camera.
+  /// The path of the table that stores these keypoints of one camera, with the placeholder `{name}` for the camera.
   static std::string detected_table(const PlannedSequence& sequence, const std::filesystem::path& out);
 };
 
-/// Reads everything but the images, and stops with a plain sentence when counts, sizes, units or cameras cannot be
-/// right: frame counts of video, masks and motion; image sizes against the calibration; the character's size; the
-/// cameras' distance and direction.
+/// Reads everything but the images, and stops with an error when counts, sizes, units or cameras cannot be right.
+/// Checked are the frame counts of video, masks and motion, the image sizes against the calibration, the character's
+/// size, and the cameras' distance and direction.
 PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& options);
 
-/// Throws, or only warns with `options.force`.
+/// Throws an Error with `sentence`; with `options.force`, only warns.
 void stop_or_warn(const PrepareOptions& options, const std::string& sentence);
 
 }  // namespace doppel

@@ -2,8 +2,8 @@
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/store.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -12,10 +12,10 @@ namespace {
 constexpr std::uint32_t kRecordMagic = 0x43455244;  // "DREC"
 constexpr std::uint32_t kTouchesBorder = 1, kEmpty = 2;
 constexpr int kMaxSide = 1 << 16;
-constexpr std::uint64_t kKeypointSeed = 0x6b657970;  // keypoints of another version get another
+constexpr std::uint64_t kKeypointSeed = 0x6b657970;  // another version needs another seed
 static_assert(sizeof(Keypoint) == 12, "three floats a landmark are part of the store's format");
 
-/// The fixed part of a record, as it lies on disk (little-endian).
+/// The fixed part of a record in its layout on disk (little-endian).
 struct RecordHead {
   std::uint32_t magic = kRecordMagic, version = kStoreVersion;
   std::int32_t width = 0, height = 0, u0 = 0, v0 = 0, side = 0;
@@ -27,7 +27,7 @@ struct RecordHead {
 };
 static_assert(sizeof(RecordHead) == kRecordHeadBytes, "the head of a record is part of the store's format");
 
-/// FNV-1a, taken over 8 bytes at a time: it guards against damage, not against malice.
+/// FNV-1a over 8 bytes at a time: it detects damage, not manipulation.
 std::uint64_t checksum(std::uint64_t state, const char* data, std::size_t size) {
   constexpr std::uint64_t kPrime = 0x100000001b3;
   std::size_t i = 0;
@@ -51,7 +51,7 @@ RecordHead read_head(const std::string& bytes, const std::string& what) {
   RecordHead head;
   if (bytes.size() < sizeof(head)) fail("{}: the record is cut off after {} bytes", what, bytes.size());
   std::memcpy(&head, bytes.data(), sizeof(head));
-  if (head.magic != kRecordMagic) fail("{}: these bytes are no record of a frame", what);
+  if (head.magic != kRecordMagic) fail("{}: these bytes are not a record of a frame", what);
   if (head.version != static_cast<std::uint32_t>(kStoreVersion))
     fail("{}: the record has version {}, this program reads version {}; prepare the capture again with --overwrite",
          what, head.version, kStoreVersion);
@@ -108,8 +108,7 @@ FrameRecord decode_record(const std::string& bytes, const std::string& what) {
   const std::uint64_t payload =
       std::uint64_t{head.full_mask_bytes} + head.crop_mask_bytes + std::uint64_t{head.crop_image_bytes};
   if (bytes.size() - sizeof(head) != payload)
-    fail("{}: the record holds {} bytes where its head promises {}; it is damaged", what, bytes.size() - sizeof(head),
-         payload);
+    fail("{}: the record has {} bytes, its head says {}; it is damaged", what, bytes.size() - sizeof(head), payload);
   if (record_checksum(head, bytes.data() + sizeof(head), payload) != head.checksum)
     fail("{}: the record's checksum is wrong; it is damaged: prepare the capture again with --overwrite", what);
   FrameRecord record = to_record(head);
@@ -138,7 +137,7 @@ std::vector<Keypoint> decode_keypoints(const std::string& bytes, std::size_t cou
   std::uint64_t sum = 0;
   const std::size_t size = count * sizeof(Keypoint);
   if (bytes.size() != sizeof(sum) + size)
-    fail("{}: {} bytes are no keypoints of {} landmarks; prepare the capture again with --overwrite", what,
+    fail("{}: {} bytes are not the keypoints of {} landmarks; prepare the capture again with --overwrite", what,
          bytes.size(), count);
   std::memcpy(&sum, bytes.data(), sizeof(sum));
   if (sum != checksum(kKeypointSeed, bytes.data() + sizeof(sum), size))
@@ -166,7 +165,7 @@ cv::Mat decode_mask(const std::string& png, cv::Size expected, const std::string
     mask.release();
   }
   if (mask.size() != expected)
-    fail("{}: the mask is no image of {}x{} pixels; the store is damaged", what, expected.width, expected.height);
+    fail("{}: the mask is not an image of {}x{} pixels; the store is damaged", what, expected.width, expected.height);
   return mask;
 }
 

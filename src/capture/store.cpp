@@ -6,8 +6,8 @@
 #include <mutex>
 #include <shared_mutex>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/store_pages.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::size_t kInitialMap = std::size_t{64} << 20;  // doubled whenever it is full
+constexpr std::size_t kInitialMap = std::size_t{64} << 20;  // doubled when it is full
 constexpr std::size_t kMaxKey = 511;                        // LMDB's limit
 
 fs::path data_file(const fs::path& folder) { return folder / "data.mdb"; }
@@ -26,7 +26,7 @@ void check(int code, const fs::path& folder, const char* doing) {
   if (code != MDB_SUCCESS) fail_at({data_file(folder).string(), 0}, "{} failed: {}", doing, mdb_strerror(code));
 }
 
-/// Ends a transaction that was not committed.
+/// Aborts a transaction that was not committed.
 class Transaction {
  public:
   Transaction(MDB_env* environment, bool write, const fs::path& folder) {
@@ -51,7 +51,7 @@ struct Store::Impl {
   MDB_env* environment = nullptr;
   MDB_dbi database = 0;
   std::size_t map_bytes = kInitialMap;
-  // Growing the map moves it: no transaction of this process may be open then.
+  // Enlarging the map moves it, so no transaction of this process may be open.
   mutable std::shared_mutex map_lock;
 
   Impl(fs::path where, Mode mode) : folder(std::move(where)) {
@@ -72,7 +72,7 @@ struct Store::Impl {
   ~Impl() { mdb_env_close(environment); }
 
   void open(Mode mode) {
-    // Readers leave no lock file, so that a prepared capture may lie on a read-only disk.
+    // Readers create no lock file, so that a prepared capture can be on a read-only disk.
     const unsigned flags = mode == Mode::read ? MDB_RDONLY | MDB_NOLOCK | MDB_NOTLS : MDB_NOTLS;
     if (mode == Mode::write) {
       if (fs::exists(data_file(folder)))
@@ -136,7 +136,8 @@ std::vector<std::string> Store::keys(const std::string& prefix) const {
 
 void Store::put(const std::vector<std::pair<std::string, std::string>>& items) {
   for (const auto& item : items)
-    if (item.first.empty() || item.first.size() > kMaxKey) fail("internal: '{}' is no key for the store", item.first);
+    if (item.first.empty() || item.first.size() > kMaxKey)
+      fail("internal: '{}' is not a key for the store", item.first);
   std::unique_lock lock(impl_->map_lock);
   int code = impl_->try_put(items);
   while (code == MDB_MAP_FULL) {

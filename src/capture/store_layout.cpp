@@ -65,10 +65,10 @@ StoreLayout from_json(const json& document, const FileLocation& where) {
   layout.mask_size = document.at("mask_size").get<int>();
   layout.image_size = document.at("image_size").get<int>();
   for (const json& node : document.at("cameras")) {
-    layout.cameras.push_back(camera_from_json(node));
+    layout.cameras.emplace_back(camera_from_json(node));
     layout.file_index.push_back(node.at("index").get<int>());
   }
-  // Stores made before there were keypoints do not have the list.
+  // Stores of versions without keypoints do not have this list.
   for (const json& node : document.value("landmarks", json::array()))
     layout.landmarks.push_back(landmark_from_json(node));
   return layout;
@@ -79,7 +79,7 @@ StoreLayout from_json(const json& document, const FileLocation& where) {
 StoreLayout read_store_layout(const Store& store) {
   const FileLocation where{(store.folder() / "data.mdb").string(), 0};
   const auto text = store.get(kDescription);
-  if (!text) fail_at(where, "the store says nothing about itself; prepare the capture again with --overwrite");
+  if (!text) fail_at(where, "the store has no description; prepare the capture again with --overwrite");
   try {
     StoreLayout layout = from_json(json::parse(*text), where);
     layout.complete = store.has(kComplete);

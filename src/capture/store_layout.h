@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/skeleton.h"
 #include "doppel/capture/store.h"
+#include "doppel/character/skeleton.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel {
@@ -12,20 +12,20 @@ namespace doppel {
 /// The folder of the LMDB files inside a prepared capture.
 inline constexpr char kStoreFolder[] = "store";
 
-/// What a store says about itself, beside its records.
+/// The description of a store, saved beside its records.
 struct StoreLayout {
-  std::string settings;  ///< everything that shapes the records, one fact per line; equal settings, equal records
+  std::string settings;  ///< all settings that affect the records, one per line; equal settings give equal records
   int num_dofs = 0;      ///< of the character
   int mask_size = 0, image_size = 0;
-  std::vector<Camera> cameras;    ///< without distortion, at the resolution of the images
-  std::vector<int> file_index;    ///< [C] position in the calibration file, the {camera} of path patterns
-  std::vector<Marker> landmarks;  ///< [M] that keypoints were prepared for, or none
+  std::vector<PinholeCamera> cameras;  ///< at the resolution of the images
+  std::vector<int> file_index;         ///< [C] position in the calibration file, the {camera} of path patterns
+  std::vector<Marker> landmarks;       ///< [M] of the prepared keypoints, or none
   bool complete = false;
 };
 
 /// @throws FileError for a store of another version, or without a description
 StoreLayout read_store_layout(const Store& store);
-/// The items to put. `complete` is written last, on its own, by `mark_complete`.
+/// Writes the description without `complete`. `mark_complete` writes that item last.
 void write_store_layout(Store& store, const StoreLayout& layout);
 void mark_complete(Store& store);
 

@@ -98,7 +98,7 @@ class PageChecker {
     if (tree.root != kNoPage) check_page(tree.root, tree.depth);
   }
 
-  /// `depth` levels are left, this page included.
+  /// @param depth remaining levels, including this page
   void check_page(std::uint64_t number, int depth) {
     if (depth <= 0 || number < 2 || number > last_page_ || ++visited_ > last_page_)
       damaged(fmt::format("page {} cannot be part of the tree", number));

@@ -1,8 +1,7 @@
 #include "doppel/capture/template_check.h"
 
-#include <torch/torch.h>
-
 #include <fmt/format.h>
+#include <torch/torch.h>
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
@@ -16,15 +15,15 @@ namespace doppel {
 
 namespace {
 
-constexpr int kCheckWidth = 640;      // enough to see a wrong camera, and quick on images of any size
-constexpr double kClearlyFits = 0.6;  // a repair that reaches this IoU is worth naming
+constexpr int kCheckWidth = 640;      // enough to detect a wrong camera, and fast for images of any size
+constexpr double kClearlyFits = 0.6;  // a correction that reaches this IoU is reported
 
 double mask_iou(const cv::Mat& a, const cv::Mat& b) {
   const int both = cv::countNonZero(a & b), either = cv::countNonZero(a | b);
   return either == 0 ? 0.0 : static_cast<double>(both) / either;
 }
 
-/// The camera a reader would get from extrinsics that were written camera-to-world.
+/// The camera that results when camera-to-world extrinsics are read as world-to-camera.
 Camera inverted(const Camera& camera) {
   Camera result = camera;
   result.R = camera.R.transpose();
@@ -85,7 +84,8 @@ cv::Mat TemplateChecker::silhouette(const Eigen::Matrix3Xf& vertices, const Came
   return view * 255;
 }
 
-std::optional<double> TemplateChecker::iou(const Eigen::Matrix3Xf& vertices, const Camera& camera, const cv::Mat& mask) {
+std::optional<double> TemplateChecker::iou(const Eigen::Matrix3Xf& vertices, const Camera& camera,
+                                           const cv::Mat& mask) {
   if (cv::countNonZero(mask) == 0) return std::nullopt;
   if (camera.width <= kCheckWidth) return mask_iou(silhouette(vertices, camera), mask);
   const double scale = static_cast<double>(kCheckWidth) / camera.width;
@@ -140,7 +140,7 @@ std::string explain_misfit(TemplateChecker& checker, const Eigen::Matrix3Xf& ver
     const double iou = checker.iou(vertices, guess.camera, guess.mask).value_or(0.0);
     if (iou <= best_iou) continue;
     best_iou = iou;
-    best = fmt::format("{} (so read, the IoU would be {:.2f})", guess.sentence, iou);
+    best = fmt::format("{} (with this correction the IoU would be {:.2f})", guess.sentence, iou);
   }
   return best;
 }

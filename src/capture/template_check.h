@@ -32,16 +32,16 @@ class TemplateChecker {
   std::unique_ptr<State> state_;
 };
 
-/// How posed vertices lie to a camera.
+/// The position of posed vertices relative to a camera.
 struct CameraView {
   double distance = 0.0;        ///< from the camera to the vertices' mean, metres
   double share_in_front = 0.0;  ///< share of the vertices with positive depth
-  double share_in_image = 0.0;  ///< of all, in front and within the image
+  double share_in_image = 0.0;  ///< share of the vertices in front of the camera and within the image
 };
 CameraView look_at(const Eigen::Matrix3Xf& vertices, const Camera& camera);
 
-/// A likely reason why a template does not fit its masks: tries mirrored masks, swapped direction of the extrinsics,
-/// millimetres taken for metres, and other usual slips. Empty when none fits better.
+/// A likely reason why a template does not match its masks. Tries mirrored masks, inverted extrinsics, millimetres in
+/// place of metres, and other common mistakes. Empty when none of them gives a better match.
 std::string explain_misfit(TemplateChecker& checker, const Eigen::Matrix3Xf& vertices, const Camera& camera,
                            const cv::Mat& mask);
 

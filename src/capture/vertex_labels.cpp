@@ -8,10 +8,11 @@
 #include <queue>
 #include <tuple>
 
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/character/labels.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
-#include "doppel/capture/capture_cameras.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
@@ -23,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kBackground = 0;
-constexpr float kDepthTolerance = 0.02f;  // metres, so that a slope does not hide itself
+constexpr float kDepthTolerance = 0.02f;  // metres, so that an inclined surface does not occlude itself
 
 std::uint32_t colour(int red, int green, int blue) { return static_cast<std::uint32_t>(red << 16 | green << 8 | blue); }
 
@@ -44,7 +45,7 @@ struct Votes {
   int winner() const {
     int best = -1;
     for (int label = 0; label < kNumLabels; ++label) {
-      const auto l = static_cast<std::size_t>(label), b = static_cast<std::size_t>(std::max(best, 0));
+      const auto l = as_size(label), b = as_size(std::max(best, 0));
       if (count[l] == 0) continue;
       if (best < 0 || count[l] > count[b] || (count[l] == count[b] && directness[l] > directness[b])) best = label;
     }
@@ -60,12 +61,11 @@ torch::Tensor to_tensor(const std::vector<Eigen::Vector3d>& vertices) {
   return result;
 }
 
-/// Lets a view vote for the vertices that it sees: those that face it and have nothing in front of them.
+/// Adds the votes of a view for the vertices that it sees: vertices that face the camera and are not occluded.
 void vote(const LabelView& view, const TriangleMesh& posed, const std::vector<Eigen::Vector3d>& normals,
           Rasterizer& rasterizer, std::vector<Votes>& votes) {
   const Camera& camera = view.camera;
-  Camera pinhole = camera;
-  pinhole.distortion = {};
+  const PinholeCamera pinhole = without_distortion(camera);
   const RasterImage& image = rasterizer.rasterize_projected(
       to_tensor(posed.vertices), projection_tensor({pinhole}).unsqueeze(0), camera.height, camera.width);
   const float* depth = image.depth.data_ptr<float>();
@@ -79,17 +79,16 @@ void vote(const LabelView& view, const TriangleMesh& posed, const std::vector<Ei
     if (!(z > 0.0) || !(cosine > 0.0)) continue;
     const Eigen::Vector2d drawn = pinhole.project(vertex), seen = camera.project(vertex);
     if (!inside(drawn) || !inside(seen)) continue;
-    const auto pixel = static_cast<std::size_t>(drawn.y()) * static_cast<std::size_t>(camera.width) +
-                       static_cast<std::size_t>(drawn.x());
+    const auto pixel = as_size(drawn.y()) * as_size(camera.width) + as_size(drawn.x());
     if (!(depth[pixel] >= static_cast<float>(z) - kDepthTolerance)) continue;
     const int label = view.labels.at<std::uint8_t>(static_cast<int>(seen.y()), static_cast<int>(seen.x()));
     if (label == kBackground) continue;
-    ++votes[i].count[static_cast<std::size_t>(label)];
-    votes[i].directness[static_cast<std::size_t>(label)] += cosine;
+    ++votes[i].count[as_size(label)];
+    votes[i].directness[as_size(label)] += cosine;
   }
 }
 
-/// For every vertex the one of `sources` that is nearest along edges, or -1 where no way leads to any.
+/// For every vertex the nearest of `sources` along edges, or -1 if no path leads to any of them.
 std::vector<int> nearest_along(const TriangleMesh& mesh, const std::vector<int>& sources) {
   using Entry = std::tuple<double, int, int>;  // length, source, vertex
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
@@ -99,27 +98,25 @@ std::vector<int> nearest_along(const TriangleMesh& mesh, const std::vector<int>&
   while (!queue.empty()) {
     const auto [length, source, vertex] = queue.top();
     queue.pop();
-    const auto v = static_cast<std::size_t>(vertex);
+    const auto v = as_size(vertex);
     if (nearest[v] >= 0) continue;
     nearest[v] = source;
     for (const int* n = topology.one_ring().begin(vertex); n != topology.one_ring().end(vertex); ++n) {
-      const auto next = static_cast<std::size_t>(*n);
+      const auto next = as_size(*n);
       if (nearest[next] < 0) queue.emplace(length + (mesh.vertices[next] - mesh.vertices[v]).norm(), source, *n);
     }
   }
   return nearest;
 }
 
-/// Gives vertices without a label (-1) that of the nearest one along the mesh; on pieces that nobody saw, of the
-/// nearest one in space.
+/// Gives vertices without a label (-1) the label of the nearest labelled vertex along the mesh; on components without
+/// any label, that of the nearest in space.
 void fill_in(const TriangleMesh& mesh, std::vector<int>& labels) {
   std::vector<int> known;
   for (std::size_t i = 0; i < labels.size(); ++i)
     if (labels[i] >= 0) known.push_back(static_cast<int>(i));
   const std::vector<int> nearest = nearest_along(mesh, known);
-  const auto position = [&](int vertex) -> const Eigen::Vector3d& {
-    return mesh.vertices[static_cast<std::size_t>(vertex)];
-  };
+  const auto position = [&](int vertex) -> const Eigen::Vector3d& { return mesh.vertices[as_size(vertex)]; };
   std::vector<int> filled = labels;
   for (std::size_t i = 0; i < labels.size(); ++i) {
     int source = nearest[i];
@@ -127,7 +124,7 @@ void fill_in(const TriangleMesh& mesh, std::vector<int>& labels) {
       source = *std::min_element(known.begin(), known.end(), [&](int a, int b) {
         return (position(a) - mesh.vertices[i]).squaredNorm() < (position(b) - mesh.vertices[i]).squaredNorm();
       });
-    filled[i] = labels[static_cast<std::size_t>(source)];
+    filled[i] = labels[as_size(source)];
   }
   labels = std::move(filled);
 }
@@ -148,8 +145,8 @@ LabelLegend LabelLegend::read(const fs::path& path) {
     if (!root.has(names[label])) continue;
     const auto [place, fresh] = legend.label_of_.emplace(read_colour(root, names[label]), static_cast<int>(label));
     if (!fresh)
-      root.fail_at_key(names[label], "is shown by the colour of '{}' already; every label needs its own",
-                       names[static_cast<std::size_t>(place->second)]);
+      root.fail_at_key(names[label], "has the same colour as '{}'; every label needs its own",
+                       names[as_size(place->second)]);
   }
   root.finish();
   if (legend.label_of_.empty())
@@ -169,8 +166,8 @@ cv::Mat LabelLegend::labels(const cv::Mat& image, const std::string& source) con
       const auto found = label_of_.find(channels == 1 ? colour(in[0], in[0], in[0]) : colour(in[2], in[1], in[0]));
       if (found == label_of_.end())
         fail_at({source, 0},
-                "pixel ({}, {}) has the colour (red {}, green {}, blue {}), which stands for no label; name it in the "
-                "legend. Between labels it comes from smoothing or lossy compression: label images need neither",
+                "pixel ({}, {}) has the colour (red {}, green {}, blue {}), which has no label; name it in the "
+                "legend. Colours between labels come from smoothing or lossy compression; use neither",
                 column, row, channels == 1 ? in[0] : in[2], channels == 1 ? in[0] : in[1], in[0]);
       result.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(found->second);
     }
@@ -188,7 +185,7 @@ std::vector<LabelView> read_label_views(const fs::path& folder, const std::vecto
   std::vector<std::string> names;
   for (const Camera& camera : cameras) names.push_back(camera.name);
   if (files.empty())
-    fail("label images: {} holds none; they are called like the cameras ({}), with the ending of an image",
+    fail("label images: {} contains none; they have the names of the cameras ({}) and the extension of an image",
          folder.string(), fmt::join(names, ", "));
   std::vector<LabelView> views;
   for (const fs::path& file : files) {
@@ -197,7 +194,7 @@ std::vector<LabelView> read_label_views(const fs::path& folder, const std::vecto
       fail("label images: {} belongs to no camera; the calibration has {}", file.string(), fmt::join(names, ", "));
     const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
     if (image.empty()) fail_at({file.string(), 0}, "this is no image that can be read; PNG is a good choice");
-    const Camera& camera = cameras[static_cast<std::size_t>(name - names.begin())];
+    const Camera& camera = cameras[as_size(name - names.begin())];
     views.push_back({fit_to_images(camera, image.size(), file.string()), legend.labels(image, file.string())});
   }
   return views;
@@ -221,8 +218,8 @@ VertexLabels label_vertices(const Character& character, const std::vector<Eigen:
   }
   if (result.voted == 0)
     fail(
-        "labels of vertices: no vertex is seen on a label in any of {} images; the calibration, the pose or the "
-        "names of the images are not those of this character's",
+        "labels of vertices: no vertex is visible on a label in any of {} images; the calibration, the pose or the "
+        "names of the images do not belong to this character",
         views.size());
   fill_in(character.mesh, result.labels);
   return result;

@@ -8,8 +8,8 @@
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/path_pattern.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// 8-bit with the wanted number of channels; `source` and `frame` name the image in messages.
+/// Converts an image to 8 bits and the requested number of channels; `source` and `frame` are for messages.
 cv::Mat convert(const cv::Mat& image, PixelFormat format, const std::string& source, long frame) {
   cv::Mat bytes = image;
   if (image.depth() == CV_16U)
@@ -35,7 +35,7 @@ cv::Mat convert(const cv::Mat& image, PixelFormat format, const std::string& sou
   return result;
 }
 
-/// FFmpeg where OpenCV has it: the others are chatty about files they don't know, and differ in where frames begin.
+/// Prefers FFmpeg. Other backends print messages about unknown files, and they number frames differently.
 int backend() {
   static const bool has_ffmpeg = cv::videoio_registry::hasBackend(cv::CAP_FFMPEG);
   return has_ffmpeg ? cv::CAP_FFMPEG : cv::CAP_ANY;
@@ -49,7 +49,7 @@ class VideoReader : public FrameReader {
   }
 
   cv::Mat read(long frame) override {
-    if (frame < next_) fail("internal: frame {} of {} asked for after frame {}", frame, source_, next_ - 1);
+    if (frame < next_) fail("internal: frame {} of {} requested after frame {}", frame, source_, next_ - 1);
     while (next_ < frame) {
       if (!video_.grab()) fail_missing(frame);
       ++next_;
@@ -68,7 +68,7 @@ class VideoReader : public FrameReader {
   long num_frames(long expected) override {
     const auto stated = static_cast<long>(video_.get(cv::CAP_PROP_FRAME_COUNT));
     if (stated == expected) return stated;
-    // Headers are estimates in many containers: count.
+    // Headers contain only estimates in many containers, so the frames are counted.
     cv::VideoCapture counter(source_, backend());
     long count = 0;
     while (counter.grab()) ++count;
@@ -83,7 +83,7 @@ class VideoReader : public FrameReader {
     try {
       opened = video_.open(source_, backend());
     } catch (const cv::Exception&) {
-      // A file that no backend understands may surface as an exception instead of a plain "no".
+      // For a file that no backend can read, OpenCV may throw an exception instead of returning false.
     }
     const cv::Size pixels = opened ? size() : cv::Size();
     if (!opened || pixels.width <= 0 || pixels.height <= 0)
@@ -104,7 +104,7 @@ class ImageReader : public FrameReader {
  public:
   ImageReader(std::string pattern, PixelFormat format) : pattern_(std::move(pattern)), format_(format) {
     list_frames();
-    if (frames_.empty()) fail_at({pattern_, 0}, "no image fits this pattern");
+    if (frames_.empty()) fail_at({pattern_, 0}, "no image matches this pattern");
   }
 
   cv::Mat read(long frame) override {
@@ -116,7 +116,7 @@ class ImageReader : public FrameReader {
     } catch (const cv::Exception&) {
       image.release();
     }
-    if (image.empty()) fail_at({path, 0}, "is no image that OpenCV can decode");
+    if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
     return convert(image, format_, path, frame);
   }
 
@@ -125,13 +125,13 @@ class ImageReader : public FrameReader {
   const std::string& source() const override { return pattern_; }
 
  private:
-  /// The frame numbers there are, found by listing the folder: the part of a file name between what stands before and
-  /// behind {frame} must be a number that expands to this very name.
+  /// Finds the frame numbers by listing the folder. The part of a file name at {frame} must be a number that expands to
+  /// the same name.
   void list_frames() {
     const fs::path path(pattern_);
     const std::string name = path.filename().string();
     const std::size_t open = name.find("{frame");
-    if (open == std::string::npos) {  // {frame} names a folder: probe instead of listing
+    if (open == std::string::npos) {  // {frame} is in a folder's name: probe instead of listing
       for (long frame = 0; fs::is_regular_file(expand_pattern(pattern_, 0, "", frame)); ++frame)
         frames_.push_back(frame);
       return;

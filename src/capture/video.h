@@ -7,26 +7,27 @@
 
 namespace doppel {
 
-/// One camera's images in order, from a video file or from an image per frame. Videos are decoded once, strictly
-/// forward: seeking by frame number is not exact in most containers.
+/// The images of one camera in order, from a video file or from one file per frame. Videos are decoded once, strictly
+/// forward, because seeking by frame number is not exact in most containers.
 class FrameReader {
  public:
   virtual ~FrameReader() = default;
-  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be asked for in ascending
-  /// order; those in between are skipped. The result may share memory with the reader until the next call.
+  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be read in ascending order;
+  /// frames in between are skipped. The result may share memory with the reader until the next call.
   /// @throws FileError naming the frame when it is missing or cannot be decoded
   virtual cv::Mat read(long frame) = 0;
   /// Size of the images.
   virtual cv::Size size() = 0;
-  /// Exact number of frames (for images: the highest frame number + 1). May decode a whole video when its header
-  /// cannot be trusted; `expected` is what the header must say to be trusted.
+  /// Exact number of frames (for images: the highest frame number + 1).
+  /// @param expected the header of a video is believed if it gives this number; otherwise the whole video may be
+  /// decoded to count
   virtual long num_frames(long expected) = 0;
   virtual const std::string& source() const = 0;
 };
 
 enum class PixelFormat { colour, grey };
 
-/// Opens a video file, or a pattern that holds `{frame}`. @throws FileError when it is missing or no video
+/// Opens a video file, or a pattern that contains `{frame}`. @throws FileError when the file is missing or not a video
 std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format);
 
 }  // namespace doppel

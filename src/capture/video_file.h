@@ -6,12 +6,13 @@
 
 namespace doppel {
 
-/// An MP4 that is written beside its place and put there when it is complete.
+/// An MP4 file that is written to a temporary file and renamed when it is complete.
 class VideoFile {
  public:
-  /// @param size of the images, even sides @throws Error when OpenCV has no encoder
+  /// @param size of the images; both sides even
+  /// @throws Error when OpenCV has no encoder
   VideoFile(const std::filesystem::path& path, cv::Size size, double frames_per_second);
-  /// Removes what was not completed.
+  /// Removes the temporary file if `close` was not called.
   ~VideoFile();
   VideoFile(const VideoFile&) = delete;
   VideoFile& operator=(const VideoFile&) = delete;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "doppel/core/angles.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -12,7 +13,6 @@ namespace {
 
 using Eigen::Affine3d;
 using Eigen::Vector3d;
-
 
 int axis_of(BvhChannel channel) { return static_cast<int>(channel) % 3; }
 
@@ -25,11 +25,11 @@ struct Run {
   int children = 0;
 };
 
-/// Whether joint `j` continues the run that ends with its parent: same bone, same place, and nothing else hangs there.
+/// Whether joint `j` continues the run that ends with its parent: same bone, same position, and no other child.
 bool continues(const Skeleton& skeleton, int j) {
-  const Joint& joint = skeleton.joints[static_cast<std::size_t>(j)];
+  const Joint& joint = skeleton.joints[as_size(j)];
   if (joint.parent < 0 || !joint.offset.isZero(1e-12)) return false;
-  if (bone_name(joint.name) != bone_name(skeleton.joints[static_cast<std::size_t>(joint.parent)].name)) return false;
+  if (bone_name(joint.name) != bone_name(skeleton.joints[as_size(joint.parent)].name)) return false;
   return std::count_if(skeleton.joints.begin(), skeleton.joints.end(),
                        [&](const Joint& other) { return other.parent == joint.parent; }) == 1;
 }
@@ -37,7 +37,7 @@ bool continues(const Skeleton& skeleton, int j) {
 std::vector<bool> driven_joints(const Skeleton& skeleton) {
   std::vector<bool> driven(skeleton.joints.size(), false);
   for (const Dof& dof : skeleton.dofs)
-    for (const Dof::Drive& drive : dof.joints) driven[static_cast<std::size_t>(drive.joint)] = true;
+    for (const Dof::Drive& drive : dof.joints) driven[as_size(drive.joint)] = true;
   return driven;
 }
 
@@ -46,9 +46,9 @@ std::vector<Run> find_runs(const Skeleton& skeleton) {
   std::vector<Run> runs;
   std::vector<int> run_of(skeleton.joints.size(), -1);
   for (int j = 0; j < skeleton.num_joints(); ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const Joint& joint = skeleton.joints[at];
-    const int parent = joint.parent < 0 ? -1 : run_of[static_cast<std::size_t>(joint.parent)];
+    const int parent = joint.parent < 0 ? -1 : run_of[as_size(joint.parent)];
     if (continues(skeleton, j)) {
       run_of[at] = parent;
     } else {
@@ -57,22 +57,21 @@ std::vector<Run> find_runs(const Skeleton& skeleton) {
           std::any_of(runs.begin(), runs.end(), [&](const Run& other) { return other.name == bone_name(joint.name); });
       runs.push_back({taken ? joint.name : bone_name(joint.name), j, j, parent});
     }
-    Run& run = runs[static_cast<std::size_t>(run_of[at])];
+    Run& run = runs[as_size(run_of[at])];
     run.last = j;
     if (driven[at]) (joint.type == Joint::Type::prismatic ? run.slides : run.turns) = true;
   }
   for (const Run& run : runs)
-    if (run.parent >= 0) ++runs[static_cast<std::size_t>(run.parent)].children;
+    if (run.parent >= 0) ++runs[as_size(run.parent)].children;
   return runs;
 }
 
-/// Nothing moves it and it ends a chain alone.
+/// Whether a run has no moving joint and is the only end of a chain.
 bool is_end_site(const std::vector<Run>& runs, const Run& run) {
-  return run.parent >= 0 && !run.slides && !run.turns && run.children == 0 &&
-         runs[static_cast<std::size_t>(run.parent)].children == 1;
+  return run.parent >= 0 && !run.slides && !run.turns && run.children == 0 && runs[as_size(run.parent)].children == 1;
 }
 
-/// The two triples (z, x, y) with R = Rz Rx Ry, in [-pi, pi]; the one nearer `previous`, whole turns added.
+/// Of the two triples (z, x, y) with R = Rz Rx Ry in [-pi, pi], the one nearer to `previous`, plus multiples of 2 pi.
 std::array<double, 3> zxy_angles(const Eigen::Matrix3d& R, const std::array<double, 3>& previous) {
   const double x = std::asin(std::clamp(R(2, 1), -1.0, 1.0));
   std::array<std::array<double, 3>, 2> triples;
@@ -80,7 +79,7 @@ std::array<double, 3> zxy_angles(const Eigen::Matrix3d& R, const std::array<doub
     const double z = std::atan2(-R(0, 1), R(1, 1)), y = std::atan2(-R(2, 0), R(2, 2));
     triples = {{{z, x, y}, {z + kPi, kPi - x, y + kPi}}};
   } else {
-    // Only z + y (or z - y) matters: y stays where it was.
+    // Only z + y (or z - y) is determined: y keeps its value.
     const double both = std::atan2(R(1, 0), R(0, 0));
     const double z = x > 0 ? both - previous[2] : both + previous[2];
     triples = {{{z, x, previous[2]}, {z, x, previous[2]}}};
@@ -101,7 +100,7 @@ std::array<double, 3> zxy_angles(const Eigen::Matrix3d& R, const std::array<doub
   return chosen;
 }
 
-/// The runs' transforms with their frames turned so that the rest pose has no rotation, which is how BVH states one.
+/// The transforms of the runs, with frames rotated so that the rest pose has no rotation, as BVH requires.
 class RestAsZero {
  public:
   RestAsZero(const std::vector<Run>& runs, std::vector<Affine3d> rest) : runs_(runs), rest_(std::move(rest)) {}
@@ -109,14 +108,14 @@ class RestAsZero {
   /// Parent-from-run in one pose. Runs without a parent: world-from-run.
   Affine3d local(const Run& run, const std::vector<Affine3d>& world) const {
     if (run.parent < 0) return turned(run, world);
-    return turned(runs_[static_cast<std::size_t>(run.parent)], world).inverse(Eigen::Isometry) * turned(run, world);
+    return turned(runs_[as_size(run.parent)], world).inverse(Eigen::Isometry) * turned(run, world);
   }
   Vector3d offset(const Run& run) const { return local(run, rest_).translation(); }
 
  private:
   Affine3d turned(const Run& run, const std::vector<Affine3d>& world) const {
-    Affine3d transform = world[static_cast<std::size_t>(run.last)];
-    transform.linear() = transform.linear() * rest_[static_cast<std::size_t>(run.last)].linear().transpose();
+    Affine3d transform = world[as_size(run.last)];
+    transform.linear() = transform.linear() * rest_[as_size(run.last)].linear().transpose();
     return transform;
   }
   const std::vector<Run>& runs_;
@@ -148,8 +147,7 @@ std::vector<Affine3d> BvhClip::pose(const std::vector<double>& row) const {
     Affine3d local = Affine3d::Identity();
     local.linear() = turn;
     local.translation() = place;
-    world_from_joint.push_back(joint.parent < 0 ? local
-                                                : world_from_joint[static_cast<std::size_t>(joint.parent)] * local);
+    world_from_joint.push_back(joint.parent < 0 ? local : world_from_joint[as_size(joint.parent)] * local);
   }
   return world_from_joint;
 }
@@ -164,11 +162,11 @@ BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double f
   clip.seconds_per_frame = 1.0 / frames_per_second;
   for (const Run& run : runs) {
     BvhJoint joint{run.name, run.parent, poses.offset(run), {}};
-    // Some readers add a root's offset to its positions, others put these in its place: 0 means the same to both.
+    // Some readers add a root's offset to its positions, others replace the offset by them. Both agree for offset 0.
     if (run.parent < 0) joint.offset.setZero();
     if (run.parent < 0 || run.slides) joint.channels = {Channel::x_position, Channel::y_position, Channel::z_position};
     if (is_end_site(runs, run))
-      joint.name = clip.joints[static_cast<std::size_t>(run.parent)].name + "_end";
+      joint.name = clip.joints[as_size(run.parent)].name + "_end";
     else
       joint.channels.insert(joint.channels.end(), {Channel::z_rotation, Channel::x_rotation, Channel::y_rotation});
     clip.joints.push_back(joint);

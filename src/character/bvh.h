@@ -9,13 +9,13 @@
 
 namespace doppel {
 
-/// One column of a BVH motion: a coordinate of the joint's place relative to its parent, or a turn about one of its
-/// axes.
+/// One column of a BVH motion: a coordinate of the joint's position relative to its parent, or a rotation about one of
+/// its axes.
 enum class BvhChannel { x_position, y_position, z_position, x_rotation, y_rotation, z_rotation };
 inline bool is_position(BvhChannel channel) { return channel <= BvhChannel::z_position; }
 
 struct BvhJoint {
-  std::string name;  ///< an End Site, which has none in the file, is called `<parent>_end`
+  std::string name;  ///< an End Site, which has no name in the file, is called `<parent>_end`
   int parent = -1;   ///< index of an earlier joint, -1 for the root
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();  ///< from the parent in the rest pose, metres
   std::vector<BvhChannel> channels;  ///< in file order, rotations outermost first; empty for an End Site
@@ -26,29 +26,29 @@ struct BvhClip {
   std::vector<BvhJoint> joints;             ///< parents first
   std::vector<std::vector<double>> frames;  ///< [F][channels of all joints in order], metres and radians
   double seconds_per_frame = 0.04;
-  double metres_per_unit = 1.0;  ///< of the file it came from
+  double metres_per_unit = 1.0;  ///< of the file that was read
 
   int num_channels() const;
-  /// world-from-joint transforms [joints] of one row. A joint whose three positions are among its channels sits where
-  /// they say; its offset is the rest pose only (as Blender reads it).
+  /// World-from-joint transforms [joints] of one row. If the channels of a joint include all three positions, they
+  /// replace the offset, which then describes the rest pose only (as Blender reads it).
   std::vector<Eigen::Affine3d> pose(const std::vector<double>& row) const;
 };
 
-/// Reads a BVH file: any order of channels, End Sites, CRLF, tabs, names with blanks.
-/// @param metres_per_unit the file's unit of length; without it the unit is guessed from the size of the skeleton
-///   (0.5 to 3 m across: metres, centimetres or millimetres) and logged
+/// Reads a BVH file, with any order of channels, End Sites, CRLF, tabs and names with blanks.
+/// @param metres_per_unit the file's unit of length; if missing, the unit (metres, centimetres or millimetres) is
+///   guessed from the size of the skeleton (0.5 to 3 m across) and logged
 /// @throws FileError with the line: truncated, NaN, impossible counts, repeated names or channels, a row of another
 ///   length, a size that no unit explains, ...
 BvhClip read_bvh(const std::filesystem::path& path, std::optional<double> metres_per_unit = std::nullopt);
 
-/// Writes it, by default in centimetres, which other programs expect.
-/// @throws Error for numbers that are not finite, or a skeleton that BVH cannot hold (a parent behind its child, two
+/// Writes a BVH file, by default in centimetres, which other programs expect.
+/// @throws Error for numbers that are not finite, or a skeleton that BVH cannot hold (a parent after its child, two
 ///   roots)
 void write_bvh(const std::filesystem::path& path, const BvhClip& clip, double metres_per_unit = 0.01);
 
-/// A Skeletool motion as BVH, so that it opens elsewhere. A run of single axes with one bone name (`Head_ry`,
-/// `Head_rz`, `Head_rx`) becomes one joint of that name with the channels Z, X, Y; the root, and joints that slide,
-/// have positions as well.
+/// A Skeletool motion as BVH, for other programs. A run of single axes with one bone name (`Head_ry`, `Head_rz`,
+/// `Head_rx`) becomes one joint of that name with the channels Z, X, Y. The root and prismatic joints also have
+/// position channels.
 /// @param rest_dofs the pose that becomes the file's rest pose, [D]; empty: all DoFs 0
 BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double frames_per_second,
                         const std::vector<double>& rest_dofs = {});

@@ -6,6 +6,7 @@
 #include "doppel/character/bvh.h"
 #include "doppel/character/file_text.h"
 #include "doppel/core/angles.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/config.h"
 #include "doppel/core/log.h"
@@ -17,8 +18,8 @@ namespace {
 const std::vector<std::string> kChannelNames{"Xposition", "Yposition", "Zposition",
                                              "Xrotation", "Yrotation", "Zrotation"};
 
-/// Reads the hierarchy as a stream of words, because braces stand on lines of their own or not as it pleases the
-/// writer, and the motion line by line.
+/// Reads the hierarchy as a stream of words, because some writers put braces on separate lines and others do not. Reads
+/// the motion line by line.
 class BvhReader {
  public:
   explicit BvhReader(const std::filesystem::path& path) : text_(path, "a BVH file") {}
@@ -34,13 +35,13 @@ class BvhReader {
   }
 
  private:
-  /// A joint whose closing brace has not come yet.
+  /// A joint whose closing brace has not been read yet.
   struct Open {
     int joint;
     bool is_end = false, has_offset = false, has_channels = false, has_child = false;
   };
 
-  /// Steps to the next word, over lines. @return its place in the line
+  /// Moves to the next word, across lines. @return its index in the line
   std::size_t next(const char* expected) {
     while (word_ >= text_.tokens().size()) {
       text_.require_line(expected);
@@ -55,7 +56,7 @@ class BvhReader {
 
   void read_hierarchy() {
     if (const auto word = next_word("ROOT"); word != "ROOT")
-      text_.fail_here("behind HIERARCHY must stand ROOT, found '{}'", excerpt(word));
+      text_.fail_here("HIERARCHY must be followed by ROOT, found '{}'", excerpt(word));
     begin_joint();
     while (!open_.empty()) {
       const auto word = next_word("the end of the hierarchy");
@@ -71,7 +72,7 @@ class BvhReader {
         begin_end_site();
       } else {
         text_.fail_here("found '{}' in joint '{}', where OFFSET, CHANNELS, JOINT, End Site or }} is allowed",
-                        excerpt(word), clip_.joints[static_cast<std::size_t>(open_.back().joint)].name);
+                        excerpt(word), clip_.joints[as_size(open_.back().joint)].name);
       }
     }
     if (clip_.num_channels() == 0) text_.fail_here("no joint of the hierarchy has CHANNELS, so nothing can move");
@@ -87,23 +88,23 @@ class BvhReader {
   }
 
   void begin_end_site() {
-    if (next_word("Site") != "Site") text_.fail_here("behind End must stand Site");
+    if (next_word("Site") != "Site") text_.fail_here("End must be followed by Site");
     if (open_.back().is_end) text_.fail_here("an End Site within an End Site");
-    add(clip_.joints[static_cast<std::size_t>(open_.back().joint)].name + "_end", true);
+    add(clip_.joints[as_size(open_.back().joint)].name + "_end", true);
   }
 
   void add(const std::string& name, bool is_end) {
     const auto [found, is_new] = lines_.emplace(name, text_.where().line);
     if (!is_new)
-      text_.fail_here("the name '{}' stands twice, first in line {}; joints must have names of their own",
-                      excerpt(name), found->second);
+      text_.fail_here("the name '{}' occurs twice, first in line {}; joint names must be unique", excerpt(name),
+                      found->second);
     clip_.joints.push_back({name, open_.empty() ? -1 : open_.back().joint, Eigen::Vector3d::Zero(), {}});
     if (!open_.empty()) open_.back().has_child = true;
     open_.push_back({static_cast<int>(clip_.joints.size()) - 1, is_end});
     if (next_word("{") != "{") text_.fail_here("the joint '{}' must be followed by {{", excerpt(name));
   }
 
-  BvhJoint& joint() { return clip_.joints[static_cast<std::size_t>(open_.back().joint)]; }
+  BvhJoint& joint() { return clip_.joints[as_size(open_.back().joint)]; }
 
   void end_joint() {
     if (!open_.back().has_offset) text_.fail_here("the joint '{}' has no OFFSET", excerpt(joint().name));
@@ -140,25 +141,25 @@ class BvhReader {
 
   void read_motion() {
     if (const auto word = next_word("MOTION"); word != "MOTION")
-      text_.fail_here("behind the hierarchy must stand MOTION, found '{}'; a second skeleton cannot be read",
+      text_.fail_here("the hierarchy must be followed by MOTION, found '{}'; a second skeleton cannot be read",
                       excerpt(word));
     text_.require_line("Frames:");
-    if (text_.tokens()[0] != "Frames:") text_.fail_here("here must stand 'Frames: <number>'");
+    if (text_.tokens()[0] != "Frames:") text_.fail_here("expected 'Frames: <number>'");
     const std::size_t frames = text_.count(1, "number of frames");
     if (frames == 0) text_.fail_here("the motion has no frames");
     text_.require_line("Frame Time:");
     if (text_.tokens().size() < 3 || text_.tokens()[0] != "Frame" || text_.tokens()[1] != "Time:")
-      text_.fail_here("here must stand 'Frame Time: <seconds>'");
+      text_.fail_here("expected 'Frame Time: <seconds>'");
     clip_.seconds_per_frame = text_.number(2, "frame time");
     if (clip_.seconds_per_frame < 1e-4 || clip_.seconds_per_frame > 10.0)
       text_.fail_here("a frame lasts {} seconds; allowed: 0.0001 to 10", clip_.seconds_per_frame);
     for (std::size_t f = 0; f < frames; ++f) read_row(f, frames);
-    if (text_.next_line()) text_.fail_here("more lines follow behind the {} frames that were announced", frames);
+    if (text_.next_line()) text_.fail_here("more lines follow after the {} frames that the file states", frames);
   }
 
   void read_row(std::size_t frame, std::size_t frames) {
     text_.require_line("a frame");
-    const auto channels = static_cast<std::size_t>(clip_.num_channels());
+    const auto channels = as_size(clip_.num_channels());
     if (text_.tokens().size() != channels)
       text_.fail_here("frame {} of {} has {} numbers, the hierarchy {} channels", frame + 1, frames,
                       text_.tokens().size(), channels);
@@ -179,9 +180,9 @@ double extent(const BvhClip& clip) {
   std::vector<Eigen::Vector3d> places;
   Eigen::AlignedBox3d box;
   for (const BvhJoint& joint : clip.joints) {
-    // The root's own offset says where the person stands, not how large he is.
+    // The root's own offset is the position of the person and does not depend on the size.
     places.push_back(joint.parent < 0 ? Eigen::Vector3d::Zero()
-                                      : Eigen::Vector3d(places[static_cast<std::size_t>(joint.parent)] + joint.offset));
+                                      : Eigen::Vector3d(places[as_size(joint.parent)] + joint.offset));
     box.extend(places.back());
   }
   return box.sizes().maxCoeff();
@@ -191,14 +192,13 @@ double guess_unit(const BvhClip& clip, const std::filesystem::path& path) {
   const double size = extent(clip);
   for (const auto& [metres, name] : {std::pair{1.0, "metres"}, {0.01, "centimetres"}, {0.001, "millimetres"}}) {
     if (size * metres < 0.5 || size * metres > 3.0) continue;
-    log::info("{}: the skeleton is {:.3g} units across, taken as {}", path.string(), size, name);
+    log::info("{}: the skeleton is {:.3g} units across; the unit is taken as {}", path.string(), size, name);
     return metres;
   }
-  fail_at(
-      {path.string(), 0},
-      "the skeleton is {:.4g} units across; a person is 0.5 to 3 m, which makes the unit neither metres, centimetres "
-      "nor millimetres. State the metres per unit (doppel animate: --bvh-unit, 0.0254 for inches)",
-      size);
+  fail_at({path.string(), 0},
+          "the skeleton is {:.4g} units across; a person is 0.5 to 3 m, so the unit is neither metres, centimetres nor "
+          "millimetres. Give the metres per unit (doppel animate: --bvh-unit, 0.0254 for inches)",
+          size);
 }
 
 void to_metres_and_radians(BvhClip& clip, double metres_per_unit) {
@@ -213,7 +213,7 @@ void to_metres_and_radians(BvhClip& clip, double metres_per_unit) {
     for (std::size_t c = 0; c < row.size(); ++c) row[c] *= factors[c];
 }
 
-/// The text of a hierarchy, from the root downwards; a leaf ends in an End Site where the clip has none.
+/// Writes a hierarchy, from the root downwards. A leaf without an End Site in the clip gets one.
 class BvhWriter {
  public:
   BvhWriter(const BvhClip& clip, double metres_per_unit) : clip_(clip), unit_(metres_per_unit) {
@@ -224,7 +224,7 @@ class BvhWriter {
       if (parent >= static_cast<int>(j) || (parent < 0) != (j == 0))
         fail("a BVH file holds one skeleton with parents before children; joint {} '{}' has the parent {}", j,
              clip.joints[j].name, parent);
-      if (parent >= 0) children_[static_cast<std::size_t>(parent)].push_back(j);
+      if (parent >= 0) children_[as_size(parent)].push_back(j);
       first_channel_.push_back(channels);
       channels += clip.joints[j].channels.size();
     }
@@ -255,11 +255,11 @@ class BvhWriter {
     line(depth, "}");
   }
 
-  /// A joint without channels that ends a chain alone is an End Site; its name is lost.
+  /// A joint without channels that is the only end of a chain is an End Site; its name is not written.
   bool is_end_site(std::size_t j) const {
     const BvhJoint& joint = clip_.joints[j];
     return joint.parent >= 0 && joint.channels.empty() && children_[j].empty() &&
-           children_[static_cast<std::size_t>(joint.parent)].size() == 1;
+           children_[as_size(joint.parent)].size() == 1;
   }
 
   void write_joint(std::size_t j, int depth) {
@@ -269,7 +269,7 @@ class BvhWriter {
     line(depth, "{");
     write_offset(depth + 1, joint.offset);
     std::string channels = fmt::format("CHANNELS {}", joint.channels.size());
-    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[static_cast<std::size_t>(channel)];
+    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[as_size(channel)];
     line(depth + 1, channels);
     order_.push_back(j);
     for (const std::size_t child : children_[j]) write_joint(child, depth + 1);
@@ -294,7 +294,7 @@ class BvhWriter {
   double unit_;
   std::vector<std::vector<std::size_t>> children_;
   std::vector<std::size_t> first_channel_;
-  std::vector<std::size_t> order_;  ///< of the joints in the file, which is that of their channels in a row
+  std::vector<std::size_t> order_;  ///< order of the joints in the file, and of their channels in a row
   std::string text_;
 };
 

@@ -33,7 +33,7 @@ class Digest {
     for (const auto& row : rows)
       for (const int value : row) add(static_cast<std::int64_t>(value));
   }
-  /// Weights to 1e-6: a character that went through another machine's files is still the same one.
+  /// Weights are rounded to 1e-6, so that a character copied through files of another machine has the same digest.
   void add_weights(const std::vector<double>& values) {
     add(static_cast<std::int64_t>(values.size()));
     for (const double value : values) add(static_cast<std::int64_t>(std::llround(value * 1e6)));
@@ -82,7 +82,7 @@ void complete_character(Character& character) {
 
 namespace {
 
-/// The median distance of some points to the nearest vertex of the template; 0 without points.
+/// The median distance of points to the nearest vertex of the template; 0 without points.
 double median_distance(const std::vector<Eigen::Vector3d>& points, const TriangleMesh& mesh) {
   if (points.empty()) return 0.0;
   std::vector<double> distances;
@@ -118,7 +118,7 @@ MarkerDistances decide_marker_reading(Skeleton& skeleton, const std::vector<doub
   MarkerDistances found;
   if (skeleton.markers.empty() || mesh.vertices.empty()) return found;
   Skeleton relative = skeleton, world = skeleton;
-  // Both candidates from the numbers of the file: what was read one way is put back before it is read the other way.
+  // Both candidates start from the numbers of the file: the positions are converted back before the other reading.
   for (std::size_t m = 0; m < skeleton.markers.size(); ++m) {
     const Eigen::Vector3d written = marker_to_file(skeleton, skeleton.markers[m], skeleton.marker_reading);
     relative.markers[m].position = world.markers[m].position = written;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr char kCharacterHeader[] = "skeletool character file v1.0";
 
-/// The files a `.character` names; `pose` may be empty.
+/// The files named in a `.character` file; `pose` may be empty.
 struct CharacterFiles {
   fs::path skeleton, mesh, skin, pose;
 };
@@ -37,10 +37,10 @@ CharacterFiles read_file_names(const fs::path& path) {
     const std::string keyword(reader.line());
     if (keyword != "skeleton" && keyword != "mesh" && keyword != "skin" && keyword != "pose")
       reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin and pose", excerpt(keyword));
-    if (named.count(keyword)) reader.fail_here("'{}' stands here a second time", keyword);
+    if (named.count(keyword)) reader.fail_here("'{}' occurs a second time", keyword);
     reader.require_line(fmt::format("the path of the {}", keyword));
     const fs::path file = resolve_path(path, reader.line());
-    std::error_code unreadable;  // a name no file can have is a missing file, too
+    std::error_code unreadable;  // an invalid file name counts as a missing file
     if (!fs::is_regular_file(file, unreadable))
       reader.fail_here("the {} '{}' does not exist (looked for {})", keyword, excerpt(reader.line()),
                        excerpt(file.string(), 400));
@@ -56,7 +56,7 @@ bool ends_with(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-/// The graph OBJ beside the mesh, by the names the datasets use; empty when there is none.
+/// The graph OBJ beside the mesh, under the names used by the datasets; empty when there is none.
 fs::path find_graph(const fs::path& character_file, const fs::path& mesh_file) {
   const fs::path folder = mesh_file.parent_path();
   for (const std::string& stem : {mesh_file.stem().string(), character_file.stem().string()})
@@ -69,7 +69,7 @@ fs::path find_graph(const fs::path& character_file, const fs::path& mesh_file) {
       others.push_back(entry.path());
   std::sort(others.begin(), others.end());
   if (others.size() > 1)
-    fail("{}: two graphs lie beside the mesh, {} and {}; name the one to use {}_graph.obj", character_file.string(),
+    fail("{}: two graphs lie beside the mesh, {} and {}; rename one to {}_graph.obj", character_file.string(),
          others[0].filename().string(), others[1].filename().string(), mesh_file.stem().string());
   return others.empty() ? fs::path() : others[0];
 }
@@ -93,14 +93,14 @@ void find_bones(const CharacterFiles& files, Character& character) {
   }
 }
 
-/// A skeleton that does not lie in the body has the wrong pose or unit. Skinning would still run, far away.
+/// Warns about a skeleton outside the body, which has a wrong pose or unit. Skinning would give a wrong surface without
+/// an error.
 void check_place(const fs::path& path, const CharacterFiles& files, const Character& character) {
   const double distance = skeleton_distance(character);
   if (distance > kSkeletonOffTemplate)
     log::warn("{}: in the rest pose the joints lie {:.3g} m from the template (median); {}", path.string(), distance,
-              files.pose.empty()
-                  ? "the file names no pose, so all DoFs are 0: does a 'pose' belong to it?"
-                  : "is the pose the one the template was scanned in, and are all files in millimetres?");
+              files.pose.empty() ? "the file names no pose, so all DoFs are 0: is a 'pose' missing?"
+                                 : "is it the pose of the template's scan, and are all files in millimetres?");
 }
 
 void read_graph(const fs::path& path, const CharacterFiles& files, Character& character) {
@@ -117,7 +117,7 @@ void read_graph(const fs::path& path, const CharacterFiles& files, Character& ch
   character.graph = build_graph(character.mesh, coarse, character.options.graph);
 }
 
-/// The graph as a mesh whose vertices are the nodes, so that reading it back finds the same nodes and edges.
+/// The graph as a mesh whose vertices are the nodes, so that reading the mesh restores the nodes and edges.
 TriangleMesh graph_mesh(const Character& character) {
   TriangleMesh mesh;
   for (const int vertex : character.graph.node_vertex) mesh.vertices.push_back(character.mesh.vertices[vertex]);
@@ -129,8 +129,8 @@ void write_labels(const fs::path& path, const Character& character) {
   if (!character.labels.empty()) return write_segmentation(path, character.labels);
   if (fs::exists(path))
     fail(
-        "{} exists, but this character has no labels and would take them up when read back; write it to an empty "
-        "folder",
+        "{} exists, but this character has no labels and would get those of the file when read back; write it to an "
+        "empty folder",
         path.string());
 }
 
@@ -155,9 +155,9 @@ Character load_character(const fs::path& path, const CharacterOptions& options) 
 }
 
 fs::path write_character(const fs::path& folder, const Character& character) {
-  if (character.name.empty()) fail("a character needs a name before it can be written; its files are called by it");
+  if (character.name.empty()) fail("a character needs a name before it can be written; its files have this name");
   if (character.graph.faces.empty())
-    fail("the graph of character '{}' has no faces, so no mesh can carry it to a file; build it with build_graph",
+    fail("the graph of character '{}' has no faces, so it cannot be written as a mesh; build it with build_graph",
          character.name);
   const std::string& name = character.name;
   write_labels(folder / "segmentation.txt", character);
@@ -166,7 +166,7 @@ fs::path write_character(const fs::path& folder, const Character& character) {
   write_motion(folder / (name + ".motion"), Motion{{character.rest_dofs}, {0}}, true);
   write_obj(folder / (name + ".obj"), character.mesh, kMetresPerMillimetre);
   write_obj(folder / (name + "_graph.obj"), graph_mesh(character), kMetresPerMillimetre);
-  // Last, so that a folder with a .character file is a whole one.
+  // Written last, so that a folder with a .character file is complete.
   const fs::path path = folder / (name + ".character");
   write_atomically(path,
                    fmt::format("{0}\nskeleton\n  {1}.skeleton\nmesh\n  {1}.obj\nskin\n  {1}.skin\npose\n  {1}.motion\n",

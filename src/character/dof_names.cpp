@@ -1,5 +1,7 @@
 #include "doppel/character/dof_names.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
@@ -13,7 +15,7 @@ bool fits(const std::string& pattern, const std::string& name) {
       ++p;
       ++n;
     } else if (last_star != std::string::npos) {
-      p = last_star + 1;  // that star takes one character more
+      p = last_star + 1;  // the star matches one more character
       n = ++taken;
     } else {
       return false;
@@ -28,7 +30,7 @@ bool fits(const std::string& pattern, const std::string& name) {
 std::vector<int> find_dofs(const Skeleton& skeleton, const std::string& pattern) {
   std::vector<int> found;
   for (int d = 0; d < skeleton.num_dofs(); ++d)
-    if (fits(pattern, skeleton.dofs[static_cast<std::size_t>(d)].name)) found.push_back(d);
+    if (fits(pattern, skeleton.dofs[as_size(d)].name)) found.push_back(d);
   return found;
 }
 

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// The DoFs whose names fit a pattern in which * stands for any characters, ascending.
+/// The DoFs whose names match a pattern, ascending. A `*` in the pattern stands for any characters.
 std::vector<int> find_dofs(const Skeleton& skeleton, const std::string& pattern);
 
 }  // namespace doppel

@@ -29,7 +29,7 @@ class TemplateDistance {
     return result;
   }
 
-  /// The largest distance from `source` to any of `targets` that can be reached at all.
+  /// The largest distance from `source` to any of the reachable `targets`.
   double farthest(int source, const std::vector<int>& targets, double first_limit) const {
     std::size_t previous = 0;
     for (double limit = first_limit;; limit *= 2.0) {
@@ -50,7 +50,7 @@ class TemplateDistance {
   double mean_edge_length() const {
     double sum = 0.0;
     for (const auto& [a, b] : topology_.edges()) sum += (mesh_.vertices[a] - mesh_.vertices[b]).norm();
-    if (!(sum > 0.0)) fail("the template's edges have no length, so distances along it mean nothing");
+    if (!(sum > 0.0)) fail("the template's edges have no length, so distances along them are undefined");
     return sum / static_cast<double>(topology_.edges().size());
   }
 
@@ -60,8 +60,7 @@ class TemplateDistance {
   double unit_ = 1.0;
 };
 
-/// The nearest template vertex to each coarse vertex that no earlier one has taken; the lower index where two are as
-/// near.
+/// For each coarse vertex the nearest template vertex that is still free; the lower index if two are equally near.
 std::vector<int> place_nodes(const TriangleMesh& mesh, const TriangleMesh& coarse) {
   std::vector<int> node_vertex;
   std::vector<bool> taken(mesh.vertices.size(), false);
@@ -82,7 +81,7 @@ std::vector<int> place_nodes(const TriangleMesh& mesh, const TriangleMesh& coars
   return node_vertex;
 }
 
-/// How far each node reaches.
+/// The radius of each node.
 std::vector<double> choose_radii(const EmbeddedGraph& graph, const TemplateDistance& distance,
                                  const GraphOptions& options) {
   const double minimum = options.minimum_radius * distance.unit();
@@ -104,7 +103,7 @@ std::vector<double> choose_radii(const EmbeddedGraph& graph, const TemplateDista
 
 using Influences = std::vector<std::vector<std::pair<int, double>>>;  // [N] (node, unnormalised weight)
 
-/// Lets node k influence what lies within `widening` times its radius, at the vertices of `wanted`.
+/// Adds the influences of each node on the vertices of `wanted` within `widening` times the node's radius.
 void spread(const EmbeddedGraph& graph, const TemplateDistance& distance, double widening,
             const std::vector<bool>& wanted, Influences& influences) {
   for (int k = 0; k < graph.num_nodes(); ++k)
@@ -128,7 +127,7 @@ int nearest_node(const TriangleMesh& mesh, const EmbeddedGraph& graph, int verte
   return nearest;
 }
 
-/// The nodes of every vertex and their weights; one that no node reaches takes those within twice the radius.
+/// The nodes of every vertex and their weights. A vertex beyond the radius of all nodes uses twice the radius.
 void weigh_vertices(const TriangleMesh& mesh, const TemplateDistance& distance, EmbeddedGraph& graph) {
   Influences influences(mesh.vertices.size());
   std::vector<bool> wanted(mesh.vertices.size(), true);
@@ -179,7 +178,7 @@ EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, 
 
 EmbeddedGraph build_graph(const TriangleMesh& mesh, int num_nodes, const GraphOptions& options) {
   if (num_nodes < 1 || num_nodes > mesh.num_vertices())
-    fail("a graph of {} nodes was asked for; between 1 and the template's {} vertices are possible", num_nodes,
+    fail("cannot build a graph of {} nodes; allowed is 1 to the template's {} vertices", num_nodes,
          mesh.num_vertices());
   if (num_nodes == mesh.num_vertices()) return build_graph(mesh, mesh, options);
   return build_graph(mesh, decimate(mesh, num_nodes), options);

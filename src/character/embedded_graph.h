@@ -8,7 +8,7 @@
 
 namespace doppel {
 
-/// How far is a node from a vertex: edges on the template (`hops`, what public checkpoints use), or path length.
+/// The distance between a node and a vertex: edges on the template (`hops`, as in public checkpoints), or path length.
 enum class GraphMetric { hops, geodesic };
 
 struct GraphOptions {
@@ -30,12 +30,12 @@ struct EmbeddedGraph {
   int num_nodes() const { return static_cast<int>(node_vertex.size()); }
 };
 
-/// Builds the graph from a coarse mesh of the template (node k = its vertex k, moved to the nearest template vertex not
-/// yet taken; edges = its edges). w ∝ exp(-1/2 (d/r)^2) for d <= r; a vertex nobody reaches takes nodes
-/// within 2 r, then the nearest node.
+/// Builds the graph from a coarse mesh of the template. Node k is vertex k of the coarse mesh, moved to the nearest
+/// template vertex that is still free. The edges are those of the coarse mesh. w ∝ exp(-1/2 (d/r)^2) for d <= r. A
+/// vertex beyond the radius of all nodes uses the nodes within 2 r, or else the nearest node.
 /// @throws Error when the coarse mesh has more vertices than the template
 EmbeddedGraph build_graph(const TriangleMesh& mesh, const TriangleMesh& coarse, const GraphOptions& options = {});
-/// Decimates the template to `num_nodes` first.
+/// As above, from the template decimated to `num_nodes` vertices.
 EmbeddedGraph build_graph(const TriangleMesh& mesh, int num_nodes, const GraphOptions& options = {});
 
 }  // namespace doppel

@@ -8,21 +8,21 @@
 
 #include "doppel/core/error.h"
 
-/// Shared by this room's readers and writers. Numbers are written with the shortest digits that read back as the same
-/// double.
+/// Helpers of this module's readers and writers. Numbers are written with the shortest digits that read back as the
+/// same double.
 namespace doppel {
 
 /// Skeletool files hold millimetres.
 constexpr double kMetresPerMillimetre = 0.001;
 
-/// @throws Error for NaN and infinity, which no reader would take back
+/// @throws Error for NaN and infinity, which no reader accepts
 inline std::string exact_text(double value) {
   if (!std::isfinite(value)) fail("cannot write the number {} to a file; only finite numbers can be read back", value);
   return fmt::format("{}", value);
 }
 
-/// The millimetres that the reader's `* 0.001` turns back into exactly these metres, wherever such a double exists
-/// (it does for every length that was itself read from a file).
+/// Millimetres whose product with 0.001, as the reader computes it, is exactly `metres`, if such a double exists. It
+/// exists for every length that was read from a file.
 inline std::string millimetre_text(double metres) {
   const double nearest = metres / kMetresPerMillimetre;
   for (const double candidate : {nearest, std::nextafter(nearest, -HUGE_VAL), std::nextafter(nearest, HUGE_VAL)})
@@ -30,7 +30,7 @@ inline std::string millimetre_text(double metres) {
   return exact_text(nearest);
 }
 
-/// The beginning of a line that was not what it should be, printable, for a message.
+/// The beginning of an unexpected line, in printable characters, for a message.
 inline std::string excerpt(std::string_view line, std::size_t longest = 60) {
   std::string text;
   for (const char c : line.substr(0, longest)) text += static_cast<unsigned char>(c) < 0x20 ? '?' : c;

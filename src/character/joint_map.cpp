@@ -10,7 +10,6 @@
 namespace doppel {
 namespace {
 
-
 Eigen::Vector3d read_rotation(const ConfigReader& rotations, const std::string& target) {
   const std::vector<double> degrees = rotations.list<double>(target);
   if (degrees.size() != 3)
@@ -46,7 +45,7 @@ std::string plain(const std::string& name) {
   return result;
 }
 
-/// A part of the body and what it may be called, best first; `*` stands for the side.
+/// A part of the body and its possible names, best first; `*` stands for the side.
 struct Role {
   std::vector<std::string> names;
   bool sided;
@@ -71,14 +70,14 @@ const std::vector<Role>& roles() {
   return all;
 }
 
-/// The spellings of a name for one side: left, l, and with the side behind (`arm.L`).
+/// The spellings of a name for one side: left, l, and with the side at the end (`arm.L`).
 std::vector<std::string> spellings(const std::string& pattern, const std::string& side) {
   if (pattern[0] != '*') return {pattern};
   const std::string part = pattern.substr(1), letter = side.substr(0, 1);
   return {side + part, letter + part, part + letter, part + side};
 }
 
-/// Bone names first (they stand for the whole joint), then joints whose name has an axis or none.
+/// The bone names of joints, without repetitions.
 std::vector<std::string> bones_of(const std::vector<std::string>& joints) {
   std::vector<std::string> names;
   for (const std::string& joint : joints) {
@@ -88,7 +87,7 @@ std::vector<std::string> bones_of(const std::vector<std::string>& joints) {
   return names;
 }
 
-/// The name that plays `role` on `side`, not used yet; empty when there is none.
+/// The unused name for `role` on `side`; empty when there is none.
 std::string find_role(const Role& role, const std::string& side, const std::vector<std::string>& names,
                       std::set<std::string>& used) {
   for (const std::string& pattern : role.names)
@@ -107,11 +106,11 @@ JointMap read_joint_map(const std::filesystem::path& path) {
   const ConfigReader joints = root.section("joints"), rotations = root.section("rest_rotation");
   std::set<std::string> seen;
   for (const std::string& target : joints.keys()) {
-    if (!seen.insert(target).second) joints.fail_at_key(target, "this joint stands twice");
+    if (!seen.insert(target).second) joints.fail_at_key(target, "this joint occurs twice");
     map.pairs.push_back({target, joints.get<std::string>(target), Eigen::Vector3d::Zero(), joints.where(target)});
   }
   if (map.pairs.empty())
-    root.fail_at_key("", "the map needs `joints:`, with a line `<joint of the character>: <joint of the motion>` each");
+    root.fail_at_key("", "the map needs `joints:` with lines `<joint of the character>: <joint of the motion>`");
   const std::vector<std::string> targets(seen.begin(), seen.end());
   for (const std::string& target : rotations.keys()) {
     const auto pair =
@@ -131,7 +130,7 @@ JointMap read_joint_map(const std::filesystem::path& path) {
 
 JointMap guess_joint_map(const std::vector<std::string>& target, const std::vector<std::string>& source) {
   const std::vector<std::string> bones = bones_of(target);
-  std::vector<std::string> joints = source;  // and the bones of a skeleton whose joints are single axes
+  std::vector<std::string> joints = source;  // plus the bones of a skeleton whose joints are single axes
   for (const std::string& bone : bones_of(source))
     if (std::find(joints.begin(), joints.end(), bone) == joints.end()) joints.push_back(bone);
   std::set<std::string> used_bones, used_sources;
@@ -142,7 +141,7 @@ JointMap guess_joint_map(const std::vector<std::string>& target, const std::vect
       std::set<std::string> bones_then = used_bones, sources_then = used_sources;
       const std::string bone = find_role(role, side, bones, bones_then);
       const std::string joint = find_role(role, side, joints, sources_then);
-      // A part that only one side has leaves its names to other parts.
+      // A part that only one skeleton has leaves its names to other parts.
       if (bone.empty() || joint.empty()) continue;
       used_bones = bones_then;
       used_sources = sources_then;

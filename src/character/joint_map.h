@@ -11,23 +11,23 @@
 
 namespace doppel {
 
-/// Which joint of a skeleton plays the part of which joint of another one.
+/// Pairs the joints of one skeleton with the joints of another.
 struct JointMap {
   struct Pair {
     std::string target;  ///< a joint of the character, or a bone (`LeftArm` for `LeftArm_ry`, `LeftArm_rx`)
     std::string source;  ///< a joint of the motion's skeleton
-    /// Turns the source joint's rest pose, about its world's x, then y, then z axis, before anything is compared:
-    /// radians.
+    /// Rotation of the source joint's rest pose about the x, then y, then z axis of its world, applied before any
+    /// comparison: radians.
     Eigen::Vector3d rest_rotation = Eigen::Vector3d::Zero();
     FileLocation where;  ///< for messages
   };
-  /// Where the factor between the two bodies comes from.
+  /// The source of the scale factor between the two bodies.
   enum class Scale { hip_height, leg_length, number };
 
   std::vector<Pair> pairs;
   Scale scale = Scale::leg_length;
   double factor = 1.0;  ///< for Scale::number: metres of the target per metre of the source
-  bool z_up = false;    ///< the source's world; BVH files mostly have y up
+  bool z_up = false;    ///< the vertical axis of the source's world; most BVH files have y up
 };
 
 /// Reads a map from YAML:
@@ -43,13 +43,13 @@ struct JointMap {
 /// @throws FileError with the line
 JointMap read_joint_map(const std::filesystem::path& path);
 
-/// Pairs joints by what they are called in skeletons of Captury/Skeletool, Mixamo, CMU, Biovision and Poser files:
-/// hips, neck, head, collar, arm, forearm, hand, thigh, shin, foot and toes, whatever prefix (`mixamorig:`) they carry.
+/// Pairs joints by the names they have in Captury/Skeletool, Mixamo, CMU, Biovision and Poser files: hips, neck, head,
+/// collar, arm, forearm, hand, thigh, shin, foot and toes, with any prefix (`mixamorig:`).
 /// @param target names of the character's joints
-/// @throws UsageError when not even hips and feet are recognised, listing the names on the side that failed
+/// @throws UsageError when hips or feet are not recognised, listing the names of the skeleton that failed
 JointMap guess_joint_map(const std::vector<std::string>& target, const std::vector<std::string>& source);
 
-/// The map as YAML text, to be saved and put right by hand.
+/// The map as YAML text, which can be saved and corrected by hand.
 std::string joint_map_text(const JointMap& map);
 
 }  // namespace doppel

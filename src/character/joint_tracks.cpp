@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -10,12 +11,12 @@ namespace {
 
 using Transforms = std::vector<Eigen::Affine3d>;
 
-/// world-from-joint transforms as parent-from-joint ones.
+/// Converts world-from-joint to parent-from-joint transforms.
 Transforms relative_to_parents(const JointTracks& tracks, const Transforms& world) {
   Transforms local(world.size());
   for (std::size_t j = 0; j < world.size(); ++j) {
     const int parent = tracks.parents[j];
-    local[j] = parent < 0 ? world[j] : world[static_cast<std::size_t>(parent)].inverse(Eigen::Isometry) * world[j];
+    local[j] = parent < 0 ? world[j] : world[as_size(parent)].inverse(Eigen::Isometry) * world[j];
   }
   return local;
 }
@@ -34,7 +35,7 @@ Transforms mix(const JointTracks& tracks, const Transforms& before, const Transf
   for (std::size_t j = 0; j < a.size(); ++j) {
     const int parent = tracks.parents[j];
     const Eigen::Affine3d local = between(a[j], b[j], share);
-    world[j] = parent < 0 ? local : world[static_cast<std::size_t>(parent)] * local;
+    world[j] = parent < 0 ? local : world[as_size(parent)] * local;
   }
   return world;
 }
@@ -66,12 +67,11 @@ JointTracks resample(const JointTracks& tracks, double frames_per_second) {
   const double last = tracks.num_frames() - 1;
   constexpr double kMostFrames = 1e6;
   if (last / step > kMostFrames)
-    fail<UsageError>(
-        "resampling {} frames of {} s to {} a second would make more than a million; is the frame time right?",
-        tracks.num_frames(), tracks.seconds_per_frame, frames_per_second);
+    fail<UsageError>("resampling {} frames of {} s to {} a second gives more than a million; is the frame time right?",
+                     tracks.num_frames(), tracks.seconds_per_frame, frames_per_second);
   for (long i = 0; static_cast<double>(i) * step <= last + 1e-6; ++i) {
     const double at = std::min(static_cast<double>(i) * step, last);
-    const auto before = std::min(static_cast<std::size_t>(at), tracks.frames.size() - 2);
+    const auto before = std::min(as_size(at), tracks.frames.size() - 2);
     result.frames.push_back(
         mix(tracks, tracks.frames[before], tracks.frames[before + 1], at - static_cast<double>(before)));
   }

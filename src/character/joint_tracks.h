@@ -9,7 +9,7 @@
 
 namespace doppel {
 
-/// Any skeleton in motion, seen from outside: where its joints are, frame by frame. What retargeting takes.
+/// The transforms of the joints of any skeleton, frame by frame: the input of retargeting.
 struct JointTracks {
   std::vector<std::string> names;
   std::vector<int> parents;           ///< smaller than the joint's own index, -1 for the root
@@ -22,12 +22,12 @@ struct JointTracks {
   int num_frames() const { return static_cast<int>(frames.size()); }
 };
 
-/// The joints of a Skeletool skeleton that plays a motion.
+/// The joints of a Skeletool skeleton during a motion.
 /// @param rest_dofs the pose that counts as rest, [D]; empty: all DoFs 0
 JointTracks joint_tracks(const Skeleton& skeleton, const Motion& motion, double frames_per_second,
                          const std::vector<double>& rest_dofs = {});
 
-/// The same tracks at another frame rate. Between two frames, each joint's place relative to its parent is interpolated
+/// The tracks at another frame rate. Between two frames, each joint's position relative to its parent is interpolated
 /// linearly and its rotation spherically, so that bones keep their lengths. The first and the last instant stay.
 /// @throws UsageError unless the rate is in (0, 1000]
 JointTracks resample(const JointTracks& tracks, double frames_per_second);

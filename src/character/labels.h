@@ -5,8 +5,8 @@
 
 namespace doppel {
 
-/// What the labels of the LIP human parser mean, and 20, what lies under a dress: `background`, `hat`,
-/// `upper_clothes`...
+/// The names of the labels of the LIP human parser (`background`, `hat`, `upper_clothes`, ...) and of label 20, the
+/// body under a dress.
 constexpr int kNumLabels = 21;
 const std::array<std::string, kNumLabels>& label_names();
 

@@ -36,7 +36,7 @@ Marker read_row(const TextReader& reader, const Skeleton& skeleton,
   return marker;
 }
 
-/// Rounded to a nanometre: the way through the joint's frame leaves no more.
+/// Rounded to a nanometre, the precision after the transform through the joint's frame.
 std::string rounded_millimetres(double metres) {
   return exact_text(std::round(metres / kMetresPerMillimetre * 1e6) / 1e6);
 }
@@ -87,7 +87,7 @@ std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const 
 }
 
 std::vector<int> nearest_nodes(const Character& character, const std::vector<Marker>& landmarks) {
-  if (character.num_nodes() == 0) fail("the character has no graph; landmarks need one to ride on its nodes");
+  if (character.num_nodes() == 0) fail("the character has no graph; landmarks need its nodes");
   std::vector<int> nodes;
   for (const Eigen::Vector3d& position : landmark_positions(character.skeleton, landmarks, character.rest_dofs)) {
     int nearest = 0;

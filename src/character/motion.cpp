@@ -14,7 +14,7 @@ namespace {
 constexpr char kMotionHeader[] = "Skeletool Motion File V1.0";
 constexpr char kOldHeader[] = "Skeletool Motion File V0.1";
 
-/// Whether values behind the translation are stored with the opposite sign.
+/// Whether values after the translation are stored with the opposite sign.
 bool read_motion_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kMotionHeader) return false;
@@ -28,8 +28,8 @@ std::vector<double> read_row(const TextReader& reader, int num_dofs, bool negate
   const int found = static_cast<int>(reader.tokens().size()) - 1;
   if (found < num_dofs)
     reader.fail_here(
-        "the row has {} values behind the frame id, but the skeleton has {} DoFs; motion and skeleton do not "
-        "belong together, or the file is cut off",
+        "the row has {} values after the frame id, but the skeleton has {} DoFs; motion and skeleton do not "
+        "belong together, or the file is truncated",
         found, num_dofs);
   std::vector<double> row(num_dofs);
   for (int d = 0; d < num_dofs; ++d) {
@@ -54,7 +54,7 @@ Motion read_motion(const std::filesystem::path& path, int num_dofs) {
     motion.ids.push_back(id);
   }
   if (motion.frames.empty())
-    fail_at({path.string(), 0}, "the motion holds no frames; each line behind the header is one");
+    fail_at({path.string(), 0}, "the motion holds no frames; each line after the header is one");
   if (irregular > 0)
     log::warn("{}: frame ids skip or repeat at {} rows; rows are counted in file order", path.string(), irregular);
   if (surplus > 0)

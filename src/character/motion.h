@@ -14,8 +14,8 @@ struct Motion {
   int num_frames() const { return static_cast<int>(frames.size()); }
 };
 
-/// Reads "Skeletool Motion File V1.0" and V0.1 (whose values behind the first three have the opposite sign). Rows are
-/// taken in file order; ids that skip or repeat are logged as a warning, surplus columns too.
+/// Reads "Skeletool Motion File V1.0" and V0.1. In V0.1 all values after the first three have the opposite sign. Rows
+/// are read in file order. Skipped or repeated ids and surplus columns are logged as a warning.
 /// @param num_dofs the skeleton's D
 /// @throws FileError: header, too few values in a row, not a number, no rows
 Motion read_motion(const std::filesystem::path& path, int num_dofs);

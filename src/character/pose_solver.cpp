@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
+#include "doppel/solver/least_squares.h"
+
 namespace doppel {
 namespace {
 
@@ -13,152 +16,163 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// What holds an undetermined DoF in place: metres that a metre or radian of change counts as. Small enough that a
-// determined one does not feel it.
+// Keeps an undetermined DoF in place: metres that a metre or radian of change counts as. Too small to move a DoF that
+// the goals determine.
 constexpr double kInertia = 0.01;
+constexpr double kFunctionTolerance = 1e-8;
 
 Vector3d rotation_error(const Matrix3d& actual, const Matrix3d& wanted) {
   const Eigen::AngleAxisd turn(Matrix3d(actual * wanted.transpose()));
   return turn.angle() * turn.axis();
 }
 
+std::vector<double> to_vector(const VectorXd& values) { return {values.data(), values.data() + values.size()}; }
+
+/// Distances of joints from their goals, and changes of DoFs from the start, as a least-squares problem over all DoFs.
+class PoseGoalProblem : public LeastSquaresProblem {
+ public:
+  PoseGoalProblem(const Skeleton& skeleton, const std::vector<PoseGoal>& goals, const VectorXd& start)
+      : skeleton_(skeleton), goals_(goals), start_(start), reach_(start.size()), handles_(skeleton.joints.size()) {
+    for (int d = 0; d < skeleton.num_dofs(); ++d) {
+      for (const Dof::Drive& drive : skeleton.dofs[as_size(d)].joints)
+        if (drive.weight != 0.0) handles_[as_size(drive.joint)].push_back({d, drive.weight});
+      reach_[d] = reach_of_dof(skeleton, d);
+    }
+  }
+
+  double cost(const VectorXd& dofs) override {
+    const std::vector<Affine3d> world = skeleton_.pose(to_vector(dofs));
+    double sum = (kInertia * reach_.cwiseProduct(dofs - start_)).squaredNorm();
+    for (const PoseGoal& goal : goals_) sum += residual(goal, world[as_size(goal.joint)]).squaredNorm();
+    return sum;
+  }
+
+  double linearise(const VectorXd& dofs) override {
+    const std::vector<Affine3d> world = skeleton_.pose(to_vector(dofs));
+    const VectorXd inertia = kInertia * reach_, moved = inertia.cwiseProduct(dofs - start_);
+    dofs_ = dofs;
+    hessian_ = inertia.cwiseAbs2().asDiagonal();
+    gradient_ = inertia.cwiseProduct(moved);
+    double sum = moved.squaredNorm();
+    for (const PoseGoal& goal : goals_) {
+      const MatrixXd rows = jacobian(goal, world);
+      const Residual errors = residual(goal, world[as_size(goal.joint)]);
+      hessian_.noalias() += rows.transpose() * rows;
+      gradient_.noalias() += rows.transpose() * errors;
+      sum += errors.squaredNorm();
+    }
+    return sum;
+  }
+
+  /// Keeps a DoF that the step would push beyond its limit, and one that moves no joint.
+  bool solve(double damping, VectorXd& step) override {
+    MatrixXd system = hessian_;
+    VectorXd right = -gradient_;
+    for (Eigen::Index d = 0; d < right.size(); ++d) {
+      if (is_held(d)) {
+        system.row(d).setZero();
+        system.col(d).setZero();
+        system(d, d) = 1.0;
+        right[d] = 0.0;
+      } else {
+        system(d, d) *= 1.0 + damping;
+      }
+    }
+    step = system.ldlt().solve(right);
+    return true;
+  }
+
+  VectorXd moved(const VectorXd& dofs, const VectorXd& step) const override {
+    return within_limits(skeleton_, dofs + step);
+  }
+  std::vector<TermCost> term_costs() const override { return {}; }
+
+  static VectorXd within_limits(const Skeleton& skeleton, VectorXd dofs) {
+    for (Eigen::Index d = 0; d < dofs.size(); ++d)
+      if (const auto& limits = skeleton.dofs[as_size(d)].limits)
+        dofs[d] = std::clamp(dofs[d], (*limits)[0], (*limits)[1]);
+    return dofs;
+  }
+
+ private:
+  using Residual = Eigen::Matrix<double, 6, 1>;
+  /// A DoF that drives a joint.
+  struct Handle {
+    int dof;
+    double weight;
+  };
+
+  static Residual residual(const PoseGoal& goal, const Affine3d& joint) {
+    Residual errors;
+    errors << std::sqrt(goal.position_weight) * (joint.translation() - goal.position),
+        goal.rotation_weight * rotation_error(joint.linear(), goal.rotation);
+    return errors;
+  }
+
+  /// [6,D]
+  MatrixXd jacobian(const PoseGoal& goal, const std::vector<Affine3d>& world) const {
+    MatrixXd rows = MatrixXd::Zero(6, start_.size());
+    const Vector3d target = world[as_size(goal.joint)].translation();
+    for (int j = goal.joint; j >= 0; j = skeleton_.joints[as_size(j)].parent) {
+      const Joint& joint = skeleton_.joints[as_size(j)];
+      const Vector3d axis = world[as_size(j)].linear() * joint.axis;
+      const Vector3d arm = target - world[as_size(j)].translation();
+      for (const Handle& handle : handles_[as_size(j)]) {
+        if (joint.type == Joint::Type::prismatic) {
+          rows.col(handle.dof).head<3>() += handle.weight * axis;
+        } else {
+          rows.col(handle.dof).head<3>() += handle.weight * axis.cross(arm);
+          rows.col(handle.dof).tail<3>() += handle.weight * axis;
+        }
+      }
+    }
+    rows.topRows<3>() *= std::sqrt(goal.position_weight);
+    rows.bottomRows<3>() *= goal.rotation_weight;
+    return rows;
+  }
+
+  bool is_held(Eigen::Index d) const {
+    if (reach_[d] == 0.0) return true;
+    const auto& limits = skeleton_.dofs[as_size(d)].limits;
+    return limits && ((dofs_[d] <= (*limits)[0] && gradient_[d] > 0) || (dofs_[d] >= (*limits)[1] && gradient_[d] < 0));
+  }
+
+  const Skeleton& skeleton_;
+  const std::vector<PoseGoal>& goals_;
+  VectorXd start_, reach_;                    ///< [D] reach: metres or radians per unit of the DoF
+  std::vector<std::vector<Handle>> handles_;  ///< [J]
+  // Of the last linearisation:
+  VectorXd dofs_, gradient_;
+  MatrixXd hessian_;
+};
+
 }  // namespace
 
 double reach_of_dof(const Skeleton& skeleton, int dof) {
   double sum = 0.0;
-  for (const Dof::Drive& drive : skeleton.dofs.at(static_cast<std::size_t>(dof)).joints)
-    sum += std::pow(drive.weight * skeleton.joints[static_cast<std::size_t>(drive.joint)].axis.norm(), 2);
+  for (const Dof::Drive& drive : skeleton.dofs.at(as_size(dof)).joints)
+    sum += std::pow(drive.weight * skeleton.joints[as_size(drive.joint)].axis.norm(), 2);
   return std::sqrt(sum);
-}
-
-struct PoseSolver::Problem {
-  const std::vector<PoseGoal>& goals;
-  std::vector<double> start;
-};
-
-PoseSolver::PoseSolver(const Skeleton& skeleton, int iterations)
-    : skeleton_(skeleton), iterations_(iterations), handles_(skeleton.joints.size()) {
-  for (int d = 0; d < skeleton.num_dofs(); ++d) {
-    for (const Dof::Drive& drive : skeleton.dofs[static_cast<std::size_t>(d)].joints) {
-      const auto j = static_cast<std::size_t>(drive.joint);
-      if (drive.weight != 0.0) handles_[j].push_back({drive.joint, d, drive.weight});
-    }
-    reach_.push_back(reach_of_dof(skeleton, d));
-  }
-}
-
-void PoseSolver::within_limits(std::vector<double>& dofs) const {
-  for (std::size_t d = 0; d < dofs.size(); ++d)
-    if (const auto& limits = skeleton_.dofs[d].limits) dofs[d] = std::clamp(dofs[d], (*limits)[0], (*limits)[1]);
 }
 
 double PoseSolver::mean_distance(const std::vector<PoseGoal>& goals, const std::vector<double>& dofs) const {
   const std::vector<Affine3d> world = skeleton_.pose(dofs);
   double sum = 0.0;
-  for (const PoseGoal& goal : goals)
-    sum += (world[static_cast<std::size_t>(goal.joint)].translation() - goal.position).squaredNorm();
+  for (const PoseGoal& goal : goals) sum += (world[as_size(goal.joint)].translation() - goal.position).squaredNorm();
   return std::sqrt(sum / static_cast<double>(goals.size()));
 }
 
-double PoseSolver::cost(const Problem& problem, const std::vector<double>& dofs) const {
-  const std::vector<Affine3d> world = skeleton_.pose(dofs);
-  double sum = 0.0;
-  for (const PoseGoal& goal : problem.goals) {
-    const Affine3d& joint = world[static_cast<std::size_t>(goal.joint)];
-    sum += goal.position_weight * (joint.translation() - goal.position).squaredNorm();
-    sum += std::pow(goal.rotation_weight, 2) * rotation_error(joint.linear(), goal.rotation).squaredNorm();
-  }
-  for (std::size_t d = 0; d < dofs.size(); ++d) sum += std::pow(kInertia * reach_[d] * (dofs[d] - problem.start[d]), 2);
-  return sum;
-}
-
-void PoseSolver::linearise(const Problem& problem, const std::vector<double>& dofs, MatrixXd& hessian,
-                           VectorXd& gradient) const {
-  const auto D = static_cast<Eigen::Index>(dofs.size());
-  const std::vector<Affine3d> world = skeleton_.pose(dofs);
-  hessian.setZero(D, D);
-  gradient.setZero(D);
-  MatrixXd jacobian(6, D);
-  for (const PoseGoal& goal : problem.goals) {
-    const Affine3d& at = world[static_cast<std::size_t>(goal.joint)];
-    jacobian.setZero();
-    for (int j = goal.joint; j >= 0; j = skeleton_.joints[static_cast<std::size_t>(j)].parent) {
-      const Joint& joint = skeleton_.joints[static_cast<std::size_t>(j)];
-      const Vector3d axis = world[static_cast<std::size_t>(j)].linear() * joint.axis;
-      const Vector3d arm = at.translation() - world[static_cast<std::size_t>(j)].translation();
-      for (const Handle& handle : handles_[static_cast<std::size_t>(j)]) {
-        if (joint.type == Joint::Type::prismatic) {
-          jacobian.col(handle.dof).head<3>() += handle.weight * axis;
-        } else {
-          jacobian.col(handle.dof).head<3>() += handle.weight * axis.cross(arm);
-          jacobian.col(handle.dof).tail<3>() += handle.weight * axis;
-        }
-      }
-    }
-    Eigen::Matrix<double, 6, 1> residual;
-    residual << std::sqrt(goal.position_weight) * (at.translation() - goal.position),
-        goal.rotation_weight * rotation_error(at.linear(), goal.rotation);
-    jacobian.topRows<3>() *= std::sqrt(goal.position_weight);
-    jacobian.bottomRows<3>() *= goal.rotation_weight;
-    hessian.noalias() += jacobian.transpose() * jacobian;
-    gradient.noalias() += jacobian.transpose() * residual;
-  }
-  for (Eigen::Index d = 0; d < D; ++d) {
-    const double inertia = std::pow(kInertia * reach_[static_cast<std::size_t>(d)], 2);
-    hessian(d, d) += inertia;
-    gradient[d] += inertia * (dofs[static_cast<std::size_t>(d)] - problem.start[static_cast<std::size_t>(d)]);
-  }
-}
-
-/// DoFs that stand at a limit and want to go beyond it, and those that move nothing, take no part.
-std::vector<double> PoseSolver::step(const std::vector<double>& dofs, const MatrixXd& hessian, const VectorXd& gradient,
-                                     double damping) const {
-  MatrixXd system = hessian;
-  VectorXd right = -gradient;
-  for (Eigen::Index d = 0; d < gradient.size(); ++d) {
-    const auto at = static_cast<std::size_t>(d);
-    const auto& limits = skeleton_.dofs[at].limits;
-    const bool held =
-        limits && ((dofs[at] <= (*limits)[0] && gradient[d] > 0) || (dofs[at] >= (*limits)[1] && gradient[d] < 0));
-    if (held || reach_[at] == 0.0) {
-      system.row(d).setZero();
-      system.col(d).setZero();
-      system(d, d) = 1.0;
-      right[d] = 0.0;
-    } else {
-      system(d, d) *= 1.0 + damping;
-    }
-  }
-  const VectorXd change = system.ldlt().solve(right);
-  std::vector<double> next = dofs;
-  for (std::size_t d = 0; d < next.size(); ++d) next[d] += change[static_cast<Eigen::Index>(d)];
-  within_limits(next);
-  return next;
-}
-
 double PoseSolver::solve(const std::vector<PoseGoal>& goals, std::vector<double>& dofs) const {
-  within_limits(dofs);
-  const Problem problem{goals, dofs};
-  double current = cost(problem, dofs), damping = 1e-3;
-  MatrixXd hessian;
-  VectorXd gradient;
-  for (int iteration = 0; iteration < iterations_; ++iteration) {
-    linearise(problem, dofs, hessian, gradient);
-    bool better = false;
-    double gain = 0.0;
-    while (!better && damping < 1e6) {
-      std::vector<double> next = step(dofs, hessian, gradient, damping);
-      const double found = cost(problem, next);
-      better = found < current;
-      damping = better ? std::max(1e-9, damping * 0.1) : damping * 10.0;
-      if (!better) continue;
-      gain = current - found;
-      current = found;
-      dofs = std::move(next);
-    }
-    if (!better || gain < 1e-8 * current + 1e-14) break;
-  }
-  return current;
+  const Eigen::Map<const VectorXd> given(dofs.data(), static_cast<Eigen::Index>(dofs.size()));
+  VectorXd state = PoseGoalProblem::within_limits(skeleton_, given);
+  PoseGoalProblem problem(skeleton_, goals, state);
+  SolverOptions options;
+  options.iterations = iterations_;
+  options.function_tolerance = kFunctionTolerance;
+  options.parameter_tolerance = 0.0;
+  const SolverSummary summary = minimise(problem, state, options);
+  dofs = to_vector(state);
+  return summary.final_cost;
 }
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 
 #include "doppel/character/pose_solver.h"
 #include "doppel/core/angles.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 
@@ -17,19 +18,19 @@ using Eigen::Affine3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kNoLength = 1e-4;  // metres: below this two joints stand in one place and no bone has a direction
+constexpr double kNoLength = 1e-4;  // metres; a shorter bone has no direction
 
 /// One pair of the map, resolved.
 struct Node {
   int target = 0, source = 0;
   int parent = -1;  ///< node
   bool end = true;
-  Matrix3d rest_turn = Matrix3d::Identity();          ///< the source's rest pose turned as the map says
-  Matrix3d joint_from_source = Matrix3d::Identity();  ///< C: the target's wanted rotation is (the source's) * C
+  Matrix3d rest_turn = Matrix3d::Identity();          ///< rotation of the source's rest pose by the map
+  Matrix3d joint_from_source = Matrix3d::Identity();  ///< C: the target's desired rotation is (the source's) * C
   Vector3d offset_from_parent = Vector3d::Zero();     ///< in the parent joint's frame, target's rest pose
 };
 
-/// The joint of this name, else the last one of the bone of this name.
+/// The joint of this name, else the last joint of the bone of this name.
 int find_joint(const std::vector<std::string>& joints, const std::string& name, const FileLocation& where,
                const char* whose) {
   for (std::size_t j = 0; j < joints.size(); ++j)
@@ -45,8 +46,7 @@ int find_joint(const std::vector<std::string>& joints, const std::string& name, 
 
 /// The nearest node above joint `target`, or -1.
 int node_above(const Skeleton& skeleton, const std::vector<Node>& nodes, int target) {
-  for (int j = skeleton.joints[static_cast<std::size_t>(target)].parent; j >= 0;
-       j = skeleton.joints[static_cast<std::size_t>(j)].parent)
+  for (int j = skeleton.joints[as_size(target)].parent; j >= 0; j = skeleton.joints[as_size(j)].parent)
     for (std::size_t n = 0; n < nodes.size(); ++n)
       if (nodes[n].target == j) return static_cast<int>(n);
   return -1;
@@ -66,20 +66,18 @@ std::vector<Node> resolve(const Skeleton& skeleton, const JointTracks& source, c
                          .toRotationMatrix();
     for (const Node& other : nodes)
       if (other.target == node.target)
-        fail_at(pair.where, "the character's joint '{}' is mapped twice",
-                skeleton.joints[static_cast<std::size_t>(node.target)].name);
+        fail_at(pair.where, "the character's joint '{}' is mapped twice", skeleton.joints[as_size(node.target)].name);
     nodes.push_back(node);
   }
   std::sort(nodes.begin(), nodes.end(), [](const Node& a, const Node& b) { return a.target < b.target; });
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     nodes[n].parent = node_above(skeleton, nodes, nodes[n].target);
-    if (nodes[n].parent >= 0) nodes[static_cast<std::size_t>(nodes[n].parent)].end = false;
+    if (nodes[n].parent >= 0) nodes[as_size(nodes[n].parent)].end = false;
     if (n > 0 && nodes[n].parent < 0)
-      fail_at(
-          map.pairs.front().where,
-          "the map has two roots, '{}' and '{}': nothing mapped lies above either. Map the joint that both hang on, "
-          "such as `Root: Hips`",
-          targets[static_cast<std::size_t>(nodes[0].target)], targets[static_cast<std::size_t>(nodes[n].target)]);
+      fail_at(map.pairs.front().where,
+              "the map has two roots, '{}' and '{}': no mapped joint lies above either. Map a joint above both, "
+              "such as `Root: Hips`",
+              targets[as_size(nodes[0].target)], targets[as_size(nodes[n].target)]);
   }
   if (nodes.size() < 2)
     fail_at(map.pairs.empty() ? FileLocation{} : map.pairs.front().where,
@@ -87,7 +85,7 @@ std::vector<Node> resolve(const Skeleton& skeleton, const JointTracks& source, c
   return nodes;
 }
 
-/// The rotation that lays the directions `from` upon `to` best (Kabsch); the columns' lengths are their weights.
+/// The rotation that best aligns the directions `from` with `to` (Kabsch). The lengths of the columns are weights.
 Matrix3d best_rotation(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to) {
   const Matrix3d covariance = to * from.transpose();
   const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -96,41 +94,40 @@ Matrix3d best_rotation(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to)
   return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
 
-/// Both skeletons in their rest poses, and what follows from comparing them.
+/// Both skeletons in their rest poses, and the alignment between them.
 class RestPoses {
  public:
   RestPoses(const std::vector<Affine3d>& target, const std::vector<Affine3d>& source, std::vector<Node>& nodes)
       : target_(target), source_(source), nodes_(nodes) {
     for (Node& node : nodes_) {
       if (node.parent < 0) continue;
-      const Node& parent = nodes_[static_cast<std::size_t>(node.parent)];
-      node.offset_from_parent = target_[static_cast<std::size_t>(parent.target)].inverse() * place(node);
+      const Node& parent = nodes_[as_size(node.parent)];
+      node.offset_from_parent = target_[as_size(parent.target)].inverse() * place(node);
     }
     const Matrix3d whole = alignment(all_bones(), Matrix3d::Identity());
     std::vector<Matrix3d> turns;
     for (std::size_t n = 0; n < nodes_.size(); ++n) {
       Node& node = nodes_[n];
-      // A joint that nothing hangs on has no bone of its own: it turns like the one above it.
-      turns.push_back(node.end && node.parent >= 0 ? turns[static_cast<std::size_t>(node.parent)]
+      // A joint without children has no bone of its own: it rotates like its parent.
+      turns.push_back(node.end && node.parent >= 0 ? turns[as_size(node.parent)]
                                                    : alignment(bones_of(static_cast<int>(n)), whole));
-      const Matrix3d source_rest = node.rest_turn * source_[static_cast<std::size_t>(node.source)].linear();
-      node.joint_from_source =
-          source_rest.transpose() * turns.back() * target_[static_cast<std::size_t>(node.target)].linear();
+      const Matrix3d source_rest = node.rest_turn * source_[as_size(node.source)].linear();
+      node.joint_from_source = source_rest.transpose() * turns.back() * target_[as_size(node.target)].linear();
     }
   }
 
-  /// How much higher the target's root stands above its feet than the source's scaled one: the two need not be the same
-  /// point of the body.
+  /// The height of the target's root above its feet minus the scaled height of the source's root. The roots need not be
+  /// the same point of the body.
   double lift(double scale) const { return hip_height(false) - scale * hip_height(true); }
 
-  /// How a node's source has turned since its rest pose.
+  /// The rotation of a node's source joint since its rest pose.
   Matrix3d source_turn(const Node& node, const std::vector<Affine3d>& frame) const {
-    return frame[static_cast<std::size_t>(node.source)].linear() *
-           source_[static_cast<std::size_t>(node.source)].linear().transpose() * node.rest_turn.transpose();
+    return frame[as_size(node.source)].linear() * source_[as_size(node.source)].linear().transpose() *
+           node.rest_turn.transpose();
   }
-  /// The source's rest bone that leads to a node, turned as the map says.
+  /// The source's rest bone that leads to a node, rotated by the map.
   Vector3d source_bone(const Node& node) const {
-    const Node& parent = nodes_[static_cast<std::size_t>(node.parent)];
+    const Node& parent = nodes_[as_size(node.parent)];
     return parent.rest_turn * (source_place(node) - source_place(parent));
   }
 
@@ -143,16 +140,16 @@ class RestPoses {
       fail_at(
           map.pairs.front().where,
           "the {} is {:.3g} m in the character's rest pose and {:.3g} m in the motion's: no scale can be found from "
-          "that. Is the unit right, and are hips and feet mapped? Else state `scale:` as a number",
+          "these. Check the unit and that hips and feet are mapped, or give `scale:` as a number",
           height ? "height of the hips above the lowest mapped joint" : "leg", ours, theirs);
     return ours / theirs;
   }
 
  private:
-  Vector3d place(const Node& node) const { return target_[static_cast<std::size_t>(node.target)].translation(); }
-  Vector3d source_place(const Node& node) const { return source_[static_cast<std::size_t>(node.source)].translation(); }
+  Vector3d place(const Node& node) const { return target_[as_size(node.target)].translation(); }
+  Vector3d source_place(const Node& node) const { return source_[as_size(node.source)].translation(); }
 
-  /// Bones by the node they lead to: those that begin at `parent`, or all.
+  /// Bones, named by the node they lead to: those that begin at `parent`, or all.
   std::vector<std::size_t> bones_of(int parent) const {
     std::vector<std::size_t> bones;
     for (std::size_t n = 0; n < nodes_.size(); ++n)
@@ -165,13 +162,13 @@ class RestPoses {
     return bones;
   }
 
-  /// A: turns the target's rest pose so that its bones point as the source's do in theirs. One bone leaves the twist
-  /// open, which is then that of `usual`.
+  /// A: rotates the target's rest pose so that its bones have the directions of the source's rest pose. A single bone
+  /// does not determine the twist, which is then that of `usual`.
   Matrix3d alignment(const std::vector<std::size_t>& bones, const Matrix3d& usual) const {
     Eigen::Matrix3Xd from(3, 0), to(3, 0);
     for (const std::size_t n : bones) {
       const Node& node = nodes_[n];
-      const Node& parent = nodes_[static_cast<std::size_t>(node.parent)];
+      const Node& parent = nodes_[as_size(node.parent)];
       const Vector3d ours = place(node) - place(parent), theirs = source_place(node) - source_place(parent);
       if (ours.norm() < kNoLength || theirs.norm() < kNoLength) continue;
       from.conservativeResize(3, from.cols() + 1);
@@ -195,13 +192,13 @@ class RestPoses {
   double hip_height(bool source) const {
     return place_in(nodes_[0], source).y() - place_in(nodes_[lowest()], source).y();
   }
-  /// From the foot up to the hip: without the bone to the root, which may be anywhere in the trunk.
+  /// The length from the foot to the hip. The bone to the root is excluded, because the root may be anywhere in the
+  /// trunk.
   double leg_length(bool source) const {
     double length = 0.0;
-    for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = static_cast<std::size_t>(nodes_[n].parent)) {
+    for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = as_size(nodes_[n].parent)) {
       if (nodes_[n].parent == 0 && length > 0.0) break;
-      length +=
-          (place_in(nodes_[n], source) - place_in(nodes_[static_cast<std::size_t>(nodes_[n].parent)], source)).norm();
+      length += (place_in(nodes_[n], source) - place_in(nodes_[as_size(nodes_[n].parent)], source)).norm();
     }
     return length;
   }
@@ -211,12 +208,12 @@ class RestPoses {
   std::vector<Node>& nodes_;
 };
 
-/// The scaled source of one frame (retarget.h): where every node should be and how it should be turned.
+/// The scaled source of one frame (retarget.h): the desired position and rotation of every node.
 std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector<Affine3d>& frame,
                                const RestPoses& rest, double scale, const RetargetOptions& options) {
   std::vector<PoseGoal> goals;
   for (const Node& node : nodes) {
-    const Affine3d& source = frame[static_cast<std::size_t>(node.source)];
+    const Affine3d& source = frame[as_size(node.source)];
     PoseGoal goal;
     goal.joint = node.target;
     goal.rotation = source.linear() * node.joint_from_source;
@@ -225,12 +222,12 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
     if (node.parent < 0) {
       goal.position = scale * source.translation() + rest.source_turn(node, frame) * Vector3d(0, rest.lift(scale), 0);
     } else {
-      const Node& parent = nodes[static_cast<std::size_t>(node.parent)];
-      const PoseGoal& above = goals[static_cast<std::size_t>(node.parent)];
+      const Node& parent = nodes[as_size(node.parent)];
+      const PoseGoal& above = goals[as_size(node.parent)];
       const Vector3d ours = above.rotation * node.offset_from_parent;
       const Vector3d theirs = rest.source_turn(parent, frame) * rest.source_bone(node);
-      const Vector3d now = source.translation() - frame[static_cast<std::size_t>(parent.source)].translation();
-      // Where the source's bone has no length there is no direction to follow: the joint rides on the one above.
+      const Vector3d now = source.translation() - frame[as_size(parent.source)].translation();
+      // A source bone without length has no direction: the joint follows its parent.
       const bool rides = now.norm() < kNoLength || theirs.norm() < kNoLength;
       goal.position =
           above.position + (rides ? ours : Vector3d(Eigen::Quaterniond::FromTwoVectors(theirs, now) * ours));
@@ -240,27 +237,24 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
   return goals;
 }
 
-/// Poses to begin with where no frame has gone before: the rest pose facing four ways, with its root where it should
-/// be.
+/// Initial poses when there is no previous frame: the rest pose with four headings and the desired root position.
 std::vector<std::vector<double>> starts(const Skeleton& skeleton, const std::vector<double>& rest,
                                         const PoseGoal& root_goal) {
   Skeleton::Root root;
   try {
     root = skeleton.root();
   } catch (const Error&) {
-    return {rest};  // a root of another build: Gauss-Newton has to find the way by itself
+    return {rest};  // a root of another structure: the rest pose is the only start
   }
-  const auto vertical = static_cast<std::size_t>(std::find(root.axes.begin(), root.axes.end(), 1) - root.axes.begin());
-  const auto heading = static_cast<std::size_t>(root.rotation[vertical]);
+  const auto vertical = as_size(std::find(root.axes.begin(), root.axes.end(), 1) - root.axes.begin());
+  const auto heading = as_size(root.rotation[vertical]);
   std::vector<std::vector<double>> all;
   for (int quarter = 0; quarter < 4; ++quarter) {
     std::vector<double> dofs = rest;
     dofs[heading] += 0.5 * kPi * quarter / root.rotation_weight[vertical];
-    const Vector3d way =
-        root_goal.position - skeleton.pose(dofs)[static_cast<std::size_t>(root_goal.joint)].translation();
+    const Vector3d way = root_goal.position - skeleton.pose(dofs)[as_size(root_goal.joint)].translation();
     for (std::size_t axis = 0; axis < 3; ++axis)
-      dofs[static_cast<std::size_t>(root.translation[axis])] +=
-          way[static_cast<int>(axis)] / root.translation_weight[axis];
+      dofs[as_size(root.translation[axis])] += way[static_cast<int>(axis)] / root.translation_weight[axis];
     all.push_back(dofs);
   }
   return all;
@@ -280,7 +274,7 @@ void add_distances(const Skeleton& skeleton, const std::vector<double>& dofs, co
                    std::vector<RetargetResult::Track>& tracks, int frames) {
   const std::vector<Affine3d> world = skeleton.pose(dofs);
   for (std::size_t n = 0; n < goals.size(); ++n) {
-    const double distance = (world[static_cast<std::size_t>(goals[n].joint)].translation() - goals[n].position).norm();
+    const double distance = (world[as_size(goals[n].joint)].translation() - goals[n].position).norm();
     tracks[n].mean_distance += distance / frames;
     tracks[n].largest_distance = std::max(tracks[n].largest_distance, distance);
   }
@@ -299,16 +293,16 @@ RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, cons
   const RestPoses rests(rest_pose, source.rest, nodes);
   result.scale = rests.scale(map);
   for (const Node& node : nodes)
-    result.tracks.push_back({skeleton.joints[static_cast<std::size_t>(node.target)].name,
-                             source.names[static_cast<std::size_t>(node.source)], node.target, node.end, 0.0, 0.0});
+    result.tracks.push_back({skeleton.joints[as_size(node.target)].name, source.names[as_size(node.source)],
+                             node.target, node.end, 0.0, 0.0});
 
   PoseSolver solver(skeleton, options.iterations);
   std::vector<double> dofs = rest;
   for (int f = 0; f < source.num_frames(); ++f) {
-    const auto goals = goals_of(nodes, source.frames[static_cast<std::size_t>(f)], rests, result.scale, options);
+    const auto goals = goals_of(nodes, source.frames[as_size(f)], rests, result.scale, options);
     double cost = HUGE_VAL;
     if (f > 0) cost = solver.solve(goals, dofs);
-    // A jump in the source can leave the frame before too far away to come from.
+    // After a jump in the source the previous frame can be too far away to be a start.
     constexpr double kLost = 0.1;  // metres, root mean square
     if (f == 0 || solver.mean_distance(goals, dofs) > kLost)
       for (std::vector<double> start : starts(skeleton, rest, goals.front()))

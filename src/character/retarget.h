@@ -11,17 +11,17 @@ namespace doppel {
 struct RetargetOptions {
   double frames_per_second = 25.0;  ///< of the result: the rate the actor was trained at
   std::vector<double> rest_dofs;    ///< [D] the target's rest pose; empty: all DoFs 0
-  double end_weight = 3.0;          ///< of hands, feet and head against the joints between, in the sum of squares
-  double rotation_weight = 0.1;     ///< metres that a radian of wrong rotation counts as
-  int iterations = 30;              ///< of Gauss-Newton for one frame, at most
+  double end_weight = 3.0;          ///< of hands, feet and head relative to other joints, in the sum of squares
+  double rotation_weight = 0.1;     ///< metres per radian of rotation error
+  int iterations = 30;              ///< largest number of Gauss-Newton steps per frame
 };
 
 struct RetargetResult {
-  /// One mapped joint and how near it comes to where it should be.
+  /// One mapped joint and its distance from its goals.
   struct Track {
     std::string target, source;
     int joint = 0;                                       ///< of the target skeleton
-    bool end = false;                                    ///< nothing mapped hangs on it: a hand, a foot, the head
+    bool end = false;                                    ///< no mapped joint lies below it: a hand, a foot, the head
     double mean_distance = 0.0, largest_distance = 0.0;  ///< metres, over all frames
   };
   Motion motion;
@@ -30,27 +30,26 @@ struct RetargetResult {
   std::vector<std::vector<Eigen::Vector3d>> goals;  ///< [F][P] the scaled source, world metres
 };
 
-/// Makes `skeleton` do what the source does: for each frame of the (resampled) source, damped Gauss-Newton finds the
-/// DoFs that bring the mapped joints nearest to the *scaled source*, beginning with the frame before. DoFs stay within
-/// their limits.
+/// Transfers the motion of the source to `skeleton`. For each frame of the resampled source, damped Gauss-Newton finds
+/// the DoFs that bring the mapped joints nearest to the *scaled source*. It starts from the previous frame. DoFs stay
+/// within their limits.
 ///
 /// The scaled source, g, of a pair (t, s): let p be the nearest mapped joint above t, and b the target's rest bone from
-/// p to t, turned as the source's p has turned since its rest pose.
+/// p to t, rotated as the source's p has rotated since its rest pose.
 ///   g = scale * position(s) + lift   for the root of the map
 ///   g = g_p + swing(b)               else
-/// `swing` is the smallest rotation that takes the source's rest bone from p to t, turned likewise, to where it points
-/// now. So bones point where the source's point and have the target's lengths; those that leave one joint together (the
-/// hips from the root) keep the angles of the target's own body. `lift`, vertical in the rest pose and turned with the
-/// root, makes up for roots at different places of the body: by how much the target's root stands higher above the
-/// lowest mapped joint than the source's, scaled.
+/// `swing` is the smallest rotation from the source's rest bone from p to t, rotated in the same way, to its present
+/// direction. Bones thus have the directions of the source and the lengths of the target. Bones that start at the same
+/// joint (the hips from the root) keep the angles of the target's body. `lift` compensates for roots at different
+/// positions in the body: it is the height of the target's root above its lowest mapped joint minus the scaled height
+/// of the source's root. It is vertical in the rest pose and rotates with the root.
 ///
-/// What bones leave open (twist, where the head looks) follows the source's rotations relative to its rest pose; where
-/// the rest poses differ (arms out or down), by the smallest rotation that lays the target's rest bone along the
-/// source's.
+/// Bone directions do not determine the twist and the direction of the head. These follow the source's rotations
+/// relative to its rest pose. Where the rest poses differ (arms out or down), the smallest rotation that aligns the
+/// target's rest bone with the source's corrects them.
 ///
-/// @throws FileError / UsageError for a joint of the map that is not there (with the nearest one), a map without one
-/// root
-///   or with two, a scale that cannot be found
+/// @throws FileError / UsageError for an unknown joint in the map (the message names the nearest joint), a map without
+///   a root or with two, a scale that cannot be determined
 RetargetResult retarget(const Skeleton& skeleton, const JointTracks& source, const JointMap& map,
                         const RetargetOptions& options = {});
 

@@ -11,8 +11,7 @@ namespace {
 
 using Table = std::array<double, kNumLabels>;
 
-// One value per label. What lies under a dress (20) is given with the third table only and counts as dress in the
-// others.
+// One value per label. Only the third table has a value for the body under a dress (20); the others use that of dress.
 // clang-format off
 //                             0   1    2    3    4    5   6   7   8   9    10  11  12  13   14   15   16   17   18   19   20
 constexpr Table kLiveCap   = {1,  100, 200, 100, 200, 2,  1,  1,  50, 2.5, 1,  3,  1,  200, 50,  50,  50,  50,  100, 100, 1};
@@ -32,7 +31,7 @@ const Table& table_of(RigidityPreset preset) {
   return kGraph;
 }
 
-/// Below this a graph value is clothing, which the in-the-wild refinement lets move ten times more freely.
+/// Graph values below this are clothing, which the in-the-wild refinement makes ten times less rigid.
 constexpr double kClothing = 20.0;
 
 }  // namespace
@@ -98,7 +97,7 @@ std::vector<double> node_rigidity(const std::vector<double>& vertex_values, cons
       sum[*k] += vertex_values[v];
       ++count[*k];
     }
-  // A node always influences the vertex it sits on; one without any could only come from a graph built by hand.
+  // A node always influences its own vertex. Only a graph built by hand can have a node without vertices.
   for (int k = 0; k < graph.num_nodes(); ++k) sum[k] = count[k] > 0 ? sum[k] / count[k] : 1.0;
   return sum;
 }

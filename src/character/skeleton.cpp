@@ -26,7 +26,7 @@ Eigen::Affine3d joint_motion(const Joint& joint, double q) {
   return Eigen::Affine3d(Eigen::AngleAxisd(q, joint.axis));
 }
 
-/// One moving axis of the root chain: the joint and the one DoF behind it.
+/// One moving axis of the root chain: the joint and the DoF that drives it.
 struct RootAxis {
   int joint, dof;
   double weight;
@@ -38,14 +38,14 @@ std::optional<RootAxis> drive_of(const Skeleton& skeleton, int joint) {
     for (const Dof::Drive& drive : skeleton.dofs[d].joints) {
       if (drive.joint != joint || drive.weight == 0.0) continue;
       if (found)
-        fail("the root joint '{}' is driven by two DoFs, '{}' and '{}'; its motion can only be read when one drives it",
+        fail("the root joint '{}' is driven by two DoFs, '{}' and '{}'; the root needs a single DoF per joint",
              skeleton.joints[joint].name, skeleton.dofs[found->dof].name, skeleton.dofs[d].name);
       found = RootAxis{joint, d, drive.weight};
     }
   return found;
 }
 
-/// The next joint of the root chain: the child of the wanted type if one is there, else a child that nothing drives.
+/// The next joint of the root chain: the child of the given type, or else a child that no DoF drives.
 std::optional<int> next_in_chain(const Skeleton& skeleton, int parent, Joint::Type type) {
   std::optional<int> idle;
   for (int j = 0; j < skeleton.num_joints(); ++j) {
@@ -77,7 +77,7 @@ std::vector<RootAxis> root_chain(const Skeleton& skeleton) {
   return chain;
 }
 
-/// Which coordinate axis (0 x, 1 y, 2 z) a joint moves along or about.
+/// The coordinate axis (0 x, 1 y, 2 z) of a joint.
 int coordinate_axis(const Joint& joint) {
   Eigen::Index axis = 0;
   const double length = joint.axis.norm();
@@ -100,7 +100,7 @@ int Skeleton::joint_of_bone(const std::string& bone, BoneRule rule) const {
     if (carries(joints[joint].name, bone, rule)) return joint;
   }
   fail("no joint of the skeleton carries the bone '{}': none {} '{}'", bone,
-       rule == BoneRule::exact ? "is named so up to its first '_', as in" : "has a name that begins with",
+       rule == BoneRule::exact ? "has this name up to its first '_', as in" : "has a name that begins with",
        rule == BoneRule::exact ? bone + "_rx" : bone);
 }
 

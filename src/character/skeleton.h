@@ -11,7 +11,7 @@ namespace doppel {
 
 /// One axis of motion. An anatomical joint is a run of these (`Head_ry`, `Head_rz`, `Head_rx`).
 /// Forward kinematics: A_j = A_parent * Trans(offset) * X_j with X_j = Rot(axis, q_j) or Trans(axis * q_j), and
-/// q_j = sum over DoFs of weight * dof (formats.md 1).
+/// q_j = sum over DoFs of weight * dof.
 struct Joint {
   enum class Type { revolute, prismatic };
   std::string name;
@@ -21,7 +21,7 @@ struct Joint {
   Eigen::Vector3d axis;    ///< unit for revolute joints; metres per unit of q for prismatic ones
 };
 
-/// One number of a motion file. Drives `joints` (possibly none), each with a weight.
+/// One number of a motion file. A DoF drives `joints` (possibly none), each with a weight.
 struct Dof {
   struct Drive {
     int joint;
@@ -32,29 +32,29 @@ struct Dof {
   std::optional<std::array<double, 2>> limits;  ///< on the DoF's own value, before the weight
 };
 
-/// A point that rides on a joint (landmark).
+/// A point fixed to a joint (landmark).
 struct Marker {
   std::string name;
   int joint = 0;
-  Eigen::Vector3d position;  ///< metres; in the joint's frame, whatever the file's reading was
+  Eigen::Vector3d position;  ///< metres; in the joint's frame for every reading of the file
   double size = 0.0;
 };
 
-/// How marker coordinates in a `.skeleton` are meant: relative to the joint, or world positions in the zero pose.
+/// The meaning of marker coordinates in a `.skeleton` file: relative to the joint, or world positions in the zero pose.
 enum class MarkerReading { joint_relative, zero_pose_world };
 
-/// Which joint carries a bone of a `.skin` file: the last whose name up to the first `_` equals the bone's name
-/// (`exact`), or the last whose name starts with it (`prefix`). formats.md 3.
+/// The rule that finds the joint of a bone of a `.skin` file: the last joint whose name up to the first `_` equals the
+/// bone's name (`exact`), or the last joint whose name starts with it (`prefix`)..
 enum class BoneRule { exact, prefix };
 
-/// J joints in an order where parents come first, D DoFs, M markers. Metres and radians.
+/// J joints, parents before children, D DoFs and M markers. Metres and radians.
 struct Skeleton {
   std::vector<Joint> joints;
   std::vector<Dof> dofs;
   std::vector<Marker> markers;
   MarkerReading marker_reading = MarkerReading::joint_relative;
-  /// [J] the joint at each place of the file, or empty when the file already lists parents first. Bones are looked up
-  /// in the file's order, so it must outlive the reordering.
+  /// [J] the joints in the order of the file, or empty when the file already lists parents first. Bones are looked up
+  /// in this order.
   std::vector<int> file_order;
 
   int num_joints() const { return static_cast<int>(joints.size()); }
@@ -62,15 +62,15 @@ struct Skeleton {
   std::optional<int> find_joint(const std::string& name) const;
   std::optional<int> find_dof(const std::string& name) const;
   /// The last joint, in the file's order, that carries the bone.
-  /// @throws Error naming the bone when no joint carries it.
+  /// @throws Error naming the bone when no joint carries it
   int joint_of_bone(const std::string& bone, BoneRule rule) const;
 
-  /// The plain double version of forward kinematics for one pose; the differentiable one is layers/kinematics.
+  /// Forward kinematics of one pose in double precision. layers/kinematics has the differentiable version.
   /// @param dofs [D] @return joint-to-world transforms [J], metres
   std::vector<Eigen::Affine3d> pose(const std::vector<double>& dofs) const;
 
-  /// The root's rotation axes as DoF indices, outermost first, and its three translations; what the motion window
-  /// needs to find the heading. @throws Error when the root is not three translations followed by three rotations.
+  /// The DoFs of the root's three translations and three rotations. The motion window computes the heading from them.
+  /// @throws Error when the root is not three translations followed by three rotations
   struct Root {
     std::array<int, 3> translation;  ///< DoFs along x, y, z
     std::array<int, 3> rotation;     ///< DoFs in the order they are applied, outermost first
@@ -83,14 +83,14 @@ struct Skeleton {
 /// The bone that a joint belongs to: its name up to the first underscore.
 inline std::string bone_name(const std::string& joint) { return joint.substr(0, joint.find('_')); }
 
-/// A marker's position as a `.skeleton` states it under `reading`, and back. Both at the pose of all DoFs 0.
+/// A marker's position as a `.skeleton` file states it under `reading`, with all DoFs 0.
 Eigen::Vector3d marker_to_file(const Skeleton& skeleton, const Marker& marker, MarkerReading reading);
-/// Reinterprets the positions of all markers, which were read as `skeleton.marker_reading`, as `reading`.
+/// Reinterprets the positions of all markers, which were read under `skeleton.marker_reading`, under `reading`.
 void reread_markers(Skeleton& skeleton, MarkerReading reading);
 
-/// Reads "Skeletool Skeleton Definition V1.0" (millimetres in the file). Joints are reordered if a parent comes later.
-/// Prismatic axes keep the file's scale: q moves the joint by axis * q millimetres, converted to metres.
-/// @param reading how markers are meant; by default joint_relative (Character::load decides by the template)
+/// Reads "Skeletool Skeleton Definition V1.0" (millimetres in the file). Joints are reordered if a parent follows its
+/// child. Prismatic axes keep the file's scale: q moves the joint by axis * q millimetres, converted to metres.
+/// @param reading the meaning of marker coordinates; load_character changes it if the template says so
 /// @throws FileError: version, counts, unknown parents, cycles, `oriented` markers, ...
 Skeleton read_skeleton(const std::filesystem::path& path, MarkerReading reading = MarkerReading::joint_relative);
 void write_skeleton(const std::filesystem::path& path, const Skeleton& skeleton);

@@ -56,7 +56,7 @@ Eigen::Vector3d read_axis(const TextReader& reader, Joint::Type type) {
   if (type == Joint::Type::prismatic) return axis * kMetresPerMillimetre;
   const double length = axis.norm();
   if (!(length > 1e-9)) reader.fail_here("the axis of a revolute joint has no direction");
-  // A unit axis stays as it is to the last digit, so that writing and reading change nothing.
+  // A unit axis keeps its last digit, so that writing and reading do not change it.
   return std::abs(length - 1.0) < 1e-14 ? axis : Eigen::Vector3d(axis / length);
 }
 
@@ -88,7 +88,7 @@ std::vector<FileJoint> read_joints(TextReader& reader) {
   return entries;
 }
 
-/// The parent's place in the file for each joint, -1 for the one root.
+/// The index of each joint's parent in the file, -1 for the root.
 std::vector<int> find_parents(const std::vector<FileJoint>& entries) {
   std::unordered_map<std::string, int> place;
   for (std::size_t j = 0; j < entries.size(); ++j) place.emplace(entries[j].joint.name, static_cast<int>(j));
@@ -112,7 +112,7 @@ std::vector<int> find_parents(const std::vector<FileJoint>& entries) {
   return parents;
 }
 
-/// The places of the file in an order where parents come first; otherwise as in the file.
+/// The joints of the file, reordered so that parents come first, otherwise in the order of the file.
 std::vector<int> parents_first(const std::vector<FileJoint>& entries, const std::vector<int>& parents) {
   std::vector<std::vector<int>> children(entries.size());
   std::priority_queue<int, std::vector<int>, std::greater<int>> ready;
@@ -132,7 +132,7 @@ std::vector<int> parents_first(const std::vector<FileJoint>& entries, const std:
   }
   for (std::size_t j = 0; j < entries.size(); ++j)
     if (!placed[j])
-      fail_at(entries[j].where, "the joint '{}' hangs in a circle of parents that never reaches the root",
+      fail_at(entries[j].where, "the parents of the joint '{}' form a circle that never reaches the root",
               excerpt(entries[j].joint.name));
   return order;
 }
@@ -153,20 +153,20 @@ void place_joints(Skeleton& skeleton, const std::vector<FileJoint>& entries) {
   if (moved) skeleton.file_order = index;
 }
 
-/// The joint of that name, or the first of the file whose name begins so (which is how such files were first read).
+/// The joint of that name, or the first joint of the file whose name begins with it, as in the original reader.
 int find_joint_of(const TextReader& reader, const Skeleton& skeleton, std::string_view name) {
   if (const auto exact = skeleton.find_joint(std::string(name))) return *exact;
   for (int place = 0; place < skeleton.num_joints(); ++place) {
     const int joint = skeleton.file_order.empty() ? place : skeleton.file_order[place];
     if (skeleton.joints[joint].name.compare(0, name.size(), name) == 0) return joint;
   }
-  reader.fail_here("no joint is named '{}', and no joint's name begins so", excerpt(name));
+  reader.fail_here("no joint is named '{}', and no joint's name begins with it", excerpt(name));
 }
 
 Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
   const std::size_t columns = reader.tokens().size();
   if (columns >= 3 && reader.tokens()[2] == "oriented")
-    reader.fail_here("oriented markers cannot be read; no published file has them. Make it a 'point' marker");
+    reader.fail_here("oriented markers are not supported; no published file has them. Change it to a 'point' marker");
   if (columns >= 3 && reader.tokens()[2] != "point")
     reader.fail_here("marker type '{}' is not known, expected 'point'", excerpt(reader.tokens()[2]));
   if (columns != 6 && columns != 7 && columns != 10)
@@ -220,7 +220,7 @@ void read_markers(TextReader& reader, Skeleton& skeleton) {
   }
 }
 
-/// Bone symmetry, which nothing here uses: read for its syntax only.
+/// Bone symmetry, which Doppel does not use. Only the syntax is checked.
 void skip_scaling_joints(TextReader& reader) {
   const std::size_t count = read_section(reader, "scaling joints:");
   for (std::size_t s = 0; s < count; ++s) {
@@ -245,14 +245,15 @@ void read_dofs(TextReader& reader, Skeleton& skeleton) {
 void skip_texture_entries(TextReader& reader) {
   const std::size_t count = read_section(reader, "textureEntries:");
   for (std::size_t t = 0; t < count; ++t) reader.require_line(fmt::format("texture entry {} of {}", t + 1, count));
-  if (reader.next_line()) reader.fail_here("unexpected line behind the last section: '{}'", excerpt(reader.line()));
+  if (reader.next_line()) reader.fail_here("unexpected line after the last section: '{}'", excerpt(reader.line()));
 }
 
 void read_skeleton_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kSkeletonHeader) return;
   if (reader.line().find("keleton") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skeleton file; only '{}' is read", excerpt(reader.line()), kSkeletonHeader);
+    reader.fail_here("unsupported version '{}' of a skeleton file; only '{}' is read", excerpt(reader.line()),
+                     kSkeletonHeader);
   reader.fail_here("not a skeleton file: the first line must be '{}'", kSkeletonHeader);
 }
 

@@ -15,11 +15,11 @@ namespace doppel {
 namespace {
 
 constexpr char kWeightsHeader[] = "Skeletool character skinning file V1.0";
-/// How far weights may be from summing to 1, and how far above 1 a single one may be printed.
+/// Tolerance of the sum of weights around 1, and of a single weight above 1.
 constexpr double kSumTolerance = 1e-3;
 constexpr double kWeightSlack = 1e-6;
 
-/// One vertex line. `stripped` holds the weights without the vertex index that some files glue behind them.
+/// One vertex line. `stripped` holds the weights without the vertex index that some files append to them.
 struct VertexLine {
   int vertex = 0;
   std::vector<int> bones;
@@ -27,7 +27,7 @@ struct VertexLine {
   FileLocation where;
 };
 
-/// The weight in front of a glued vertex index: `0.54185910` of vertex 10 is 0.541859.
+/// The weight before a glued vertex index: `0.54185910` of vertex 10 is 0.541859.
 std::optional<double> strip_index(std::string_view token, const std::string& index) {
   if (token.size() <= index.size() || token.substr(token.size() - index.size()) != index) return std::nullopt;
   return parse_number(token.substr(0, token.size() - index.size()));
@@ -45,7 +45,7 @@ std::vector<std::string> read_bones(TextReader& reader) {
       reader.fail_here("the bone '{}' is listed twice; names must be unique", excerpt(bone));
   reader.require_line("the line 'vertex weights:'");
   if (reader.line() != "vertex weights:")
-    reader.fail_here("expected the line 'vertex weights:' behind the bone names, found '{}'", excerpt(reader.line()));
+    reader.fail_here("expected the line 'vertex weights:' after the bone names, found '{}'", excerpt(reader.line()));
   return bones;
 }
 
@@ -76,8 +76,8 @@ double sum_error(const std::vector<double>& weights) {
   return std::abs(std::accumulate(weights.begin(), weights.end(), 0.0) - 1.0);
 }
 
-/// Whether the whole file has its vertex indices glued to the weights: every line that could show it does, and the
-/// weights sum to 1 better without them.
+/// Whether the whole file has vertex indices glued to the weights: every line that can have one does, and without the
+/// indices the sums of the weights are nearer to 1.
 bool is_glued(const std::vector<VertexLine>& lines) {
   double plain = 0.0, stripped = 0.0;
   bool any = false;
@@ -100,7 +100,7 @@ void check_weights(const VertexLine& line, const std::vector<double>& weights) {
             std::accumulate(weights.begin(), weights.end(), 0.0), kSumTolerance);
 }
 
-/// Puts one vertex into the result: largest weight first, sum 1.
+/// Appends one vertex to the result: largest weight first, sum 1.
 void append_vertex(SkinningWeights& skin, const VertexLine& line, bool glued) {
   std::vector<double> weights = glued && !line.stripped.empty() ? line.stripped : line.plain;
   check_weights(line, weights);
@@ -108,7 +108,7 @@ void append_vertex(SkinningWeights& skin, const VertexLine& line, bool glued) {
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return weights[a] > weights[b]; });
   const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
-  // Weights that already sum to 1 keep their last digit, so that writing and reading change nothing.
+  // Weights that already sum to 1 keep their last digit, so that writing and reading do not change them.
   const double scale = std::abs(sum - 1.0) < 1e-12 ? 1.0 : 1.0 / sum;
   for (const int i : order) {
     skin.vertex_bones.items.push_back(line.bones[i]);
@@ -138,7 +138,8 @@ void read_weights_header(TextReader& reader) {
   reader.require_line("the header");
   if (reader.line() == kWeightsHeader) return;
   if (reader.line().find("skinning file") != std::string_view::npos)
-    reader.fail_here("unsupported version '{}' of a skinning file; only '{}' is read", excerpt(reader.line()), kWeightsHeader);
+    reader.fail_here("unsupported version '{}' of a skinning file; only '{}' is read", excerpt(reader.line()),
+                     kWeightsHeader);
   reader.fail_here("not a skinning file: the first line must be '{}'", kWeightsHeader);
 }
 

@@ -8,8 +8,8 @@
 
 namespace doppel {
 
-/// Sparse skinning weights: for each of N vertices some (bone, weight) pairs, largest first, that sum to 1. The first
-/// bone of a vertex is the pivot for the signs of dual quaternions.
+/// Sparse skinning weights: (bone, weight) pairs for each of N vertices, largest first. The weights of a vertex sum to
+/// 1. The first bone of a vertex fixes the signs of dual quaternions.
 struct SkinningWeights {
   std::vector<std::string> bones;  ///< [Bn]
   IndexRows vertex_bones;          ///< [N] rows of bone indices
@@ -20,8 +20,8 @@ struct SkinningWeights {
   int num_bones() const { return static_cast<int>(bones.size()); }
 };
 
-/// Reads "Skeletool character skinning file V1.0", also the glued variant (formats.md 3). Weights are renormalised.
-/// @param num_vertices the template's N, or 0 to take what the file holds
+/// Reads "Skeletool character skinning file V1.0" and its glued variant. Weights are renormalised.
+/// @param num_vertices the template's N, or 0 to use the number in the file
 /// @throws FileError: header, bone index, weight outside [0,1], sum off by more than 1e-3, missing vertices
 SkinningWeights read_skin(const std::filesystem::path& path, int num_vertices = 0);
 void write_skin(const std::filesystem::path& path, const SkinningWeights& weights);

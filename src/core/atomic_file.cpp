@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -41,7 +42,7 @@ class FileDescriptor {
   int value_;
 };
 
-/// Removes the temporary file unless it has been moved to its place.
+/// Removes the temporary file unless it has been renamed.
 struct TemporaryFile {
   explicit TemporaryFile(fs::path p) : path(std::move(p)) {}
   TemporaryFile(const TemporaryFile&) = delete;
@@ -66,13 +67,13 @@ void flush_to_disk(const fs::path& temporary, const fs::path& path) {
   if (::fsync(file.get()) != 0) fail_writing(path, system_reason());
 }
 
-/// The rename itself must survive a power cut too. Some file systems cannot do this; the content is safe anyway.
+/// Makes the rename survive a power failure. Some file systems do not support this; the content is safe in any case.
 void flush_folder(const fs::path& folder) {
   FileDescriptor descriptor(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY);
   if (descriptor) (void)::fsync(descriptor.get());
 }
 
-/// A link stays a link: what it points to is replaced.
+/// The file to replace. A link stays a link, and its target is replaced.
 fs::path target_of(const fs::path& path) {
   std::error_code code;
   if (!fs::is_symlink(path, code)) return path;
@@ -88,7 +89,7 @@ void write_whole(const fs::path& temporary, const std::string& content, const fs
     const ssize_t n = ::write(file.get(), content.data() + written, content.size() - written);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail_writing(path, system_reason());
-    written += static_cast<std::size_t>(n);
+    written += as_size(n);
   }
   if (!file.close()) fail_writing(path, system_reason());
 }
@@ -96,14 +97,14 @@ void write_whole(const fs::path& temporary, const std::string& content, const fs
 }  // namespace
 
 void write_atomically(const fs::path& path, const std::function<void(const fs::path&)>& write) {
-  if (path.filename().empty()) fail_writing(path, "this names no file");
+  if (path.filename().empty()) fail_writing(path, "the path names no file");
   const fs::path target = target_of(path);
   std::error_code code;
   if (!target.parent_path().empty()) {
     fs::create_directories(target.parent_path(), code);
-    if (code) fail_writing(path, fmt::format("cannot make its folder: {}", code.message()));
+    if (code) fail_writing(path, fmt::format("cannot create its folder: {}", code.message()));
   }
-  if (fs::is_directory(target, code)) fail_writing(path, "a folder of this name is in the way");
+  if (fs::is_directory(target, code)) fail_writing(path, "a folder of this name already exists");
 
   TemporaryFile temporary(temporary_beside(target));
   write(temporary.path);
@@ -126,11 +127,11 @@ std::string read_file(const fs::path& path, std::uintmax_t max_bytes) {
   if (::fstat(file.get(), &status) != 0) fail_at(where, "cannot read this file: {}", system_reason());
   if (S_ISDIR(status.st_mode)) fail_at(where, "this is a folder, not a file");
 
-  // Pipes and the like report no size, so the size is only where to begin.
+  // Pipes report no size, so the size is only the initial capacity.
   std::string content;
   const auto known_size = status.st_size > 0 ? static_cast<std::uintmax_t>(status.st_size) : 0;
   std::size_t filled = 0;
-  if (known_size <= max_bytes) content.resize(static_cast<std::size_t>(known_size) + 1);
+  if (known_size <= max_bytes) content.resize(as_size(known_size) + 1);
   for (;;) {
     if (known_size > max_bytes || filled > max_bytes) {
       fail_at(where, "this file is too large: found {} bytes, allowed are {}",
@@ -141,7 +142,7 @@ std::string read_file(const fs::path& path, std::uintmax_t max_bytes) {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail_at(where, "cannot read this file: {}", system_reason());
     if (n == 0) break;
-    filled += static_cast<std::size_t>(n);
+    filled += as_size(n);
   }
   content.resize(filled);
   return content;

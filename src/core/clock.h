@@ -4,7 +4,7 @@
 
 namespace doppel {
 
-/// What stages are timed with.
+/// The clock that measures durations.
 using Clock = std::chrono::steady_clock;
 
 inline double seconds_since(Clock::time_point start) {

@@ -6,13 +6,14 @@
 #include <limits>
 #include <type_traits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
 
-/// What all readers of one document share: where it came from, and which keys were asked for in which mapping.
+/// Shared state of all readers of one document: its origin, and the keys read from each mapping.
 struct ConfigReader::Shared {
   struct Mapping {
     YAML::Node node;
@@ -87,7 +88,7 @@ const char* type_name(const double*) { return "a finite number"; }
 template <typename T>
 std::optional<T> scalar(const YAML::Node& node) {
   if (!node.IsScalar()) return std::nullopt;
-  // A quoted scalar carries the tag "!": the author says it is text.
+  // A quoted scalar has the tag "!" and is therefore text.
   if (!std::is_same_v<T, std::string> && node.Tag() == "!") return std::nullopt;
   return convert(node, static_cast<const T*>(nullptr));
 }
@@ -110,17 +111,17 @@ std::vector<std::string> split_dots(const std::string& text) {
   return parts;
 }
 
-/// The child that one part of an override's key names; made if a mapping lacks it.
+/// The child for one part of an override's key. A mapping without this child gets one.
 YAML::Node child_for_override(YAML::Node parent, const std::string& part, const std::string& override_text) {
   if (part.empty())
     fail<UsageError>("--set {}: the key has an empty part; write it as section.key=value", override_text);
   if (parent.IsSequence()) {
     const std::optional<long> index = parse_long(part);
-    if (!index || *index < 0 || static_cast<std::size_t>(*index) >= parent.size()) {
+    if (!index || *index < 0 || as_size(*index) >= parent.size()) {
       fail<UsageError>("--set {}: \"{}\" must be an index from 0 to {} into this list", override_text, part,
                        static_cast<long>(parent.size()) - 1);
     }
-    return parent[static_cast<std::size_t>(*index)];
+    return parent[as_size(*index)];
   }
   if (parent.IsScalar()) {
     fail<UsageError>("--set {}: cannot set \"{}\" inside a plain value (\"{}\")", override_text, part, parent.Scalar());
@@ -152,7 +153,7 @@ std::string apply_override(const YAML::Node& root, const std::string& text) {
   return dotted;
 }
 
-/// Edit distance with transpositions of neighbours, the usual slips of a typist.
+/// Edit distance with transpositions of neighbours, which are common typing errors.
 std::size_t edit_distance(const std::string& a, const std::string& b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
@@ -170,7 +171,7 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
 }  // namespace
 
 std::optional<std::string> nearest_word(const std::string& word, const std::vector<std::string>& known) {
-  constexpr std::size_t kLongestWord = 200;  // beyond it nobody mistyped; the distance would only cost time
+  constexpr std::size_t kLongestWord = 200;  // a longer word is no typing error
   if (word.size() > kLongestWord) return std::nullopt;
   std::optional<std::string> best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
@@ -225,7 +226,7 @@ ConfigDocument ConfigDocument::part(const std::string& section, const std::vecto
   const ConfigReader reader = root().section(section);
   for (const std::string& key : reader.keys()) {
     if (document.node_[key].IsDefined())
-      reader.fail_at_key(key, "this key belongs at the top of the file, for all sections");
+      reader.fail_at_key(key, "this key belongs to the top level of the file, for all sections");
     document.node_[key] = node_[section][key];
   }
   for (const auto& [dotted, text] : overridden_) {
@@ -237,7 +238,7 @@ ConfigDocument ConfigDocument::part(const std::string& section, const std::vecto
 
 std::string ConfigDocument::resolved() const {
   YAML::Emitter out;
-  // Enough digits that a value reads back as the one that was used.
+  // Enough digits to read back the same value.
   out.SetDoublePrecision(17);
   out << node_;
   return std::string(out.c_str()) + "\n";
@@ -327,7 +328,7 @@ std::string ConfigReader::choice(const std::string& key, const std::vector<std::
 std::filesystem::path ConfigReader::path(const std::string& key, const std::optional<std::string>& fallback) const {
   const std::string written = has(key) || !fallback ? get<std::string>(key) : *fallback;
   if (written.empty()) fail_at_key(key, "found an empty path");
-  // What is typed at the prompt is meant from where one stands; what a file says, from where the file is.
+  // A path in an override is relative to the working folder, a path in a file is relative to the folder of the file.
   const bool typed = has(key) && where(key).file.compare(0, 6, "--set ") == 0;
   const std::filesystem::path base = typed ? std::filesystem::path() : shared_->path.parent_path();
   const std::filesystem::path resolved = std::filesystem::absolute(base / written).lexically_normal();
@@ -376,10 +377,9 @@ std::vector<std::string> ConfigReader::keys() const {
 void ConfigReader::renamed(const std::string& old_key, const std::string& new_key) const {
   if (!node_.IsMap() || !node_[old_key].IsDefined()) return;
   if (node_[new_key].IsDefined())
-    fail_at_key(old_key, "this key is now called {}, which is there as well; remove one of the two", new_key);
+    fail_at_key(old_key, "this key is now called {}, which the file also holds; remove one of the two", new_key);
   const FileLocation place = where(old_key);
-  log::warn("{}: {} is now called {}", place.to_string(), joined_path(prefix_, old_key),
-            joined_path(prefix_, new_key));
+  log::warn("{}: {} is now called {}", place.to_string(), joined_path(prefix_, old_key), joined_path(prefix_, new_key));
   const auto set = shared_->overridden.find(joined_path(prefix_, old_key));
   if (set != shared_->overridden.end()) shared_->overridden[joined_path(prefix_, new_key)] = set->second;
   YAML::Node node = node_;  // shares its content with the document
@@ -402,7 +402,7 @@ void ConfigReader::finish() const {
       const std::string& key = entry.first.Scalar();
       if (!seen.insert(key).second) {
         throw FileError({shared_->path.string(), line_of(entry.first)},
-                        joined_path(prefix, key) + ": this key stands here twice");
+                        joined_path(prefix, key) + ": this key occurs twice");
       }
       if (mapping.asked.count(key)) continue;
       const std::optional<std::string> meant = nearest_word(key, known);

@@ -21,24 +21,24 @@ namespace doppel {
 ///   ConfigDocument document = ConfigDocument::load("egnet.yaml", {"train.batch_size=4"});
 ///   ConfigReader root = document.root();
 ///   int batch = root.section("train").get("batch_size", 40, at_least(1));
-///   root.finish();   // any key nobody asked for is an error that names the nearest known one
+///   root.finish();   // a key that was not read is an error; the message names the nearest known key
 /// @endcode
 class ConfigReader;
 class ConfigDocument {
  public:
-  /// @param overrides `a.b=c` each, applied in order; c is YAML. A key the file does not hold is added.
+  /// @param overrides `a.b=c` each, applied in order; c is YAML. A key that the file does not hold is added.
   /// @throws FileError (file:line) for bad YAML; UsageError for an override without `=`.
   static ConfigDocument load(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
   static ConfigDocument parse(const std::string& text, const std::string& name,
                               const std::vector<std::string>& overrides = {});
 
   ConfigReader root() const;
-  /// A document of its own with the keys of the mapping `section` on top, beside the top-level keys `shared` of this
-  /// one. Line numbers and overrides in messages stay those of this document.
-  /// @throws FileError when `section` is there and no mapping, or holds one of the shared keys
+  /// A new document whose top level holds the keys of the mapping `section` and the top-level keys `shared` of this
+  /// document. Line numbers and overrides in messages stay those of this document.
+  /// @throws FileError when `section` exists and is not a mapping, or holds one of the shared keys
   ConfigDocument part(const std::string& section, const std::vector<std::string>& shared) const;
-  /// The document with the overrides in place, as YAML text. Paths that were read through `ConfigReader::path` are
-  /// absolute in it, so that it means the same wherever it is kept.
+  /// The document with the overrides applied, as YAML text. Paths that were read through `ConfigReader::path` are
+  /// absolute, so the text means the same in any folder.
   std::string resolved() const;
   const std::filesystem::path& path() const { return path_; }
 
@@ -46,11 +46,11 @@ class ConfigDocument {
   friend class ConfigReader;
   YAML::Node node_;
   std::filesystem::path path_;
-  /// The command-line override a key came from, by its dotted path, for messages.
+  /// The command-line override that set a key, by dotted path, for messages.
   std::map<std::string, std::string> overridden_;
 };
 
-/// What a number may be: closed interval; the default allows everything finite.
+/// The allowed values of a number: a closed interval. The default allows all finite values.
 template <typename T>
 struct Range {
   std::optional<T> minimum, maximum;
@@ -64,13 +64,13 @@ Range<T> between(T minimum, T maximum) {
   return {minimum, maximum};
 }
 
-/// One mapping of a configuration, read key by key with types, ranges and defaults. Every error names file,
-/// line, the dotted key, what was found and what is allowed. Copies share the record of the keys asked for.
+/// One mapping of a configuration, read key by key with types, ranges and defaults. Every error names the file, the
+/// line, the dotted key, the value found and the values allowed. Copies share the record of the keys that were read.
 class ConfigReader {
  public:
   bool has(const std::string& key) const;
 
-  /// A required value (first form) or one with a default. Supported T: bool, int, long, double, std::string.
+  /// A required value (first form) or a value with a default. Supported T: bool, int, long, double, std::string.
   template <typename T>
   T get(const std::string& key, const Range<T>& range = {}) const;
   template <typename T>
@@ -82,7 +82,7 @@ class ConfigReader {
     return get<std::string>(key, std::string(fallback));
   }
 
-  /// One of a set of words. @throws FileError listing the words (and the nearest one).
+  /// One of a set of words. @throws FileError listing the allowed words and the nearest one
   std::string choice(const std::string& key, const std::vector<std::string>& allowed,
                      const std::optional<std::string>& fallback = std::nullopt) const;
   /// A list of values; a single value counts as a list of one. Empty when the key is missing.
@@ -92,18 +92,18 @@ class ConfigReader {
   /// override, at the working folder.
   std::filesystem::path path(const std::string& key, const std::optional<std::string>& fallback = std::nullopt) const;
 
-  /// A nested mapping; a missing one reads as empty, so all its keys take their defaults.
+  /// A nested mapping. A missing mapping reads as empty, so all its keys take their defaults.
   ConfigReader section(const std::string& key) const;
   /// A sequence of mappings; empty when the key is missing.
   std::vector<ConfigReader> sections(const std::string& key) const;
-  /// The keys of this mapping in file order (for free-form mappings; marks them all as known).
+  /// The keys of this mapping in file order, for free-form mappings. Marks all of them as known.
   std::vector<std::string> keys() const;
 
-  /// Takes a key under the name it had before: moves its value to the new name, with a warning that says so.
-  /// @throws FileError when both names are there
+  /// Accepts a key under its former name: moves the value to the new name and logs a warning.
+  /// @throws FileError when the file holds both names
   void renamed(const std::string& old_key, const std::string& new_key) const;
 
-  /// Throws for the first key in this mapping (or in a section taken from it) that nobody asked for.
+  /// Throws for the first key in this mapping, or in a section taken from it, that was not read.
   void finish() const;
 
   /// Throws FileError at `key` (or at this mapping when `key` is empty).
@@ -126,7 +126,7 @@ class ConfigReader {
   std::string prefix_;
 };
 
-/// The element of `known` with the smallest edit distance to `word`, if it is near enough to be a slip.
+/// The element of `known` with the smallest edit distance to `word`, if `word` may be a misspelling of it.
 std::optional<std::string> nearest_word(const std::string& word, const std::vector<std::string>& known);
 
 }  // namespace doppel

@@ -9,7 +9,7 @@ namespace {
 
 Isa widest_isa() {
 #if defined(__x86_64__) || defined(_M_X64)
-  // Kernel pointers are set while static objects are constructed, maybe before the compiler's own detection ran.
+  // Kernel pointers are set while static objects are constructed, perhaps before the compiler's own detection has run.
   __builtin_cpu_init();
   const bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c");
   if (!avx2) return Isa::baseline;

@@ -1,8 +1,8 @@
 #pragma once
 
-/// Chooses, once per process, the kernels compiled for the widest instruction set this CPU has.
+/// Chooses, once per process, the kernels compiled for the widest instruction set of this CPU.
 ///
-/// A kernel file is compiled once per instruction set (`doppel_room(... KERNELS ...)`) with DOPPEL_ISA defined as
+/// A kernel file is compiled once per instruction set (`doppel_module(... KERNELS ...)`) with DOPPEL_ISA defined as
 /// `baseline`, `avx2` or `avx512`, and puts its functions into that namespace:
 /// @code
 ///   // skinning_kernel.h
@@ -14,8 +14,8 @@
 ///   // caller
 ///   kernels::skin_forward(params, 0, n);
 /// @endcode
-/// Kernel files may include <cmath>, <cstdint>, <cstring>, intrinsics and headers of plain structs; nothing whose
-/// inline functions the linker could share with other files (no containers, no LibTorch).
+/// Kernel files may include only <cmath>, <cstdint>, <cstring>, intrinsics and headers of plain structs. Containers and
+/// LibTorch are forbidden, because the linker could share their inline functions with other files.
 
 namespace doppel {
 

@@ -7,8 +7,8 @@
 
 namespace doppel {
 
-/// The base of every exception Doppel throws on purpose. The message says, in this order: what was being done,
-/// what was found, what is allowed, and how to mend it. The program prints it as it stands and exits with 1.
+/// The base of all exceptions that Doppel throws on purpose. The message says, in this order: what was being done,
+/// what was found, what is allowed, and how to correct it. The program prints the message unchanged and exits with 1.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -20,7 +20,7 @@ class UsageError : public Error {
   using Error::Error;
 };
 
-/// A place in a text file, printed as `file:line` (or `file` alone when `line` is 0).
+/// A location in a text file, printed as `file:line`, or as `file` when `line` is 0.
 struct FileLocation {
   std::string file;
   int line = 0;  ///< counted from 1; 0 = the file as a whole
@@ -28,7 +28,7 @@ struct FileLocation {
   std::string to_string() const { return line > 0 ? fmt::format("{}:{}", file, line) : file; }
 };
 
-/// A file that cannot be used as it stands. The message begins with the place.
+/// A file that cannot be used in its present form. The message begins with the location.
 class FileError : public Error {
  public:
   FileError(const FileLocation& where, const std::string& message)

@@ -16,7 +16,7 @@ void setup_logging(const std::string& level) {
     fail<UsageError>("setting the log level: found \"{}\"; allowed are trace, debug, info, warn, error, off", level);
   }
 
-  // A logger of our own rather than the registered default: setting it up twice must not print lines twice.
+  // A separate logger instead of the registered default, so that a second call does not duplicate lines.
   auto logger = std::make_shared<spdlog::logger>("doppel", std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
   logger->set_pattern("%H:%M:%S %^%l%$ %v");
   logger->set_level(spdlog::level::from_str(level));

@@ -6,7 +6,7 @@ namespace doppel {
 
 /// Sends log lines to stderr as `HH:MM:SS level message`, so that stdout carries results only.
 /// `level` is one of trace, debug, info, warn, error, off.
-/// @throws UsageError for another word.
+/// @throws UsageError for another word
 void setup_logging(const std::string& level = "info");
 
 namespace log {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <regex>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 
@@ -52,7 +53,7 @@ std::vector<std::int64_t> parse_shape(const std::string& text, const FileLocatio
   const std::regex number("[0-9]+");
   for (std::sregex_iterator it(text.begin(), text.end(), number), end; it != end; ++it) {
     const std::string digits = it->str();
-    if (digits.size() > 15) fail_at(where, "the .npy header promises an axis of {} items", digits);
+    if (digits.size() > 15) fail_at(where, "the .npy header states an impossible axis of {} items", digits);
     shape.push_back(std::stoll(digits));
   }
   return shape;
@@ -84,7 +85,7 @@ std::int64_t NpyArray::size() const {
 template <typename T>
 std::vector<T> NpyArray::as() const {
   const bool floating = type == "<f4" || type == "<f8";
-  if (floating && std::is_integral_v<T>) fail("a .npy array of type {} was asked for as integers", type);
+  if (floating && std::is_integral_v<T>) fail("a .npy array of type {} cannot be read as integers", type);
   if (type == "<f4") return convert<float, T>(bytes);
   if (type == "<f8") return convert<double, T>(bytes);
   if (type == "<i4") return convert<std::int32_t, T>(bytes);
@@ -99,11 +100,11 @@ template std::vector<std::int64_t> NpyArray::as<std::int64_t>() const;
 NpyArray read_npy(const std::filesystem::path& path) {
   const FileLocation where{path.string()};
   const std::string content = read_file(path);
-  const auto byte = [&](std::size_t i) { return static_cast<std::size_t>(static_cast<unsigned char>(content[i])); };
+  const auto byte = [&](std::size_t i) { return as_size(static_cast<unsigned char>(content[i])); };
   if (content.size() < 12 || content.compare(0, kMagicSize, kMagic, kMagicSize) != 0)
     fail_at(where, "is not a .npy file (it does not begin with \\x93NUMPY)");
   const bool first = content[6] == 1;
-  if (!first && content[6] != 2) fail_at(where, "is a .npy file of version {}; 1 and 2 can be read", byte(6));
+  if (!first && content[6] != 2) fail_at(where, "is a .npy file of version {}; supported are 1 and 2", byte(6));
   const std::size_t prefix = first ? 10 : 12;
   const std::size_t length = first ? byte(8) | byte(9) << 8 : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
   if (prefix + length > content.size()) fail_at(where, "ends inside its .npy header");
@@ -125,11 +126,11 @@ NpyArray read_npy(const std::filesystem::path& path) {
   std::int64_t expected = item;
   for (std::int64_t axis : array.shape) {
     if (axis != 0 && expected > std::numeric_limits<std::int64_t>::max() / axis)
-      fail_at(where, "promises more data than any file can hold: shape {}", shape_text(array.shape));
+      fail_at(where, "states a shape larger than any file: {}", shape_text(array.shape));
     expected *= axis;
   }
   if (expected != available)
-    fail_at(where, "promises {} bytes of data (shape {}) and holds {}", expected, shape_text(array.shape), available);
+    fail_at(where, "needs {} bytes of data (shape {}) but holds {}", expected, shape_text(array.shape), available);
   array.bytes.assign(content.begin() + static_cast<std::ptrdiff_t>(prefix + length), content.end());
   return array;
 }
@@ -139,7 +140,7 @@ std::string npy_bytes(const void* data, const std::string& type, const std::vect
   if (size == 0) fail("npy_bytes: unknown item type '{}'", type);
   for (std::int64_t axis : shape) size *= axis;
   std::string bytes = header(type, shape);
-  if (size > 0) bytes.append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+  if (size > 0) bytes.append(static_cast<const char*>(data), as_size(size));
   return bytes;
 }
 
@@ -169,7 +170,7 @@ NpyStream::~NpyStream() {
 }
 
 void NpyStream::append(const float* item) {
-  write(file_, item, static_cast<std::size_t>(item_size_) * sizeof(float), path_);
+  write(file_, item, as_size(item_size_) * sizeof(float), path_);
   ++items_;
 }
 

@@ -7,8 +7,8 @@
 
 namespace doppel {
 
-/// An array of a `.npy` file: C order, little-endian, one of float32 (`<f4`), float64 (`<f8`), int32 (`<i4`), int64
-/// (`<i8`), uint8 (`|u1`).
+/// An array of a `.npy` file in C order and little-endian: float32 (`<f4`), float64 (`<f8`), int32 (`<i4`), int64
+/// (`<i8`) or uint8 (`|u1`).
 struct NpyArray {
   std::string type;  ///< "<f4", "<f8", "<i4", "<i8" or "|u1"
   std::vector<std::int64_t> shape;
@@ -20,16 +20,16 @@ struct NpyArray {
   std::vector<T> as() const;
 };
 
-/// @throws FileError: not a .npy, Fortran order, another type, a shape the file is too short for, surplus bytes
+/// @throws FileError: not a .npy file, Fortran order, another type, a file too short for its shape, surplus bytes
 NpyArray read_npy(const std::filesystem::path& path);
 
 /// The bytes of a `.npy` file (format version 1.0) for an array in memory.
 std::string npy_bytes(const void* data, const std::string& type, const std::vector<std::int64_t>& shape);
-/// Writes it, atomically.
+/// Writes a float32 array atomically.
 void write_npy(const std::filesystem::path& path, const float* data, const std::vector<std::int64_t>& shape);
 void write_npy(const std::filesystem::path& path, const double* data, const std::vector<std::int64_t>& shape);
 
-/// Writes a float32 array whose first axis grows frame by frame, without holding it in memory.
+/// Writes a float32 array whose first axis grows frame by frame, without holding the array in memory.
 class NpyStream {
  public:
   /// @param item_shape the shape of one item; the file's shape is [items, item_shape...]
@@ -39,7 +39,7 @@ class NpyStream {
   NpyStream& operator=(const NpyStream&) = delete;
 
   void append(const float* item);
-  /// Completes the header and puts the file in its place; without it nothing is left behind.
+  /// Completes the header and moves the file to its path. Without this call no file remains.
   void close();
 
  private:

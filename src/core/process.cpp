@@ -30,7 +30,7 @@ extern "C" void on_stop_signal(int signal) {
 
 void keep_freed_memory() {
 #if defined(__GLIBC__)
-  // glibc serves blocks above 32 MB by mmap however high M_MMAP_THRESHOLD is, and unmaps them when freed; without
+  // glibc allocates blocks above 32 MB with mmap for any M_MMAP_THRESHOLD, and unmaps them when they are freed. Without
   // mmap they come from the heap, which keeps them.
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, -1);
@@ -40,7 +40,7 @@ void keep_freed_memory() {
 
 int available_cores() {
 #if defined(__linux__)
-  // What taskset or a container leaves us, not what the machine has.
+  // The cores that taskset or a container allows, not all cores of the machine.
   cpu_set_t set;
   if (sched_getaffinity(0, sizeof(set), &set) == 0 && CPU_COUNT(&set) > 0) return CPU_COUNT(&set);
 #endif

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
@@ -57,7 +59,7 @@ void Progress::draw(bool last) {
   const double share =
       total_ > 0 ? std::clamp(static_cast<double>(done_) / static_cast<double>(total_), 0.0, 1.0) : 1.0;
 
-  // Steps that an earlier run did took no time in this one, so they do not count for the speed.
+  // Steps of an earlier run took no time in this run, so they do not count for the speed.
   std::string time;
   if (last) {
     time = "in " + format_duration(elapsed);
@@ -68,7 +70,7 @@ void Progress::draw(bool last) {
 
   std::string line = title_;
   if (terminal_) {
-    const auto filled = static_cast<std::size_t>(share * kBarWidth);
+    const auto filled = as_size(share * kBarWidth);
     line += " [" + std::string(filled, '=') + std::string(kBarWidth - filled, ' ') + "]";
   }
   line += fmt::format(" {}/{} {:.0f}%", done_, total_, 100.0 * share);

@@ -6,19 +6,19 @@
 
 namespace doppel {
 
-/// Shows how far a long job is, on stderr: a bar with the time left on a terminal, a plain line every ten seconds
-/// elsewhere (and one at the end). Safe to call from one thread.
+/// Shows the progress of a long job on stderr. On a terminal it is a bar with the time left; elsewhere it is a plain
+/// line every ten seconds and at the end. Use it from one thread only.
 class Progress {
  public:
-  /// @param total steps until the end; `done` counts those a resumed job need not do again
+  /// @param total all steps of the job @param done the steps that a resumed job has already completed
   Progress(std::string title, std::int64_t total, std::int64_t done = 0);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// `note` is shown behind the bar ("loss 0.031").
+  /// @param note text behind the bar ("loss 0.031")
   void advance(std::int64_t steps = 1, const std::string& note = "");
-  /// Ends the bar; the destructor does it too.
+  /// Ends the bar. The destructor calls it too.
   void finish();
 
  private:

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 
 namespace doppel {
@@ -40,7 +41,7 @@ void split_at_commas(std::string_view line, std::vector<std::string_view>& token
   }
 }
 
-/// What stands in a broken file may be anything: a message shows its beginning, printable.
+/// The beginning of a token in printable characters, for messages: a damaged file may hold any bytes.
 std::string shown(std::string_view token) {
   constexpr std::size_t kMost = 40;
   std::string text;
@@ -48,7 +49,7 @@ std::string shown(std::string_view token) {
   return token.size() > kMost ? text + "..." : text;
 }
 
-/// from_chars takes no plus sign, though writers print one.
+/// Removes a plus sign, which some writers print but from_chars rejects.
 std::string_view without_plus(std::string_view text) {
   if (text.size() > 1 && text[0] == '+' && text[1] != '-' && text[1] != '+') text.remove_prefix(1);
   return text;
@@ -63,7 +64,7 @@ std::optional<double> parse_number(std::string_view text) {
   const auto [rest, error] = std::from_chars(text.data(), end, value);
   if (text.empty() || rest != end) return std::nullopt;
   if (error == std::errc::result_out_of_range) {
-    // from_chars does not say on which side; a tiny number is as good as zero, a huge one is none.
+    // from_chars does not report the side of the overflow. A tiny number becomes zero; a huge number is rejected.
     const std::size_t exponent = text.find_first_of("eE");
     const bool tiny = exponent != std::string_view::npos ? text.substr(exponent + 1, 1) == "-" : text.size() > 300;
     if (!tiny) return std::nullopt;
@@ -165,7 +166,7 @@ std::size_t TextReader::count(std::size_t token, std::string_view what) const {
     fail_here("reading {}: {} is {}, but only {} bytes are left in the file; it is truncated or the count is wrong",
               what_, what, value, left);
   }
-  return static_cast<std::size_t>(value);
+  return as_size(value);
 }
 
 }  // namespace doppel

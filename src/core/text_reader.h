@@ -10,27 +10,27 @@
 
 namespace doppel {
 
-/// What stands between the tokens of a line: runs of blanks and tabs, or one comma (blanks around a token are dropped,
-/// and a token may be empty; there are no quotation marks).
+/// The separator between the tokens of a line: a run of blanks and tabs, or one comma. With commas, blanks around a
+/// token are dropped, a token may be empty, and quotation marks have no meaning.
 enum class Separator { blanks, comma };
 
 /// Reads the line-based text formats of the field (Skeletool files, OBJ, tables) with `file:line` in every error.
 ///
-/// Lines may end in LF or CRLF; a UTF-8 byte order mark is skipped. A NUL byte anywhere is an error ("not a text
-/// file"), as is a file that is missing or empty.
+/// Lines may end in LF or CRLF. A UTF-8 byte order mark is skipped. A NUL byte is an error ("not a text file"), and so
+/// is a file that is missing or empty.
 class TextReader {
  public:
-  /// Reads `path` whole. `what` names the kind of file in messages ("a skeleton file").
+  /// Reads the whole file `path`. `what` names the kind of file in messages ("a skeleton file").
   TextReader(const std::filesystem::path& path, std::string what, Separator separator = Separator::blanks);
 
   /// Moves to the next line that holds a token. False at the end of the file.
   bool next_line();
   /// As `next_line`, but the end of the file is an error: "ends where <expected> should stand".
   void require_line(std::string_view expected);
-  /// Moves to the next line that holds a token, which must be the head of a table: `header` as its line stands, blanks
-  /// around names aside.
+  /// Moves to the next line that holds a token. The line must be the table header `header`; blanks around names are
+  /// ignored.
   void require_header(std::string_view header);
-  /// As `next_line`, but a line with another number of tokens than `columns` is an error.
+  /// As `next_line`, but a line whose number of tokens is not `columns` is an error.
   bool next_row(std::size_t columns);
 
   /// The current line without its end-of-line characters and outer blanks, and its tokens.
@@ -38,14 +38,14 @@ class TextReader {
   const std::vector<std::string_view>& tokens() const { return tokens_; }
 
   /// A token of the current line as a number. `what` names it in messages.
-  /// @throws FileError when there is no such token, it is not a number as a whole, or not finite.
+  /// @throws FileError when the token is missing, is not entirely a number, or is not finite
   double number(std::size_t token, std::string_view what) const;
-  /// The same for integers that must lie in [minimum, maximum].
+  /// A token as an integer, which must lie in [minimum, maximum].
   long integer(std::size_t token, std::string_view what, long minimum, long maximum) const;
 
-  /// Checks a count that a header promises against what the file can hold, before anything is allocated:
-  /// at least one byte per item must be left.
-  /// @throws FileError for a negative or impossible count.
+  /// A count of items from a header. It is checked before anything is allocated: the rest of the file must hold at
+  /// least one byte per item.
+  /// @throws FileError for a negative or impossible count
   std::size_t count(std::size_t token, std::string_view what) const;
 
   const FileLocation& where() const { return where_; }
@@ -66,10 +66,10 @@ class TextReader {
   std::vector<std::string_view> tokens_;
 };
 
-/// `text` as a number, if it is one as a whole (C locale; NaN and infinity count as numbers here).
+/// `text` as a number, if all of it is a number (C locale; NaN and infinity count as numbers here).
 std::optional<double> parse_number(std::string_view text);
 
-/// A path as written in another file (with / or \, perhaps a leading ./), relative to that file's folder.
+/// Resolves a path written in another file (with / or \, perhaps a leading ./) relative to the folder of that file.
 std::filesystem::path resolve_path(const std::filesystem::path& referring_file, std::string_view written);
 
 }  // namespace doppel

@@ -1,6 +1,6 @@
 #pragma once
 
-/// For kernel files only (see cpu_dispatch.h): how wide the vectors are of the instruction set a file is compiled for.
+/// For kernel files only (see cpu_dispatch.h): the vector width of the instruction set that a file is compiled for.
 
 namespace doppel::kernels::DOPPEL_ISA {
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/person_crop.h"
 
@@ -9,8 +10,8 @@ namespace doppel {
 
 namespace {
 
-constexpr float kKeypointWidth = 1024.0f;  // of the images whose pixels keypoint losses count in
-constexpr double kPersonDetail = 1.25;     // of what is kept for networks: a little more than they see
+constexpr float kKeypointWidth = 1024.0f;  // of the images in whose pixels keypoint losses are measured
+constexpr double kPersonDetail = 1.25;     // resolution of cached person images, relative to the network's input
 
 using Crops = std::vector<std::shared_ptr<const SilhouetteCrop>>;  // [B*C]
 
@@ -35,14 +36,14 @@ torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
   return points;
 }
 
-void write_projection(const Camera& camera, float* to) {
+void write_projection(const PinholeCamera& camera, float* to) {
   const Eigen::Matrix<double, 3, 4> projection = camera.projection();
   for (int i = 0; i < 12; ++i) to[i] = static_cast<float>(projection(i / 4, i % 4));
 }
 
-/// Projection of the crop's camera; of the whole image's where there is no crop, so that the numbers stay finite.
+/// Projection of the crop's camera. Without a crop, that of the whole image, so that the numbers stay finite.
 template <typename Crop>
-void write_projection(const Camera& camera, const Crop& crop, float* to) {
+void write_projection(const PinholeCamera& camera, const Crop& crop, float* to) {
   write_projection(crop.valid ? crop_camera(camera, crop.box, crop.pixels) : camera, to);
 }
 
@@ -61,7 +62,7 @@ void write_silhouettes(const Dataset& dataset, const std::vector<SamplePlan::Ite
   const std::size_t num_cameras = items[0].cameras.size();
   for (std::size_t i = 0; i < crops.size(); ++i) {
     const SilhouetteCrop& crop = *crops[i];
-    const Camera& camera = dataset.camera(items[i / num_cameras].cameras[i % num_cameras]);
+    const PinholeCamera& camera = dataset.camera(items[i / num_cameras].cameras[i % num_cameras]);
     write_projection(camera, crop, batch.projection.data_ptr<float>() + 12 * i);
     write_distance(crop, batch.distance.data_ptr<float>() + pixels * i, pixels);
     batch.pixel_scale.data_ptr<float>()[i] =
@@ -70,7 +71,7 @@ void write_silhouettes(const Dataset& dataset, const std::vector<SamplePlan::Ite
   }
 }
 
-/// Images with their masks and cameras.
+/// Loads images with their masks and cameras.
 void add_images(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items, int pixels,
                 Batch& batch) {
   const std::int64_t b = batch.cameras.size(0), c = batch.cameras.size(1), p = pixels, area = p * p;
@@ -78,8 +79,8 @@ void add_images(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   batch.image_mask = torch::empty({b, c, p, p}, torch::kUInt8);
   batch.image_projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
   for (std::int64_t i = 0; i < b * c; ++i) {
-    const SamplePlan::Item& item = items[static_cast<std::size_t>(i / c)];
-    const int camera = item.cameras[static_cast<std::size_t>(i % c)];
+    const SamplePlan::Item& item = items[as_size(i / c)];
+    const int camera = item.cameras[as_size(i % c)];
     const auto crop = cache.image(dataset, item.sample, camera, pixels);
     write_projection(dataset.camera(camera), *crop, batch.image_projection.data_ptr<float>() + 12 * i);
     auto* image = batch.image.data_ptr<std::uint8_t>() + 3 * area * i;
@@ -94,7 +95,7 @@ void add_images(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   }
 }
 
-/// Keypoints, and the cameras whose pixels they are in.
+/// Loads keypoints and the cameras of the whole images.
 void add_keypoints(const Dataset& dataset, const std::vector<SamplePlan::Item>& items, Batch& batch) {
   dataset.require_landmarks();
   const std::int64_t b = batch.cameras.size(0), c = batch.cameras.size(1);
@@ -105,9 +106,9 @@ void add_keypoints(const Dataset& dataset, const std::vector<SamplePlan::Item>& 
   batch.camera_rotation = torch::empty({b, c, 3, 3}, torch::kFloat32);
   batch.camera_position = torch::empty({b, c, 3}, torch::kFloat32);
   for (std::int64_t i = 0; i < b * c; ++i) {
-    const SamplePlan::Item& item = items[static_cast<std::size_t>(i / c)];
-    const int index = item.cameras[static_cast<std::size_t>(i % c)];
-    const Camera& camera = dataset.camera(index);
+    const SamplePlan::Item& item = items[as_size(i / c)];
+    const int index = item.cameras[as_size(i % c)];
+    const PinholeCamera& camera = dataset.camera(index);
     float* to = batch.keypoints.data_ptr<float>() + 3 * m * i;
     for (const Keypoint& point : dataset.keypoints(item.sample, index)) {
       *to++ = point.x;
@@ -123,13 +124,13 @@ void add_keypoints(const Dataset& dataset, const std::vector<SamplePlan::Item>& 
   }
 }
 
-/// The camera of an item that a network looks through: the first from `start` on, in a circle, that sees the person;
-/// `start` itself when none does.
+/// The camera of an item for the network's input: the first from `start` on, cyclically, that sees the person; `start`
+/// if none does.
 int choose_camera(const Dataset& dataset, const SamplePlan::Item& item, int start) {
   const int count = static_cast<int>(item.cameras.size());
   for (int i = 0; i < count; ++i) {
     const int camera = (start + i) % count;
-    if (!dataset.crop_box(item.sample, item.cameras[static_cast<std::size_t>(camera)]).empty()) return camera;
+    if (!dataset.crop_box(item.sample, item.cameras[as_size(camera)]).empty()) return camera;
   }
   return start;
 }
@@ -149,18 +150,19 @@ bool write_person_of(const Dataset& dataset, const ImageCrop& crop, const Sample
     window = person_window(keypoints, image.mask_box());
   }
   const bool seen = !window.empty();
-  if (!seen) {  // all black, seen by the whole camera
+  if (!seen) {  // a black image with the camera of the whole image
     image.rgb = cv::Mat::zeros(1, 1, CV_8UC3);
     image.foreground = cv::Mat::zeros(1, 1, CV_8U);
     window = {0.0, 0.0, 1.0};
   }
   if (random) window = draw_window(window, *random);
   write_person(image, window, random ? draw_photometry(*random) : Photometry(), pixels, to);
-  write_projection(seen ? window.camera(dataset.camera(camera), pixels) : dataset.camera(camera), projection);
+  const PinholeCamera& whole = dataset.camera(camera);
+  write_projection(seen ? window.camera(whole, pixels) : whole, projection);
   return seen;
 }
 
-/// What a network sees: one camera of each sample.
+/// Loads the network's image of the person in one camera of each sample.
 void add_people(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
                 const BatchOptions& options, Batch& batch) {
   const std::int64_t b = batch.cameras.size(0), s = options.person_size;
@@ -170,11 +172,11 @@ void add_people(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   batch.person_projection = torch::empty({b, 1, 3, 4}, torch::kFloat32);
   batch.person_valid = torch::empty({b}, torch::kBool);
   for (std::int64_t i = 0; i < b; ++i) {
-    const SamplePlan::Item& item = items[static_cast<std::size_t>(i)];
+    const SamplePlan::Item& item = items[as_size(i)];
     SplitMix random(item.seed);
     const int start = options.augment ? static_cast<int>(random.below(item.cameras.size())) : 0;
     const int chosen = choose_camera(dataset, item, start);
-    const int camera = item.cameras[static_cast<std::size_t>(chosen)];
+    const int camera = item.cameras[as_size(chosen)];
     const auto crop = cache.person(dataset, item.sample, camera, stored);
     batch.person_camera.data_ptr<std::int64_t>()[i] = chosen;
     batch.person_valid.data_ptr<bool>()[i] = write_person_of(
@@ -236,7 +238,7 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
   batch.contour_offsets = torch::empty({b * c + 1}, torch::kInt64);
 
   const bool any_motion = std::any_of(items.begin(), items.end(), [&](const SamplePlan::Item& item) {
-    return dataset.sequences().at(static_cast<std::size_t>(item.sample.sequence)).has_motion();
+    return dataset.sequences().at(as_size(item.sample.sequence)).has_motion();
   });
   Crops crops;
   std::vector<torch::Tensor> windows;

@@ -12,15 +12,15 @@
 
 namespace doppel {
 
-/// Keeps silhouettes and decoded images in memory up to a common budget: what came first stays, since every epoch
-/// visits everything anyway. Thread-safe. Never changes what a caller gets.
+/// Caches distance fields and decoded images in memory up to a common budget. The first items stay, because every epoch
+/// visits all samples. The cache never changes the results. Thread-safe.
 class CropCache {
  public:
   explicit CropCache(std::size_t max_bytes) : max_bytes_(max_bytes) {}
   std::shared_ptr<const SilhouetteCrop> silhouette(const Dataset& dataset, const SampleId& sample, int camera);
-  /// @param pixels the same in all calls
+  /// @param pixels must be the same in all calls
   std::shared_ptr<const ImageCrop> image(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
-  /// The same, kept apart: what networks see has a resolution of its own.
+  /// The same for the images of persons, which have their own resolution and are cached separately.
   std::shared_ptr<const ImageCrop> person(const Dataset& dataset, const SampleId& sample, int camera, int pixels);
 
  private:
@@ -39,9 +39,9 @@ class CropCache {
 Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items,
                   const BatchOptions& options);
 
-/// The batch of given samples with given cameras, without a loader (evaluation, overlays).
-/// @param cameras per sample, all of the same length
-/// @throws UsageError for no samples, or images larger than the stored ones
+/// Loads a batch of given samples with given cameras, without a loader (evaluation, overlays).
+/// @param cameras of each sample, all lists of the same length
+/// @throws UsageError when there are no samples, or for images larger than the stored ones
 Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,
                  const std::vector<std::vector<int>>& cameras, const BatchOptions& options);
 Batch make_batch(const Dataset& dataset, const std::vector<SampleId>& samples,

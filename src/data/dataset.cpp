@@ -1,13 +1,14 @@
 #include "doppel/data/dataset.h"
-#include "doppel/capture/path_pattern.h"
 
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/error.h"
+#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/store_layout.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/geometry/calibration.h"
 
 namespace doppel {
@@ -16,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The finest power-of-two step in which distances up to the window's diagonal fit 16 bits.
+/// The finest power-of-two step for which distances up to the window's diagonal fit into 16 bits.
 int distance_steps(int pixels) {
   const double longest = std::sqrt(2.0) * pixels;
   int steps = 256;
@@ -31,7 +32,7 @@ std::vector<std::int16_t> quantise(const cv::Mat& distance, int steps) {
   return result;
 }
 
-/// The contour of a crop without what lies at or beyond the image's edge: there the body is cut off, not at an end.
+/// The contour pixels of a crop except those at or beyond the image border, where the body is cut off.
 std::vector<ContourPixel> contour_in_image(const cv::Mat& mask, const CropBox& box, cv::Size image) {
   const double scale = box.image_pixels_per_pixel(mask.cols);
   std::vector<ContourPixel> contour = contour_pixels(mask);
@@ -43,7 +44,7 @@ std::vector<ContourPixel> contour_in_image(const cv::Mat& mask, const CropBox& b
   return contour;
 }
 
-/// Beyond the camera's image there is no person, though masks are continued there.
+/// Clears the mask beyond the camera's image, where the crop repeats border pixels.
 void clear_beyond_image(cv::Mat& mask, const CropBox& box, cv::Size image) {
   const double scale = box.image_pixels_per_pixel(mask.cols);
   for (int i = 0; i < mask.cols; ++i) {
@@ -53,12 +54,12 @@ void clear_beyond_image(cv::Mat& mask, const CropBox& box, cv::Size image) {
   }
 }
 
-/// The camera `index` of the calibration file at a resolution, with its distortion.
+/// Camera `index` of the calibration file at a given resolution, with its distortion.
 Camera calibrated_camera(const Capture& capture, int index, int width, int height) {
   const std::vector<Camera> all = read_calibration(capture.calibration_path());
   if (index < 0 || index >= static_cast<int>(all.size()))
     fail("{} has {} cameras; the capture was prepared with more", capture.calibration, all.size());
-  const Camera& camera = all[static_cast<std::size_t>(index)];
+  const Camera& camera = all[as_size(index)];
   return camera.width == width && camera.height == height ? camera : camera.scaled_to(width, height);
 }
 
@@ -89,15 +90,14 @@ long DatasetSequence::segment_start(long frame) const {
 Dataset Dataset::open(const fs::path& folder) {
   if (!fs::exists(folder / "capture.yaml") || !fs::is_directory(folder / kStoreFolder))
     fail<UsageError>(
-        "{} is no prepared capture: it must hold capture.yaml and {}/; `doppel prepare CAPTURE --out {}` makes one",
+        "{} is not a prepared capture: it must hold capture.yaml and {}/; `doppel prepare CAPTURE --out {}` makes one",
         folder.string(), kStoreFolder, folder.string());
   Dataset dataset;
   dataset.folder_ = folder;
   dataset.store_ = std::make_shared<Store>(folder / kStoreFolder, Store::Mode::read);
   const StoreLayout layout = read_store_layout(*dataset.store_);
   if (!layout.complete)
-    fail("{}: the preparation has not finished; run `doppel prepare` again, it goes on where it stopped",
-         folder.string());
+    fail("{}: the preparation has not finished; run `doppel prepare` again to continue it", folder.string());
   dataset.capture_ = read_capture(folder);
   dataset.cameras_ = layout.cameras;
   dataset.file_index_ = layout.file_index;
@@ -143,7 +143,7 @@ void Dataset::hold_out(double share) {
     if (sequence.split != Split::train) continue;
     const long held = std::lround(share * static_cast<double>(sequence.num_frames()));
     if (held < 1 || held >= sequence.num_frames())
-      fail<UsageError>("{}: of the {} frames of sequence {} a share of {} cannot be held out", folder_.string(),
+      fail<UsageError>("{}: of the {} frames of sequence {}, a share of {} cannot be held out", folder_.string(),
                        sequence.num_frames(), sequence.name, share);
     held_out.push_back(sequence);
     held_out.back().split = Split::test;
@@ -157,7 +157,7 @@ void Dataset::hold_out(double share) {
 torch::Tensor Dataset::dof_window(const SampleId& sample, int past_frames) const {
   const DatasetSequence& sequence = sequences_.at(sample.sequence);
   if (!sequence.has_motion())
-    fail("{}: the sequence {} was prepared without a motion, but poses are needed; `doppel track {}` finds them",
+    fail("{}: the sequence {} was prepared without a motion, but poses are needed; run `doppel track {}`",
          folder_.string(), sequence.name, folder_.string());
   const long start = sequence.segment_start(sample.frame);
   torch::Tensor result = torch::empty({past_frames + 1, num_dofs_}, torch::kFloat32);
@@ -214,7 +214,7 @@ cv::Mat Dataset::crop_image(const SampleId& sample, int camera) const {
 int Dataset::image_pixels(int pixels) const {
   if (pixels < 0 || pixels > image_size_)
     fail<UsageError>(
-        "images of {} pixels a side are asked for, but {} was prepared with {}; ask for at most that, or prepare it "
+        "images of {} pixels per side are requested, but {} was prepared with {}; request at most that, or prepare it "
         "again with --image-size {}",
         pixels, folder_.string(), image_size_, pixels);
   return pixels == 0 ? image_size_ : pixels;
@@ -248,8 +248,8 @@ cv::Mat Dataset::background(int camera) const {
   const cv::Mat image = fs::is_regular_file(path) ? cv::imread(path.string(), cv::IMREAD_COLOR) : cv::Mat();
   if (image.empty()) fail_at({path, 0}, "the image of the empty studio is missing or cannot be decoded");
   if (image.cols != pinhole.width || image.rows != pinhole.height)
-    fail_at({path, 0}, "the image of the empty studio is {}x{}, camera {} films {}x{}; they must be equal",
-            image.cols, image.rows, pinhole.name, pinhole.width, pinhole.height);
+    fail_at({path, 0}, "the image of the empty studio is {}x{}, camera {} is {}x{}; they must be equal", image.cols,
+            image.rows, pinhole.name, pinhole.width, pinhole.height);
   return Undistorter(calibrated_camera(capture_, file_index_.at(camera), pinhole.width, pinhole.height)).apply(image);
 }
 
@@ -272,7 +272,7 @@ SilhouetteCrop Dataset::silhouette(const SampleId& sample, int camera) const {
 void Dataset::require_landmarks() const {
   if (landmarks_.empty())
     fail<UsageError>(
-        "{} was prepared without keypoints; name `keypoints` and `landmarks` in the capture.yaml of the footage "
+        "{} was prepared without keypoints; name `keypoints` and `landmarks` in the original capture.yaml "
         "(docs/capture.md) and prepare it again with --overwrite",
         folder_.string());
 }

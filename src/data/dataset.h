@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/motion.h"
-#include "doppel/character/skeleton.h"
-#include "doppel/data/batch.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/keypoints.h"
 #include "doppel/capture/mask.h"
 #include "doppel/capture/store.h"
+#include "doppel/character/motion.h"
+#include "doppel/character/skeleton.h"
+#include "doppel/data/batch.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel {
@@ -31,7 +31,7 @@ struct DatasetSequence {
 
   long num_frames() const { return last_frame - first_frame + 1; }
   bool has_motion() const { return motion.num_frames() > 0; }
-  /// The first row of the segment that `frame` belongs to: history never goes before it.
+  /// The first row of the segment that contains `frame`. Motion windows do not reach before this row.
   long segment_start(long frame) const;
 };
 
@@ -42,9 +42,9 @@ struct SampleId {
   bool operator==(const SampleId& other) const { return sequence == other.sequence && frame == other.frame; }
 };
 
-/// What a silhouette loss needs of one camera at one frame.
+/// The data of one view for silhouette losses.
 struct SilhouetteCrop {
-  bool valid = false;  ///< false: the person is not seen (or fills the window), everything else is empty
+  bool valid = false;  ///< false: the person is not seen (or fills the window); all other members are empty
   CropBox box;
   int pixels = 0;                      ///< S
   std::vector<std::int16_t> distance;  ///< [S*S] signed distance in 1/steps_per_pixel
@@ -52,9 +52,9 @@ struct SilhouetteCrop {
   std::vector<ContourPixel> contour;
 };
 
-/// What a photometric loss needs of one camera at one frame.
+/// The data of one view for photometric losses.
 struct ImageCrop {
-  bool valid = false;  ///< false: the person is not seen, everything else is empty
+  bool valid = false;  ///< false: the person is not seen; all other members are empty
   CropBox box;
   int pixels = 0;                        ///< I
   std::vector<std::uint8_t> rgb;         ///< [I*I*3]; black beyond the camera's image
@@ -64,8 +64,8 @@ struct ImageCrop {
 /// A prepared capture: poses, cameras without distortion, and the store of masks and images. Reading is thread-safe.
 class Dataset {
  public:
-  /// @param folder what `doppel prepare` wrote
-  /// @throws Error when it is not a prepared folder, the preparation has not finished, or the store is damaged
+  /// @param folder output of `doppel prepare`
+  /// @throws Error when the folder is not a prepared capture, the preparation has not finished, or the store is damaged
   static Dataset open(const std::filesystem::path& folder);
 
   const std::filesystem::path& folder() const { return folder_; }
@@ -74,55 +74,56 @@ class Dataset {
   int num_dofs() const { return num_dofs_; }
   double fps() const { return capture_.fps; }
 
-  /// The prepared cameras, without distortion. Indices of cameras everywhere count in this list.
-  const std::vector<Camera>& cameras() const { return cameras_; }
-  const Camera& camera(int index) const { return cameras_.at(index); }
-  /// @throws UsageError listing the cameras there are
+  /// The prepared cameras, without distortion. All camera indices refer to this list.
+  const std::vector<PinholeCamera>& cameras() const { return cameras_; }
+  const PinholeCamera& camera(int index) const { return cameras_.at(index); }
+  /// @throws UsageError listing the available cameras
   int camera_index(const std::string& name) const;
-  /// Indices of the named cameras, of all when `names` is empty.
+  /// The indices of the named cameras; of all cameras when `names` is empty.
   std::vector<int> camera_indices(const std::vector<std::string>& names) const;
 
   const std::vector<DatasetSequence>& sequences() const { return sequences_; }
-  /// All frames of a split, by sequence and frame. @param every take each n-th frame of a sequence
+  /// The samples of a split, ordered by sequence and frame. @param every take every n-th frame of a sequence
   std::vector<SampleId> samples(Split split, int every = 1) const;
 
-  /// Takes the last `share` of every sequence of the training split into the test split, in this object alone.
-  /// @throws UsageError when that leaves nothing to train on, or nothing to test
+  /// Moves the last `share` of every training sequence to the test split. Affects this object only.
+  /// @throws UsageError when no frame is left for training, or for the test
   void hold_out(double share);
 
-  /// The landmarks that keypoints were prepared for: [M], none when the capture had no keypoints.
+  /// The landmarks of the prepared keypoints, [M]; none when the capture had no keypoints.
   const std::vector<Marker>& landmarks() const { return landmarks_; }
-  /// @throws UsageError that says how to prepare keypoints when there are none
+  /// @throws UsageError when there are none; the message says how to prepare keypoints
   void require_landmarks() const;
-  /// What was detected: [M] in the order of `landmarks()`, pixels of the image without distortion.
+  /// The keypoints of a view: [M] in the order of `landmarks()`, pixels of the image without distortion.
   std::vector<Keypoint> keypoints(const SampleId& sample, int camera) const;
 
   int mask_size() const { return mask_size_; }
   int image_size() const { return image_size_; }
-  /// The side that images come with when `pixels` is asked for: 0 means as stored.
+  /// The side of the images for a requested side `pixels`; 0 means as stored.
   /// @throws UsageError when `pixels` is negative or more than stored
   int image_pixels(int pixels) const;
 
-  /// Motion rows frame-window .. frame as float32 [window+1, D], oldest first. Where the segment has no earlier row
-  /// its first is repeated (thesis 6.9). @throws Error when the sequence was prepared without a motion
+  /// The motion window: motion rows frame - past_frames .. frame as float32 [past_frames+1, D], oldest first. Where the
+  /// segment has no earlier row, its first row is repeated (thesis 6.9). @throws Error when the sequence was prepared
+  /// without a motion
   torch::Tensor dof_window(const SampleId& sample, int past_frames) const;
 
-  /// The whole mask, 0 or 255, at the camera's resolution.
+  /// The mask of the whole image, 0 or 255, at the camera's resolution.
   cv::Mat mask(const SampleId& sample, int camera) const;
-  /// The square window that crop masks and images show; empty when nothing of the person is seen.
+  /// The square window of the cropped masks and images; empty when the person is not seen.
   CropBox crop_box(const SampleId& sample, int camera) const;
-  /// The mask's window [S,S]; empty when nothing of the person is seen.
+  /// The cropped mask [S,S]; empty when the person is not seen.
   cv::Mat crop_mask(const SampleId& sample, int camera) const;
-  /// The image's window, BGR, image_size squared; empty when nothing of the person is seen.
+  /// The cropped image, BGR, image_size squared; empty when the person is not seen.
   cv::Mat crop_image(const SampleId& sample, int camera) const;
-  /// ReportImage and mask of the window at one resolution; the mask is cut from the whole one.
+  /// The cropped image and its mask at one resolution. The mask is cropped from the mask of the whole image.
   /// @param pixels side; 0: as stored
   /// @throws UsageError as image_pixels
   ImageCrop image(const SampleId& sample, int camera, int pixels = 0) const;
   /// The empty studio, BGR, at the camera's resolution and without distortion; empty when the capture has none.
   /// @throws FileError when the image is missing or has another size
   cv::Mat background(int camera) const;
-  /// Distance transform and contour of the mask's window.
+  /// Distance field and contour pixels of the cropped mask.
   SilhouetteCrop silhouette(const SampleId& sample, int camera) const;
 
  private:
@@ -133,7 +134,7 @@ class Dataset {
 
   std::filesystem::path folder_;
   Capture capture_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   std::vector<int> file_index_;  ///< [C] position of each camera in the calibration file
   std::vector<DatasetSequence> sequences_;
   std::vector<Marker> landmarks_;
@@ -141,7 +142,7 @@ class Dataset {
   int num_dofs_ = 0, mask_size_ = 0, image_size_ = 0;
 };
 
-/// The samples of a split with these frames, all of them without any.
+/// The samples of a split with these frames; all samples of the split when `frames` is empty.
 /// @throws UsageError for a frame that no sequence of the split has; Error when the split has no samples
 std::vector<SampleId> chosen_samples(const Dataset& dataset, Split split, const std::vector<long>& frames);
 

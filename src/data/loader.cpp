@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/sampling.h"
@@ -38,7 +39,7 @@ SamplePlan make_plan(const Dataset& dataset, const LoaderOptions& options) {
   return SamplePlan(samples, cameras, draw, options.seed);
 }
 
-/// A batch that a worker made, or the error that stopped it.
+/// A batch from a worker, or the worker's error.
 struct Loaded {
   Batch batch;
   std::exception_ptr error;
@@ -51,7 +52,7 @@ struct Loader::Impl {
   LoaderOptions options;
   SamplePlan plan;
   CropCache cache;
-  std::int64_t next_batch = 0;  ///< handed out next; the stream's position is this * batch_size + first_sample
+  std::int64_t next_batch = 0;  ///< the next to return; the stream's position is this * batch_size + first_sample
   std::int64_t first_sample = 0;
 
   std::mutex mutex;
@@ -65,7 +66,7 @@ struct Loader::Impl {
       : dataset(data),
         options(std::move(chosen)),
         plan(make_plan(data, options)),
-        cache(static_cast<std::size_t>(options.cache_mb) << 20) {
+        cache(as_size(options.cache_mb) << 20) {
     start();
   }
   ~Impl() { stop(); }
@@ -89,7 +90,7 @@ struct Loader::Impl {
   Loaded load(std::int64_t number) {
     Loaded loaded;
     try {
-      // Workers record no autograd history; each thread has its own switch.
+      // Workers record no autograd history. Gradient mode is per thread.
       torch::NoGradGuard no_grad;
       const auto items = plan.items(first_sample + number * options.batch_size, options.batch_size);
       loaded.batch = build_batch(dataset, cache, items,
@@ -173,12 +174,12 @@ void Loader::restore(const std::string& state) {
     const auto position = saved.at("position").get<std::int64_t>();
     if (saved.at("samples").get<std::string>() != impl_->plan.fingerprint())
       fail(
-          "the loader's state belongs to other frames or cameras than the ones chosen now; resume with the same "
+          "the loader's state belongs to other frames or cameras than the current ones; resume with the same "
           "capture "
           "and the same cameras");
     if (saved.at("batch_size").get<int>() != impl_->options.batch_size ||
         saved.at("window").get<int>() != impl_->options.past_frames)
-      fail("the loader's state belongs to batches of {} with window {}, now they are {} and {}; resume with the same",
+      fail("the loader's state belongs to batches of {} with {} past frames, now it is {} and {}; resume with the same",
            saved.at("batch_size").get<int>(), saved.at("window").get<int>(), impl_->options.batch_size,
            impl_->options.past_frames);
     if (position < 0) fail("the loader's state has the position {}; it is damaged", position);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -12,10 +13,10 @@ namespace {
 
 constexpr double kMaskReach = 0.1, kJitter = 0.05, kColourRange = 0.2, kHueRange = 0.05;
 constexpr int kFewestPoints = 4;
-constexpr double kCoarse = 1.5;  ///< source pixels per pixel above which images are averaged down first
+constexpr double kCoarse = 1.5;  ///< source pixels per pixel; above this, images are downsampled by averaging first
 constexpr double kLuma[3]{0.299, 0.587, 0.114};
 
-/// Whether a point tells where the person is.
+/// Whether a point counts for the window.
 bool counts(const Keypoint& point, const cv::Rect2d& mask_box) {
   if (point.confidence < kSeenConfidence) return false;
   if (mask_box.area() <= 0.0) return true;
@@ -24,7 +25,7 @@ bool counts(const Keypoint& point, const cv::Rect2d& mask_box) {
          point.y <= mask_box.br().y + reach;
 }
 
-/// The part of an image that a window shows: 8-bit, of any number of channels.
+/// The part of an image in a window: 8-bit, any number of channels.
 cv::Mat cut_window(const cv::Mat& image, const PersonImage& person, const PersonWindow& window, int pixels) {
   const double step = window.side / pixels * person.scale;  // pixels of the image per pixel of the result
   cv::Mat source = image;
@@ -35,7 +36,7 @@ cv::Mat cut_window(const cv::Mat& image, const PersonImage& person, const Person
     sx = static_cast<double>(size.width) / image.cols;
     sy = static_cast<double>(size.height) / image.rows;
   }
-  // In OpenCV's coordinates, where pixel centres lie at integers.
+  // In OpenCV's coordinates, with pixel centres at integers.
   const auto start = [&](double from, double origin, double s) {
     return s * (person.scale * (from - origin) + 0.5 * step) - 0.5;
   };
@@ -47,7 +48,7 @@ cv::Mat cut_window(const cv::Mat& image, const PersonImage& person, const Person
   return result;
 }
 
-/// Everything about colours that is linear: RGB to RGB.
+/// The linear part of a change of colours, RGB to RGB.
 cv::Matx33d colour_matrix(const Photometry& change) {
   const double c = std::cos(change.hue), s = std::sin(change.hue);
   const double same = c + (1.0 - c) / 3.0, next = (1.0 - c) / 3.0 - s / std::sqrt(3.0),
@@ -59,7 +60,7 @@ cv::Matx33d colour_matrix(const Photometry& change) {
   return change.contrast * change.brightness * (hue * saturation);
 }
 
-/// Mean brightness of the person, 0..255. @param rgb black where no person is
+/// Mean brightness of the person, 0..255. @param rgb black outside the person
 double mean_luma(const cv::Mat& rgb, const cv::Mat& alpha) {
   const cv::Scalar sum = cv::sum(rgb);
   const double weight = cv::sum(alpha)[0] / 255.0;
@@ -68,7 +69,7 @@ double mean_luma(const cv::Mat& rgb, const cv::Mat& alpha) {
 
 }  // namespace
 
-Camera PersonWindow::camera(const Camera& camera, int pixels) const {
+PinholeCamera PersonWindow::camera(const PinholeCamera& camera, int pixels) const {
   return camera.cropped(u0, v0, pixels / side, pixels, pixels);
 }
 
@@ -116,7 +117,7 @@ cv::Rect2d PersonImage::mask_box() const {
 
 void write_person(const PersonImage& image, const PersonWindow& window, const Photometry& photometry, int pixels,
                   float* to) {
-  // The background goes before anything is averaged, or its colour would stay along the person's edge.
+  // The background is removed before averaging. Otherwise its colour would remain along the outline of the person.
   const cv::Mat solid = image.foreground != 0;
   cv::Mat person = cv::Mat::zeros(image.rgb.size(), CV_8UC3);
   image.rgb.copyTo(person, solid);
@@ -124,7 +125,7 @@ void write_person(const PersonImage& image, const PersonWindow& window, const Ph
 
   const cv::Matx33d matrix = colour_matrix(photometry);
   const double offset = (1.0 - photometry.contrast) * photometry.brightness * mean_luma(rgb, alpha);
-  const std::size_t area = static_cast<std::size_t>(pixels) * pixels;
+  const std::size_t area = as_size(pixels) * pixels;
   for (int row = 0; row < pixels; ++row) {
     const cv::Vec3b* from = rgb.ptr<cv::Vec3b>(row);
     const std::uint8_t* cover = alpha.ptr<std::uint8_t>(row);
@@ -133,13 +134,13 @@ void write_person(const PersonImage& image, const PersonWindow& window, const Ph
         double value = offset * cover[column] / 255.0;
         for (int c = 0; c < 3; ++c) value += matrix(k, c) * from[column][c];
         const auto colour = static_cast<float>(std::clamp(value / 255.0, 0.0, 1.0));
-        to[k * area + static_cast<std::size_t>(row) * pixels + column] = (colour - kInputMean[k]) / kInputDeviation[k];
+        to[k * area + as_size(row) * pixels + column] = (colour - kInputMean[k]) / kInputDeviation[k];
       }
   }
 }
 
 PersonInput person_input(const cv::Mat& bgr, const cv::Mat& mask, const std::vector<Keypoint>& keypoints,
-                         const Camera& camera, int pixels) {
+                         const PinholeCamera& camera, int pixels) {
   if (bgr.size() != mask.size())
     fail<UsageError>("the image is {}x{}, its mask {}x{}; they must be equal", bgr.cols, bgr.rows, mask.cols,
                      mask.rows);

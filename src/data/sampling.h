@@ -8,12 +8,12 @@
 
 namespace doppel {
 
-/// SplitMix64: short, well mixed, and the same everywhere, which the standard distributions are not.
+/// The random generator SplitMix64. It gives the same numbers on every platform, unlike the standard distributions.
 class SplitMix {
  public:
   explicit SplitMix(std::uint64_t seed) : state_(seed) {}
   std::uint64_t next();
-  /// Uniform in [0, bound), without the bias of a plain remainder.
+  /// Uniform in [0, bound), without the bias of a remainder.
   std::uint64_t below(std::uint64_t bound);
   /// Uniform in [low, high).
   double uniform(double low, double high);
@@ -22,17 +22,17 @@ class SplitMix {
   std::uint64_t state_;
 };
 
-/// Which samples and cameras come when: a pure function of a seed and a position, so that a checkpoint need hold no
-/// more than the position.
+/// The order of samples and cameras: a pure function of a seed and a position, so a checkpoint stores only the
+/// position.
 class SamplePlan {
  public:
-  /// @param draw cameras per sample, at most cameras.size()
+  /// @param draw number of cameras per sample, at most cameras.size()
   SamplePlan(std::vector<SampleId> samples, std::vector<int> cameras, int draw, std::uint64_t seed);
 
   struct Item {
     SampleId sample;
     std::vector<int> cameras;
-    std::uint64_t seed = 0;  ///< of whatever else is random about the item
+    std::uint64_t seed = 0;  ///< for all other random choices of the item
   };
   /// The items at positions start .. start+count-1 of the endless stream.
   std::vector<Item> items(std::int64_t start, int count) const;
@@ -50,7 +50,7 @@ class SamplePlan {
   std::uint64_t seed_;
 };
 
-/// One epoch's order: a permutation of 0..count-1 that depends on (seed, epoch) alone, the same on every platform.
+/// The order of one epoch: a permutation of 0..count-1 that depends only on (seed, epoch), the same on every platform.
 std::vector<std::int64_t> seeded_permutation(std::int64_t count, std::uint64_t seed, std::uint64_t epoch);
 
 }  // namespace doppel

@@ -8,7 +8,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kFirm = 0.05;  // metres a radian that a landmark may move by and still counts half
+constexpr double kFirm = 0.05;  // metres per radian: a landmark that moves this much counts half
 
 }  // namespace
 

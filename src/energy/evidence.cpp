@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 namespace {
@@ -19,7 +21,7 @@ OutlineField::OutlineField(const cv::Mat& mask, int pixels, double margin) {
 }
 
 std::vector<OutlineField::Point> OutlineField::contour(int most) const {
-  std::vector<Eigen::Vector2d> places;  // of the window
+  std::vector<Eigen::Vector2d> places;  // pixels of the window
   for (int row = 0; row < distance_.rows; ++row)
     for (int column = 0; column < distance_.cols; ++column)
       for (const auto& [down, right] : {std::pair(0, 1), std::pair(1, 0)}) {
@@ -30,7 +32,7 @@ std::vector<OutlineField::Point> OutlineField::contour(int most) const {
         places.emplace_back(column + 0.5 + share * right, row + 0.5 + share * down);
       }
   const double scale = box_.image_pixels_per_pixel(pixels());
-  const std::size_t count = std::min(places.size(), static_cast<std::size_t>(most));
+  const std::size_t count = std::min(places.size(), as_size(most));
   std::vector<Point> points;
   for (std::size_t i = 0; i < count; ++i) {
     const Eigen::Vector2d pixel = Eigen::Vector2d(box_.u0, box_.v0) + scale * places[i * places.size() / count];
@@ -62,7 +64,7 @@ OutlineField::Sample OutlineField::at(const Eigen::Vector2d& pixel) const {
   return sample;
 }
 
-std::optional<ProjectedPoint> project_with_jacobian(const Camera& camera, const Eigen::Vector3d& point) {
+std::optional<ProjectedPoint> project_with_jacobian(const PinholeCamera& camera, const Eigen::Vector3d& point) {
   const Eigen::Vector3d x = camera.camera_from_world(point);
   if (!(x.z() > kNearestDepth)) return std::nullopt;
   const double fx = camera.K(0, 0), skew = camera.K(0, 1), fy = camera.K(1, 1);

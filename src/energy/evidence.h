@@ -11,18 +11,20 @@
 
 namespace doppel {
 
-/// Pixels are counted as in images of this width, so that weights mean the same at any resolution.
+/// Reference pixels are pixels of an image of this width. Residuals count in them, so that a weight means the same at
+/// any resolution.
 constexpr double kReferenceWidth = 1024.0;
-/// How far away, in those pixels, something counts that lies behind a camera which saw it.
+/// The residual of a point that lies behind a camera which saw it, reference pixels.
 constexpr double kBehindCamera = kReferenceWidth;
-inline double reference_pixels(const Camera& camera) { return kReferenceWidth / camera.width; }
+inline double reference_pixels(const PinholeCamera& camera) { return kReferenceWidth / camera.width; }
 
-/// The signed distance to the outline of a mask (+ outside, - inside), in a square window of the camera's image.
+/// The distance field of a mask (+ outside, - inside) in a square window of the camera's image.
 class OutlineField {
  public:
   OutlineField() = default;
-  /// @param mask 0 or 255, of the camera's size; without any or with nothing but person there is no field
-  /// @param pixels side of the window that the mask is resized to, @param margin around the person, of its longer side
+  /// @param mask 0 or 255, of the camera's size; the field is empty when no pixel or every pixel shows the person
+  /// @param pixels side of the window that the mask is resized to
+  /// @param margin around the person, relative to the longer side of its box
   OutlineField(const cv::Mat& mask, int pixels, double margin = 0.1);
 
   bool empty() const { return distance_.empty(); }
@@ -33,7 +35,7 @@ class OutlineField {
     Eigen::Vector2d pixel;   ///< of the camera's image
     Eigen::Vector2d normal;  ///< unit, out of the mask
   };
-  /// At most so many of them, spread evenly.
+  /// Points of the outline, at most `most`, evenly spread.
   std::vector<Point> contour(int most) const;
   const CropBox& box() const { return box_; }
   int pixels() const { return distance_.cols; }
@@ -42,8 +44,8 @@ class OutlineField {
     double distance;           ///< pixels of the camera's image
     Eigen::Vector2d gradient;  ///< d distance / d (u, v)
   };
-  /// Bilinear; outside of the window the value at its nearest point and the way there, so that what strays is drawn
-  /// back. The field must not be empty. @param pixel of the camera's image
+  /// Bilinear interpolation. Outside of the window: the value at the nearest point of the window plus the distance to
+  /// it, so that the gradient points back to the window. @pre not empty() @param pixel of the camera's image
   Sample at(const Eigen::Vector2d& pixel) const;
 
  private:
@@ -60,11 +62,12 @@ struct ViewEvidence {
 /// What all cameras saw at one instant, in the order of the cameras.
 using FrameEvidence = std::vector<ViewEvidence>;
 
-/// A pixel and its jacobian along a movement of the point, or nothing for a point that is not clearly in front.
+/// A projected point and its jacobian.
 struct ProjectedPoint {
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 3> jacobian;  ///< d pixel / d point in the world
 };
-std::optional<ProjectedPoint> project_with_jacobian(const Camera& camera, const Eigen::Vector3d& point);
+/// @return nothing for a point less than 5 cm in front of the camera
+std::optional<ProjectedPoint> project_with_jacobian(const PinholeCamera& camera, const Eigen::Vector3d& point);
 
 }  // namespace doppel

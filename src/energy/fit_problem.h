@@ -3,8 +3,8 @@
 #include <memory>
 #include <vector>
 
-#include "doppel/solver/least_squares.h"
 #include "doppel/energy/terms/term.h"
+#include "doppel/solver/least_squares.h"
 
 namespace doppel {
 
@@ -44,7 +44,7 @@ class FitProblem : public LeastSquaresProblem {
     return to_eigen(model_.moved(to_vector(state), step));
   }
   std::vector<TermCost> term_costs() const override { return costs_; }
-  /// Of the last linearisation.
+  /// The normal equations of the last linearisation.
   const typename Model::System& system() const { return system_; }
 
   static std::vector<double> to_vector(const Eigen::VectorXd& state) {
@@ -62,7 +62,7 @@ class FitProblem : public LeastSquaresProblem {
   std::vector<TermCost> costs_;
 };
 
-/// Fits a pose or a graph. @param state in: where to begin; out: the solution
+/// Fits a pose or a graph. @param state in: the initial state; out: the solution
 template <typename Model>
 SolverSummary fit(const Model& model, typename FitProblem<Model>::Terms terms, std::vector<double>& state,
                   const SolverOptions& options = {}) {

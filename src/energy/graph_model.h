@@ -1,13 +1,13 @@
 #pragma once
 
-/// The surface of a character in one pose, bent by the nodes of its embedded graph, and how it moves with them:
+/// The surface of a character in one pose, deformed by its embedded graph, and its jacobian:
 ///
 ///   y_i = sum_k w_ik (R(A_k) (v_i - g_k) + g_k + T_k)          Equation: 6.2
 ///   x_i = sum_k w_ik M_k y_i                                    Equation: 6.3
 ///
-/// with R(A) = Rz(A_3) Ry(A_2) Rx(A_1) and M_k the movement of node k out of the rest pose, as
-/// `CharacterSurface::deformed` has it. The pose stays; the unknowns are A and T of all nodes, six numbers a node.
-/// Letters: K nodes, N vertices, M landmarks. Metres, radians, double precision.
+/// with R(A) = Rz(A_3) Ry(A_2) Rx(A_1) and M_k the motion of node k from the rest pose, as in
+/// `CharacterSurface::deformed`. The pose is fixed; the unknowns are A and T of all nodes, six numbers per node.
+/// Notation: K nodes, N vertices, M landmarks. Metres, radians, double precision.
 
 #include <Eigen/Geometry>
 #include <array>
@@ -15,17 +15,18 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/core/as_size.h"
 #include "doppel/energy/pose_model.h"
 #include "doppel/solver/block_system.h"
 
 namespace doppel {
 
-/// A graph with parameters, as `GraphModel::pose` works it out.
+/// An embedded graph and its parameters, computed by `GraphModel::pose`.
 struct DeformedGraph {
   std::vector<double> parameters;  ///< [6K] A_k, T_k of one node after the other
   std::vector<Eigen::Matrix3d> rotation;
   std::vector<Eigen::Vector3d> place;  ///< g_k + T_k
-  /// d rotation / d A_1, A_2, A_3. Empty without jacobian.
+  /// [K] d rotation / d A_1, A_2, A_3. Empty when computed without jacobians.
   std::vector<std::array<Eigen::Matrix3d, 3>> rotation_jacobian;
 };
 
@@ -35,11 +36,11 @@ class GraphModel {
   using Rows = BlockResiduals;
   using System = BlockSystem;
 
-  /// In the rest pose. @param landmarks points on joints; each bends with the node nearest to it (5.12)
+  /// Begins in the rest pose. @param landmarks points on joints; each moves with the node nearest to it (5.12)
   /// @throws Error when the character has no graph
   GraphModel(const Character& character, const std::vector<Marker>& landmarks);
 
-  /// The pose in which surface and landmarks are asked for. @param dofs [D]
+  /// Sets the pose of surface and landmarks. @param dofs [D]
   void set_pose(const std::vector<double>& dofs);
 
   int num_nodes() const { return static_cast<int>(nodes_.size()); }
@@ -48,15 +49,15 @@ class GraphModel {
   const Character& character() const { return poses_.character(); }
   const std::vector<Eigen::Vector3d>& nodes() const { return nodes_; }  ///< [K] g_k
   std::string unknown_name(int unknown) const;
-  std::vector<double> undeformed() const { return std::vector<double>(static_cast<std::size_t>(num_unknowns()), 0.0); }
+  std::vector<double> undeformed() const { return std::vector<double>(as_size(num_unknowns()), 0.0); }
 
-  /// @param parameters [6K] @param jacobian whether jacobian will be asked for
+  /// @param parameters [6K] @param jacobian whether `add_..._jacobian` will be called
   DeformedGraph pose(const std::vector<double>& parameters, bool jacobian) const;
   std::vector<double> moved(const std::vector<double>& parameters, const Eigen::VectorXd& step) const;
 
   Eigen::Vector3d canonical_vertex(const DeformedGraph& graph, int vertex) const;  ///< y_i
   Eigen::Vector3d vertex(const DeformedGraph& graph, int vertex) const;            ///< x_i
-  /// A vertex, as terms ask a `PoseModel` for it too.
+  /// A vertex and its position. Terms use it like `PoseModel::SkinnedVertex`.
   struct SkinnedVertex {
     const DeformedGraph& graph;
     int vertex;
@@ -68,22 +69,23 @@ class GraphModel {
     return {graph, vertex, this->vertex(graph, vertex)};
   }
   Eigen::Vector3d normal(const SkinnedVertex& vertex) const { return normal(vertex.graph, vertex.vertex); }
-  /// Unit normal of the template, turned with nodes and pose.
+  /// Unit normal of the template, rotated by graph and pose.
   Eigen::Vector3d normal(const DeformedGraph& graph, int vertex) const;
-  /// A landmark bends with its node and is posed by its joint.
+  /// World position of a landmark: its node deforms it, its joint poses it.
   Eigen::Vector3d landmark(const DeformedGraph& graph, int landmark) const;
 
   /// Adds gradient^T d point / d unknowns to a row.
   using Row = Rows::JacobianRow;
   void add_vertex_jacobian(const DeformedGraph& graph, int vertex, const Eigen::Vector3d& gradient, Row row) const;
   void add_vertex_jacobian(const DeformedGraph& graph, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
-                        Row row) const {
+                           Row row) const {
     add_vertex_jacobian(graph, vertex.vertex, gradient, row);
   }
   void add_landmark_jacobian(const DeformedGraph& graph, int landmark, const Eigen::Vector3d& gradient, Row row) const;
-  /// The same of a point of the canonical pose that rides on one node with a weight. @param rest from the node
+  /// The same for a point of the canonical pose that moves with one node. @param weight factor of the jacobian
+  /// @param rest offset from the node in the rest pose
   void add_node_jacobian(const DeformedGraph& graph, int node, double weight, const Eigen::Vector3d& rest,
-                      const Eigen::Vector3d& gradient, Row row) const;
+                         const Eigen::Vector3d& gradient, Row row) const;
 
  private:
   PoseModel poses_;
@@ -94,7 +96,7 @@ class GraphModel {
   std::vector<Eigen::Affine3d> vertex_movement_, landmark_movement_;
 };
 
-/// The surface, [N] world metres.
+/// The deformed surface, [N] world metres.
 std::vector<Eigen::Vector3d> deformed_vertices(const GraphModel& model, const DeformedGraph& graph);
 
 }  // namespace doppel

@@ -1,15 +1,17 @@
 #include "doppel/energy/inliers.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
-Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<Camera>& cameras,
-                       const FrameEvidence& frame, double threshold) {
+Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<PinholeCamera>& cameras,
+                      const FrameEvidence& frame, double threshold) {
   Inliers result;
   int agreeing = 0;
   double sum = 0.0;
   for (std::size_t c = 0; c < cameras.size(); ++c)
     for (int m = 0; m < model.num_landmarks(); ++m) {
-      const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(m)];
+      const Keypoint& seen = frame[c].keypoints[as_size(m)];
       if (!(seen.confidence >= kSeenConfidence)) continue;
       ++result.keypoints;
       const auto projected = project_with_jacobian(cameras[c], model.landmark(body, m));

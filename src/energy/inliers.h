@@ -7,14 +7,14 @@
 
 namespace doppel {
 
-/// How many keypoints agree with a pose: those that lie within a distance of the landmark they detect.
+/// The inliers of a pose: keypoints within the inlier threshold of their landmark.
 struct Inliers {
-  int keypoints = 0;   ///< confident detections
-  double ratio = 0.0;  ///< share of them that are inliers
+  int keypoints = 0;   ///< number of confident keypoints
+  double ratio = 0.0;  ///< inliers among the confident keypoints
   double error = 0.0;  ///< mean distance of the inliers, reference pixels
 };
-/// @param cameras without distortion, @param frame [C] what they saw @param threshold reference pixels
-Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<Camera>& cameras,
-                       const FrameEvidence& frame, double threshold);
+/// @param cameras without distortion @param frame [C] @param threshold reference pixels
+Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<PinholeCamera>& cameras,
+                      const FrameEvidence& frame, double threshold);
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/boundary.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
@@ -13,7 +14,7 @@
 namespace doppel {
 
 void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most) {
-  const std::size_t count = vertices.size() - first, wanted = static_cast<std::size_t>(most);
+  const std::size_t count = vertices.size() - first, wanted = as_size(most);
   if (vertices.size() <= first || count <= wanted) return;
   for (std::size_t i = 0; i < wanted; ++i) vertices[first + i] = vertices[first + i * count / wanted];
   vertices.resize(first + wanted);
@@ -33,19 +34,19 @@ torch::Tensor surface_tensor(const std::vector<Eigen::Vector3d>& vertices) {
 
 struct OutlineFinder::State {
   torch::Tensor faces;  ///< int32 [F,3]
-  std::vector<Camera> cameras;
+  std::vector<PinholeCamera> cameras;
   int pixels, most;
 };
 
-OutlineFinder::OutlineFinder(const Character& character, std::vector<Camera> cameras, int pixels, int most)
+OutlineFinder::OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most)
     : state_(new State{RenderMesh(character.mesh).faces, std::move(cameras), pixels, most}) {}
 OutlineFinder::~OutlineFinder() = default;
 OutlineFinder::OutlineFinder(OutlineFinder&&) noexcept = default;
 OutlineFinder& OutlineFinder::operator=(OutlineFinder&&) noexcept = default;
 
 struct OutlineFinder::Windows {
-  std::vector<Camera> cameras;
-  std::vector<int> seeing;  ///< which cameras these are
+  std::vector<PinholeCamera> cameras;
+  std::vector<int> seeing;  ///< indices of these cameras
 
   Windows(const State& state, const FrameEvidence& frame) {
     for (std::size_t c = 0; c < state.cameras.size(); ++c) {
@@ -90,7 +91,7 @@ double OutlineFinder::overlap(const FrameEvidence& frame, const std::vector<Eige
   for (std::size_t i = 0; i < windows.seeing.size(); ++i) {
     const cv::Mat surface =
         all.rowRange(static_cast<int>(i) * state_->pixels, static_cast<int>(i + 1) * state_->pixels) > 0;
-    const cv::Mat mask = frame[static_cast<std::size_t>(windows.seeing[i])].outline.inside();
+    const cv::Mat mask = frame[as_size(windows.seeing[i])].outline.inside();
     sum += static_cast<double>(cv::countNonZero(surface & mask)) / std::max(1, cv::countNonZero(surface | mask));
   }
   return sum / static_cast<double>(windows.cameras.size());

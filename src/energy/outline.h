@@ -9,12 +9,12 @@
 
 namespace doppel {
 
-/// Finds the vertices on the outline of a surface in every camera, with the window of each camera's outline field as
-/// its image (`boundary_vertices`).
+/// Finds the vertices on the outline of a surface in every camera (`boundary_vertices`). The surface is drawn in the
+/// window of each camera's outline field.
 class OutlineFinder {
  public:
-  /// @param pixels side of the windows @param most of one camera; more are thinned out evenly
-  OutlineFinder(const Character& character, std::vector<Camera> cameras, int pixels, int most);
+  /// @param pixels side of the windows @param most vertices of one camera; more are thinned out evenly
+  OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most);
   ~OutlineFinder();
   OutlineFinder(OutlineFinder&&) noexcept;
   OutlineFinder& operator=(OutlineFinder&&) noexcept;
@@ -31,7 +31,7 @@ class OutlineFinder {
   std::unique_ptr<const State> state_;
 };
 
-/// Keeps those before `first`, and every so many of the others that at most `most` of these stay.
+/// Thins out the vertices from index `first` on, evenly, to at most `most`. Those before `first` stay.
 void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most);
 
 /// The posed surface, [N] world metres.

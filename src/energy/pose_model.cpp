@@ -5,6 +5,7 @@
 #include <set>
 
 #include "doppel/character/pose_solver.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -27,8 +28,8 @@ PosedBody::DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
 }  // namespace
 
 double PoseModel::SkinnedVertex::signed_weight(const PosedBody& body, int i) const {
-  const auto& first = body.world_from_rest[static_cast<std::size_t>(bones[0])].real;
-  return first.dot(body.world_from_rest[static_cast<std::size_t>(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
+  const auto& first = body.world_from_rest[as_size(bones[0])].real;
+  return first.dot(body.world_from_rest[as_size(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
 }
 
 PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs)
@@ -50,7 +51,7 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
   const std::vector<Eigen::Affine3d> rest = skeleton.pose(character.rest_dofs);
   for (const int joint : character.bone_joint) {
     bone_carrier_.push_back(carrier_of(joint));
-    joint_from_rest_.push_back(rest[static_cast<std::size_t>(joint)].inverse(Eigen::Isometry));
+    joint_from_rest_.push_back(rest[as_size(joint)].inverse(Eigen::Isometry));
   }
   rest_vertices_ = character.mesh.vertices;
   rest_normals_ = vertex_normals(character.mesh);
@@ -61,26 +62,25 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
 void PoseModel::find_root_dofs() {
   std::vector<std::size_t> carried(character_.skeleton.joints.size(), 0);
   for (const int carrier : carrier_joint_)
-    for (int j = carrier; j >= 0; j = character_.skeleton.joints[static_cast<std::size_t>(j)].parent)
-      ++carried[static_cast<std::size_t>(j)];
+    for (int j = carrier; j >= 0; j = character_.skeleton.joints[as_size(j)].parent) ++carried[as_size(j)];
   for (const Dof& dof : character_.skeleton.dofs)
     moves_root_.push_back(std::any_of(dof.joints.begin(), dof.joints.end(), [&](const Dof::Drive& drive) {
-      return carried[static_cast<std::size_t>(drive.joint)] == carrier_joint_.size();
+      return carried[as_size(drive.joint)] == carrier_joint_.size();
     }));
 }
 
-/// The place of a joint among the carriers; a new one learns which unknowns move it.
+/// The index of a joint among the carriers. A new carrier collects the unknowns that move it.
 int PoseModel::carrier_of(int joint) {
   const auto found = std::find(carrier_joint_.begin(), carrier_joint_.end(), joint);
   if (found != carrier_joint_.end()) return static_cast<int>(found - carrier_joint_.begin());
   std::vector<Handle> handles;
   bool turned = false;
-  for (int j = joint; j >= 0; j = character_.skeleton.joints[static_cast<std::size_t>(j)].parent) {
+  for (int j = joint; j >= 0; j = character_.skeleton.joints[as_size(j)].parent) {
     turned = turned || (root_ && j == root_->joint());
     for (int u = 0; u < num_unknowns(); ++u) {
-      const Unknown& unknown = unknowns_[static_cast<std::size_t>(u)];
+      const Unknown& unknown = unknowns_[as_size(u)];
       if (unknown.dof < 0) continue;
-      for (const Dof::Drive& drive : character_.skeleton.dofs[static_cast<std::size_t>(unknown.dof)].joints)
+      for (const Dof::Drive& drive : character_.skeleton.dofs[as_size(unknown.dof)].joints)
         if (drive.joint == j && drive.weight != 0.0) handles.push_back({j, u, drive.weight});
     }
   }
@@ -95,13 +95,13 @@ int PoseModel::carrier_of(int joint) {
 }
 
 std::string PoseModel::unknown_name(int unknown) const {
-  const Unknown& found = unknowns_.at(static_cast<std::size_t>(unknown));
-  if (found.dof >= 0) return character_.skeleton.dofs[static_cast<std::size_t>(found.dof)].name;
+  const Unknown& found = unknowns_.at(as_size(unknown));
+  if (found.dof >= 0) return character_.skeleton.dofs[as_size(found.dof)].name;
   return std::string("root turn ") + "xyz"[found.root_axis];
 }
 
 std::optional<int> PoseModel::dof_of(int unknown) const {
-  const int dof = unknowns_.at(static_cast<std::size_t>(unknown)).dof;
+  const int dof = unknowns_.at(as_size(unknown)).dof;
   return dof < 0 ? std::nullopt : std::optional(dof);
 }
 
@@ -111,21 +111,21 @@ PosedBody PoseModel::pose(const std::vector<double>& dofs, bool jacobian) const 
   body.world_from_joint = character_.skeleton.pose(dofs);
   body.world_from_rest.reserve(bone_carrier_.size());
   for (std::size_t b = 0; b < bone_carrier_.size(); ++b) {
-    const auto joint = static_cast<std::size_t>(character_.bone_joint[b]);
+    const auto joint = as_size(character_.bone_joint[b]);
     body.world_from_rest.push_back(dual_quaternion(body.world_from_joint[joint] * joint_from_rest_[b]));
   }
   if (jacobian) add_twists(body);
   return body;
 }
 
-/// A joint that turns about `axis` through `origin` moves the point at the world's origin by axis x (0 - origin).
+/// A joint that rotates about `axis` through `origin` moves the point at the world's origin by axis x (0 - origin).
 void PoseModel::add_twists(PosedBody& body) const {
   body.twists.resize(carrier_joint_.size());
   for (std::size_t c = 0; c < carrier_joint_.size(); ++c) {
     PosedBody::Twists& twists = body.twists[c];
     twists.setZero(6, num_unknowns());
     for (const Handle& handle : handles_[c]) {
-      const auto j = static_cast<std::size_t>(handle.joint);
+      const auto j = as_size(handle.joint);
       const Joint& joint = character_.skeleton.joints[j];
       const Eigen::Affine3d& world = body.world_from_joint[j];
       const Vector3d axis = handle.weight * (world.linear() * joint.axis);
@@ -137,7 +137,7 @@ void PoseModel::add_twists(PosedBody& body) const {
       }
     }
     if (!turned_[c]) continue;
-    const Vector3d origin = body.world_from_joint[static_cast<std::size_t>(root_->joint())].translation();
+    const Vector3d origin = body.world_from_joint[as_size(root_->joint())].translation();
     for (int axis = 0; axis < 3; ++axis) {
       const int unknown = num_unknowns() - 3 + axis;
       twists.col(unknown).head<3>() = Vector3d::Unit(axis);
@@ -150,9 +150,9 @@ std::vector<double> PoseModel::moved(const std::vector<double>& dofs, const Eige
   std::vector<double> result = dofs;
   Vector3d turn = Vector3d::Zero();
   for (int u = 0; u < num_unknowns(); ++u) {
-    const Unknown& unknown = unknowns_[static_cast<std::size_t>(u)];
+    const Unknown& unknown = unknowns_[as_size(u)];
     if (unknown.dof >= 0)
-      result[static_cast<std::size_t>(unknown.dof)] += step[u];
+      result[as_size(unknown.dof)] += step[u];
     else
       turn[unknown.root_axis] = step[u];
   }
@@ -161,11 +161,11 @@ std::vector<double> PoseModel::moved(const std::vector<double>& dofs, const Eige
 }
 
 Vector3d PoseModel::landmark(const PosedBody& body, int landmark) const {
-  const Marker& marker = landmarks_[static_cast<std::size_t>(landmark)];
-  return body.world_from_joint[static_cast<std::size_t>(marker.joint)] * marker.position;
+  const Marker& marker = landmarks_[as_size(landmark)];
+  return body.world_from_joint[as_size(marker.joint)] * marker.position;
 }
 
-/// Adds force^T times the motion that each unknown gives the carrier.
+/// Adds force^T times the twist of the carrier for each unknown.
 void PoseModel::add_force(const PosedBody& body, std::size_t carrier, const Eigen::Matrix<double, 6, 1>& force,
                           Row row) const {
   for (const int unknown : movers_[carrier]) row[unknown] += force.dot(body.twists[carrier].col(unknown));
@@ -174,7 +174,7 @@ void PoseModel::add_force(const PosedBody& body, std::size_t carrier, const Eige
 void PoseModel::add_landmark_jacobian(const PosedBody& body, int landmark, const Vector3d& gradient, Row row) const {
   Eigen::Matrix<double, 6, 1> force;
   force << this->landmark(body, landmark).cross(gradient), gradient;
-  const auto carrier = static_cast<std::size_t>(landmark_carrier_[static_cast<std::size_t>(landmark)]);
+  const auto carrier = as_size(landmark_carrier_[as_size(landmark)]);
   add_force(body, carrier, force, row);
 }
 
@@ -184,15 +184,15 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
   result.vertex = vertex;
   result.bones = rows.begin(vertex);
   result.count = rows.size(vertex);
-  result.weights = character_.skin.weights.data() + rows.offsets[static_cast<std::size_t>(vertex)];
+  result.weights = character_.skin.weights.data() + rows.offsets[as_size(vertex)];
   for (int i = 0; i < result.count; ++i) {
-    const auto& bone = body.world_from_rest[static_cast<std::size_t>(result.bones[i])];
+    const auto& bone = body.world_from_rest[as_size(result.bones[i])];
     const double weight = result.signed_weight(body, i);
     result.real.coeffs() += weight * bone.real.coeffs();
     result.dual.coeffs() += weight * bone.dual.coeffs();
   }
   result.squared_norm = std::max(result.real.squaredNorm(), kSmallestSquaredNorm);
-  const Vector3d rest = rest_vertices_[static_cast<std::size_t>(vertex)];
+  const Vector3d rest = rest_vertices_[as_size(vertex)];
   const Vector3d v = result.real.vec();
   const double w = result.real.w();
   const Vector3d cross = v.cross(rest);
@@ -209,7 +209,7 @@ Eigen::Affine3d PoseModel::movement(const PosedBody& body, int vertex) const {
 }
 
 Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
-  return vertex.real.normalized() * rest_normals_[static_cast<std::size_t>(vertex.vertex)];
+  return vertex.real.normalized() * rest_normals_[as_size(vertex.vertex)];
 }
 
 /// With the blend r + eps d of the bones c_b (r_b + eps d_b), a vertex is x = y + t, y = r v r* / |r|^2 and
@@ -219,14 +219,14 @@ Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
 /// with a = c_b r_b r* / |r|^2 and h = c_b d_b r* / |r|^2 (s: scalar part, v: vector part). The rows below are
 /// gradient^T dx, sorted by omega and u.
 void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& blended, const Vector3d& gradient,
-                                 Row row) const {
+                                    Row row) const {
   Quaterniond conjugate = blended.real.conjugate();
   conjugate.coeffs() /= blended.squared_norm;
   const double e_scalar = 2.0 * (blended.dual * conjugate).w();
   const Vector3d m = (2.0 * blended.turned + blended.translation).cross(gradient) - e_scalar * gradient;
   const double along = blended.translation.dot(gradient);
   for (int i = 0; i < blended.count; ++i) {
-    const auto bone = static_cast<std::size_t>(blended.bones[i]);
+    const auto bone = as_size(blended.bones[i]);
     const double weight = blended.signed_weight(body, i);
     Quaterniond a = body.world_from_rest[bone].real * conjugate, h = body.world_from_rest[bone].dual * conjugate;
     a.coeffs() *= weight;
@@ -234,26 +234,24 @@ void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& 
     Eigen::Matrix<double, 6, 1> force;
     force << 0.5 * (a.w() * m + a.vec().cross(m) + along * a.vec()) + h.w() * gradient + h.vec().cross(gradient),
         a.w() * gradient + a.vec().cross(gradient);
-    add_force(body, static_cast<std::size_t>(bone_carrier_[bone]), force, row);
+    add_force(body, as_size(bone_carrier_[bone]), force, row);
   }
 }
 
 std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
   std::vector<bool> carries(skeleton.joints.size(), false), turned(skeleton.joints.size(), false);
   for (const Marker& landmark : landmarks)
-    for (int j = landmark.joint; j >= 0; j = skeleton.joints[static_cast<std::size_t>(j)].parent)
-      carries[static_cast<std::size_t>(j)] = true;
+    for (int j = landmark.joint; j >= 0; j = skeleton.joints[as_size(j)].parent) carries[as_size(j)] = true;
   for (std::size_t j = 0; j < turned.size(); ++j) {
     const Joint& joint = skeleton.joints[j];
-    turned[j] =
-        joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[static_cast<std::size_t>(joint.parent)]);
+    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[as_size(joint.parent)]);
   }
   std::vector<int> dofs;
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
     bool moves = false, stretches = false;
-    for (const Dof::Drive& drive : skeleton.dofs[static_cast<std::size_t>(d)].joints) {
+    for (const Dof::Drive& drive : skeleton.dofs[as_size(d)].joints) {
       if (drive.weight == 0.0) continue;
-      const auto j = static_cast<std::size_t>(drive.joint);
+      const auto j = as_size(drive.joint);
       stretches = stretches || (skeleton.joints[j].type == Joint::Type::prismatic && turned[j]);
       moves = moves || carries[j];
     }

@@ -1,10 +1,10 @@
 #pragma once
 
-/// Where landmarks and skinned vertices of a character are in a pose, and how they move with the unknowns of a fit.
+/// Positions of landmarks and skinned vertices in a pose, and their jacobians with respect to the unknowns of a fit.
 ///
-/// The unknowns are some of the skeleton's DoFs; the others stay at given values. Where the skeleton's root allows it
-/// (`RootRotation::of`) its three rotations are replaced by a turn about the world's axes: a step omega changes the
-/// root by R <- exp(omega) R, so no pose is singular (4.2). Letters: n unknowns, J joints, Bn bones, N vertices, M
+/// The unknowns are some of the skeleton's DoFs; the others keep given values. Where the skeleton's root allows it
+/// (`RootRotation::of`), a rotation about the world's axes replaces its three angles: a step omega changes the root by
+/// R <- exp(omega) R, so that no pose is singular (4.2). Notation: n unknowns, J joints, Bn bones, N vertices, M
 /// landmarks. Metres, radians, double precision.
 
 #include <Eigen/Geometry>
@@ -13,12 +13,13 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/core/as_size.h"
 #include "doppel/energy/root_rotation.h"
 #include "doppel/solver/dense_system.h"
 
 namespace doppel {
 
-/// A character in one pose, as `PoseModel::pose` works it out.
+/// A character in one pose, computed by `PoseModel::pose`.
 struct PosedBody {
   std::vector<double> dofs;                       ///< [D]
   std::vector<Eigen::Affine3d> world_from_joint;  ///< [J]
@@ -28,8 +29,8 @@ struct PosedBody {
   };
   std::vector<DualQuaternion> world_from_rest;  ///< [Bn]
 
-  /// [carriers] the motion that each unknown gives a joint that carries something: angular velocity and the velocity
-  /// of the point at the world's origin, one column an unknown. Empty without jacobian.
+  /// [carriers] twists of the joints that carry bones or landmarks, one column per unknown: angular velocity, and the
+  /// velocity of the point at the world's origin. Empty when computed without jacobians.
   using Twists = Eigen::Matrix<double, 6, Eigen::Dynamic>;
   std::vector<Twists> twists;
 };
@@ -43,7 +44,7 @@ class PoseModel {
   /// @param landmarks points on joints; @param dofs DoFs that are unknown, in any order, each once
   PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs);
 
-  /// The surface that is posed from now on, in the rest pose: the template, bent. Its normals stay the template's.
+  /// Replaces the surface in the rest pose, for example by a deformed template. The normals stay the template's.
   /// @param vertices [N] world metres
   void set_rest_vertices(std::vector<Eigen::Vector3d> vertices) { rest_vertices_ = std::move(vertices); }
 
@@ -52,35 +53,35 @@ class PoseModel {
   const std::vector<Marker>& landmarks() const { return landmarks_; }
   const Character& character() const { return character_; }
   const std::optional<RootRotation>& root() const { return root_; }
-  /// The DoF's name, or `root turn x` and so on.
+  /// The name of the unknown's DoF, or `root turn x`, `root turn y`, `root turn z`.
   std::string unknown_name(int unknown) const;
-  /// The DoF that an unknown is, or nothing for a turn of the root.
+  /// The DoF of an unknown; nothing for the rotation of the root.
   std::optional<int> dof_of(int unknown) const;
   /// Whether a DoF moves the whole body.
-  bool moves_root(int dof) const { return moves_root_[static_cast<std::size_t>(dof)]; }
+  bool moves_root(int dof) const { return moves_root_[as_size(dof)]; }
   /// Metres or radians that the DoF's joints move per unit of it (root of the sum of squares).
-  double reach(int dof) const { return reach_[static_cast<std::size_t>(dof)]; }
+  double reach(int dof) const { return reach_[as_size(dof)]; }
 
-  /// @param dofs [D] @param jacobian whether `jacobian` functions will be asked for
+  /// @param dofs [D] @param jacobian whether `add_..._jacobian` will be called
   PosedBody pose(const std::vector<double>& dofs, bool jacobian) const;
   /// The DoFs after a step of the unknowns.
   std::vector<double> moved(const std::vector<double>& dofs, const Eigen::VectorXd& step) const;
 
   Eigen::Vector3d landmark(const PosedBody& body, int landmark) const;
-  /// Vertices are skinned each with its own blend of dual quaternions, as `CharacterSurface::skinned` does.
+  /// World position of a vertex, skinned with dual quaternions as in `CharacterSurface::skinned`.
   Eigen::Vector3d vertex(const PosedBody& body, int vertex) const;
-  /// The rigid movement of a vertex out of the rest pose.
+  /// The rigid motion of a vertex from the rest pose.
   Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
-  const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[static_cast<std::size_t>(vertex)]; }
-  /// A vertex in a pose: what its place, its normal and its jacobian have in common, worked out once.
+  const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[as_size(vertex)]; }
+  /// A vertex in a pose: intermediate results that its position, normal and jacobian share.
   struct SkinnedVertex {
     int vertex;
     const int* bones;
     const double* weights;
-    int count;  ///< of bones
+    int count;  ///< number of bones
     Eigen::Quaterniond real = Eigen::Quaterniond(0, 0, 0, 0), dual = Eigen::Quaterniond(0, 0, 0, 0);
     double squared_norm = 0.0;
-    Eigen::Vector3d turned;  ///< the rest position, turned only
+    Eigen::Vector3d turned;  ///< the rest position, rotated but not translated
     Eigen::Vector3d translation;
 
     Eigen::Vector3d place() const { return turned + translation; }
@@ -88,7 +89,7 @@ class PoseModel {
     double signed_weight(const PosedBody& body, int i) const;
   };
   SkinnedVertex skinned(const PosedBody& body, int vertex) const;
-  /// Its unit normal, turned with the vertex.
+  /// The unit normal, rotated with the vertex.
   Eigen::Vector3d normal(const SkinnedVertex& vertex) const;
   Eigen::Vector3d normal(const PosedBody& body, int vertex) const { return normal(skinned(body, vertex)); }
 
@@ -96,7 +97,7 @@ class PoseModel {
   using Row = Rows::JacobianRow;
   void add_landmark_jacobian(const PosedBody& body, int landmark, const Eigen::Vector3d& gradient, Row row) const;
   void add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
-                        Row row) const;
+                           Row row) const;
   void add_vertex_jacobian(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, Row row) const {
     add_vertex_jacobian(body, skinned(body, vertex), gradient, row);
   }
@@ -105,7 +106,7 @@ class PoseModel {
   struct Unknown {
     int dof = -1, root_axis = -1;
   };
-  /// An unknown's hold on the joints above a carrier.
+  /// An unknown that drives a joint above a carrier, or the carrier itself.
   struct Handle {
     int joint, unknown;
     double weight;
@@ -123,7 +124,7 @@ class PoseModel {
   std::vector<bool> moves_root_;                  ///< [D]
   std::vector<int> carrier_joint_;                ///< [carriers]
   std::vector<std::vector<Handle>> handles_;      ///< [carriers]
-  std::vector<bool> turned_;                      ///< [carriers] whether the root's turn moves it
+  std::vector<bool> turned_;                      ///< [carriers] whether the root's rotation moves it
   std::vector<std::vector<int>> movers_;          ///< [carriers] unknowns that move it
   std::vector<int> landmark_carrier_;             ///< [M]
   std::vector<int> bone_carrier_;                 ///< [Bn]
@@ -132,8 +133,8 @@ class PoseModel {
   std::vector<Eigen::Vector3d> rest_normals_;     ///< [N]
 };
 
-/// The DoFs that a fit to landmarks can find: those that turn a joint above (or at) a landmark's, and the root's
-/// translations. DoFs that stretch the body are its shape, not its pose, and are left out.
+/// The DoFs that a fit to landmarks can find: rotations of a landmark's joint or of a joint above it, and translations
+/// of the root. DoFs that stretch the body belong to its shape and are left out.
 std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks);
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -13,7 +14,7 @@ namespace {
 /// The angle nearest to `near` that differs from `angle` by whole turns.
 double unwrapped(double angle, double near) { return angle + 2.0 * M_PI * std::round((near - angle) / (2.0 * M_PI)); }
 
-/// How many DoFs drive a joint.
+/// The number of DoFs that drive a joint.
 int drives_of(const Skeleton& skeleton, int joint) {
   int count = 0;
   for (const Dof& dof : skeleton.dofs)
@@ -25,10 +26,10 @@ int only_joint(const Dof& dof) { return dof.joints.size() == 1 ? dof.joints.fron
 
 bool turns_about_one_point(const Skeleton& skeleton, const Skeleton::Root& root) {
   for (int i = 0; i < 3; ++i) {
-    const int moved = only_joint(skeleton.dofs[static_cast<std::size_t>(root.translation[i])]);
-    const int turned = only_joint(skeleton.dofs[static_cast<std::size_t>(root.rotation[i])]);
+    const int moved = only_joint(skeleton.dofs[as_size(root.translation[i])]);
+    const int turned = only_joint(skeleton.dofs[as_size(root.rotation[i])]);
     if (moved < 0 || turned < 0 || drives_of(skeleton, moved) != 1 || drives_of(skeleton, turned) != 1) return false;
-    if (i > 0 && !skeleton.joints[static_cast<std::size_t>(turned)].offset.isZero()) return false;
+    if (i > 0 && !skeleton.joints[as_size(turned)].offset.isZero()) return false;
   }
   return true;
 }
@@ -56,24 +57,23 @@ std::optional<RootRotation> RootRotation::of(const Skeleton& skeleton) {
     return std::nullopt;
   }
   if (!turns_about_one_point(skeleton, result.root_)) return std::nullopt;
-  result.joint_ = only_joint(skeleton.dofs[static_cast<std::size_t>(result.root_.rotation[2])]);
+  result.joint_ = only_joint(skeleton.dofs[as_size(result.root_.rotation[2])]);
   std::vector<double> dofs(skeleton.dofs.size(), 0.0);
-  result.offset_ = skeleton.pose(dofs)[static_cast<std::size_t>(result.joint_)].translation();
+  result.offset_ = skeleton.pose(dofs)[as_size(result.joint_)].translation();
   return result;
 }
 
 Eigen::Matrix3d RootRotation::matrix(const std::vector<double>& dofs) const {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   for (int i = 0; i < 3; ++i)
-    rotation =
-        rotation * Eigen::AngleAxisd(root_.rotation_weight[i] * dofs[static_cast<std::size_t>(root_.rotation[i])],
-                                     Eigen::Vector3d::Unit(root_.axes[i]));
+    rotation = rotation * Eigen::AngleAxisd(root_.rotation_weight[i] * dofs[as_size(root_.rotation[i])],
+                                            Eigen::Vector3d::Unit(root_.axes[i]));
   return rotation;
 }
 
 void RootRotation::set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& rotation) const {
   std::array<double, 3> before{};
-  for (int i = 0; i < 3; ++i) before[i] = root_.rotation_weight[i] * dofs[static_cast<std::size_t>(root_.rotation[i])];
+  for (int i = 0; i < 3; ++i) before[i] = root_.rotation_weight[i] * dofs[as_size(root_.rotation[i])];
   const Eigen::Vector3d first = rotation.eulerAngles(root_.axes[0], root_.axes[1], root_.axes[2]);
   const Eigen::Vector3d second(first[0] + M_PI, M_PI - first[1], first[2] + M_PI);
   double nearest = std::numeric_limits<double>::infinity();
@@ -86,20 +86,19 @@ void RootRotation::set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& 
     }
     if (distance >= nearest) continue;
     nearest = distance;
-    for (int i = 0; i < 3; ++i) dofs[static_cast<std::size_t>(root_.rotation[i])] = near[i] / root_.rotation_weight[i];
+    for (int i = 0; i < 3; ++i) dofs[as_size(root_.rotation[i])] = near[i] / root_.rotation_weight[i];
   }
 }
 
 Eigen::Vector3d RootRotation::position(const std::vector<double>& dofs) const {
   Eigen::Vector3d position = offset_;
-  for (int i = 0; i < 3; ++i)
-    position[i] += root_.translation_weight[i] * dofs[static_cast<std::size_t>(root_.translation[i])];
+  for (int i = 0; i < 3; ++i) position[i] += root_.translation_weight[i] * dofs[as_size(root_.translation[i])];
   return position;
 }
 
 void RootRotation::set_position(std::vector<double>& dofs, const Eigen::Vector3d& position) const {
   for (int i = 0; i < 3; ++i)
-    dofs[static_cast<std::size_t>(root_.translation[i])] = (position[i] - offset_[i]) / root_.translation_weight[i];
+    dofs[as_size(root_.translation[i])] = (position[i] - offset_[i]) / root_.translation_weight[i];
 }
 
 }  // namespace doppel

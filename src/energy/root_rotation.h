@@ -8,8 +8,8 @@
 
 namespace doppel {
 
-/// The root's rotation as a matrix and back. A skeleton states it as three angles, which are singular when the second
-/// is a quarter turn; steps, averages and extrapolations are taken on the matrix instead.
+/// Converts the root's rotation between DoFs and a matrix. A skeleton states three angles, which are singular when the
+/// second is a quarter turn. Steps, averages and extrapolations therefore use the matrix.
 class RootRotation {
  public:
   /// @return nothing when the root is not three translations and then three rotations about one point, each driven by
@@ -18,14 +18,14 @@ class RootRotation {
 
   /// World from root.
   Eigen::Matrix3d matrix(const std::vector<double>& dofs) const;
-  /// Writes the angles of `rotation` into the three DoFs: of all that give it, those nearest to what stands there, so
-  /// that a full turn counts on instead of jumping.
+  /// Writes the angles of `rotation` into the three DoFs. Of all equivalent angles it takes those nearest to the
+  /// present values, so that angles continue over full turns without jumps.
   void set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& rotation) const;
   Eigen::Vector3d position(const std::vector<double>& dofs) const;
   void set_position(std::vector<double>& dofs, const Eigen::Vector3d& position) const;
 
   const Skeleton::Root& root() const { return root_; }
-  /// The joint whose frame turns with the whole rotation; its origin is the point that is turned about.
+  /// The joint whose frame takes the whole rotation; its origin is the centre of rotation.
   int joint() const { return joint_; }
 
  private:
@@ -34,7 +34,7 @@ class RootRotation {
   Eigen::Vector3d offset_ = Eigen::Vector3d::Zero();  ///< of the root's origin when all translations are 0
 };
 
-/// exp of the rotation vector `turn`.
+/// The rotation matrix of the rotation vector `turn`, radians (exponential map).
 Eigen::Matrix3d rotation_of_vector(const Eigen::Vector3d& turn);
 /// The rotation nearest to a sum of rotations (least squares of the entries).
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
@@ -13,16 +15,16 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 struct Ray {
-  const Camera* camera;
+  const PinholeCamera* camera;
   Vector3d origin, direction;
   Vector2d pixel;
   double weight;
 };
 
-std::vector<Ray> rays_to(const std::vector<Camera>& cameras, const FrameEvidence& frame, int landmark) {
+std::vector<Ray> rays_to(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame, int landmark) {
   std::vector<Ray> rays;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const Keypoint& seen = frame[c].keypoints[static_cast<std::size_t>(landmark)];
+    const Keypoint& seen = frame[c].keypoints[as_size(landmark)];
     if (!(seen.confidence >= kSeenConfidence)) continue;
     const Vector3d in_camera = cameras[c].K.inverse() * Vector3d(seen.x, seen.y, 1.0);
     rays.push_back({&cameras[c],
@@ -34,7 +36,7 @@ std::vector<Ray> rays_to(const std::vector<Camera>& cameras, const FrameEvidence
   return rays;
 }
 
-/// The point nearest to rays, by weight.
+/// The point nearest to weighted rays.
 Vector3d nearest_point(const std::vector<const Ray*>& rays) {
   Matrix3d sum = Matrix3d::Zero();
   Vector3d right = Vector3d::Zero();
@@ -46,7 +48,7 @@ Vector3d nearest_point(const std::vector<const Ray*>& rays) {
   return sum.inverse() * right;
 }
 
-/// Distance of the point's projection from what was seen, reference pixels.
+/// Distance of the point's projection from the keypoint, reference pixels.
 double distance_in_view(const Ray& ray, const Vector3d& point) {
   const auto projected = project_with_jacobian(*ray.camera, point);
   if (!projected) return std::numeric_limits<double>::infinity();
@@ -74,7 +76,7 @@ Inliers inliers_of(const std::vector<Ray>& rays, const Vector3d& point, double w
 
 }  // namespace
 
-std::optional<TriangulatedPoint> triangulate(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+std::optional<TriangulatedPoint> triangulate(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                                              int landmark, const TriangulationOptions& options) {
   const std::vector<Ray> rays = rays_to(cameras, frame, landmark);
   Inliers best;
@@ -94,7 +96,7 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<Camera>& cameras,
   return point;
 }
 
-std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<Camera>& cameras,
+std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<PinholeCamera>& cameras,
                                                               const FrameEvidence& frame, int num_landmarks,
                                                               const TriangulationOptions& options) {
   std::vector<std::optional<TriangulatedPoint>> points;

@@ -11,13 +11,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kFilmedSamples = 3;  // along each side of a camera's pixel
+constexpr int kFilmedSamples = 3;  // per side of a camera's pixel
 
 std::string titled(const ActorEvaluation& evaluation, const std::string& title) {
   return title + ", " + to_string(evaluation.split);
 }
 
-/// DoF windows of samples, [B,F+1,D].
+/// Motion windows of samples, [B,F+1,D].
 torch::Tensor dof_windows(const ActorEvaluation& evaluation, const std::vector<SampleId>& samples) {
   std::vector<torch::Tensor> all;
   for (const SampleId& sample : samples)
@@ -25,16 +25,15 @@ torch::Tensor dof_windows(const ActorEvaluation& evaluation, const std::vector<S
   return torch::stack(all);
 }
 
-/// What the camera of a request sees of a radiance field in one of its frames.
-FieldImage field_image(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request,
-                         std::size_t b) {
+/// The image of a radiance field in the camera of a request, for one of its frames.
+FieldImage field_image(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request, std::size_t b) {
   const torch::Tensor projection = request.projection[static_cast<std::int64_t>(b)][0];
   if (drawing == Drawing::nerf) return evaluation.actor.nerf->draw(projection, request.size, request.size);
   return evaluation.actor.radiance(dof_windows(evaluation, {request.samples[b]}), projection, request.size,
                                    request.size);
 }
 
-/// A pixel counts as covered where more than half of it is; its colour is that of the person alone.
+/// A pixel counts as covered if more than half of it is covered; its colour is that of the person alone.
 RenderedImages field_images(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request) {
   std::vector<torch::Tensor> colour, covered;
   for (std::size_t b = 0; b < request.samples.size(); ++b) {
@@ -101,9 +100,9 @@ Json evaluate_actor_cloud(const ActorEvaluation& evaluation) {
     points.depth = seen.depth.masked_select(seen.opacity > 0);
     return point_cloud(points, rays.origin, rays.direction);
   };
-  const auto result =
-      evaluate_clouds(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces,
-                      evaluation.actor.character.num_vertices(), cloud, evaluation.options, titled(evaluation, "cloud"));
+  const auto result = evaluate_clouds(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces,
+                                      evaluation.actor.character.num_vertices(), cloud, evaluation.options,
+                                      titled(evaluation, "cloud"));
   return result ? result->to_json() : Json();
 }
 

@@ -8,7 +8,7 @@
 
 namespace doppel {
 
-/// An actor, and the frames it is compared on.
+/// An actor and the frames of its evaluation.
 struct ActorEvaluation {
   const Dataset& dataset;
   TrainedActor& actor;
@@ -16,24 +16,25 @@ struct ActorEvaluation {
   const EvaluationOptions& options;
 };
 
-/// How well a surface of the actor fills the masks. @param surface TrainedActor::coarse, fine or refined
+/// How well the silhouette of an actor's surface matches the masks. @param surface TrainedActor::coarse, fine or
+/// refined
 nlohmann::ordered_json evaluate_actor_surface(const ActorEvaluation& evaluation, const std::string& title,
                                               torch::Tensor (TrainedActor::*surface)(const torch::Tensor&));
 
-/// What the finished surface, or a radiance field, is coloured with.
+/// The kinds of drawings of an actor: colours of the finished surface, or a radiance field.
 enum class Drawing {
-  static_texture,   ///< the template's texture, unlit
-  lit,              ///< the same under the learnt light
+  static_texture,   ///< the static texture, unlit
+  lit,              ///< the same under the learnt lighting
   dynamic_texture,  ///< TexNet's texture
   radiance,         ///< the field around the mesh
   nerf,             ///< the field without a mesh
 };
 
-/// How near drawings come to the images. @pre the actor has what the drawing needs
+/// How well drawings match the images. @pre the actor has the networks and textures of the drawing
 nlohmann::ordered_json evaluate_actor_drawing(const ActorEvaluation& evaluation, const std::string& title,
                                               Drawing drawing);
 
-/// How far the points of the radiance field lie off the true surface; null where no truth is known.
+/// The distance of the radiance field's points from the true surface; null without ground truth.
 nlohmann::ordered_json evaluate_actor_cloud(const ActorEvaluation& evaluation);
 
 }  // namespace doppel

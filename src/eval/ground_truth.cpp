@@ -1,5 +1,6 @@
 #include "doppel/eval/ground_truth.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 
@@ -27,7 +28,7 @@ GroundTruth::GroundTruth(const Dataset& dataset) {
 }
 
 torch::Tensor GroundTruth::at(const SampleId& sample, std::int64_t num_vertices) {
-  const auto index = static_cast<std::size_t>(sample.sequence);
+  const auto index = as_size(sample.sequence);
   if (paths_[index].empty()) return {};
   torch::Tensor& all = vertices_[index];
   if (!all.defined()) all = load(paths_[index], num_vertices);

@@ -9,13 +9,13 @@
 
 namespace doppel {
 
-/// The true vertices of the sequences that have them (`ground_truth/<sequence>/vertices.npy`, [frames of the
-/// motion,N,3] metres), each read once.
+/// The ground-truth vertices of the sequences that have them (`ground_truth/<sequence>/vertices.npy`, [frames of the
+/// motion,N,3] metres), each file read once.
 class GroundTruth {
  public:
   explicit GroundTruth(const Dataset& dataset);
 
-  /// [N,3], or undefined where the sequence has none. @throws Error when the file's shape does not fit
+  /// [N,3], or undefined if the sequence has no ground truth. @throws Error when the file has another shape
   torch::Tensor at(const SampleId& sample, std::int64_t num_vertices);
 
  private:

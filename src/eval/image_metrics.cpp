@@ -7,11 +7,11 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/capture/mask.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
-#include "doppel/capture/mask.h"
 
 namespace doppel {
 
@@ -73,14 +73,14 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
   return mean;
 }
 
-/// What stands behind the person in a crop, RGB: the empty studio, or black.
+/// The background of a crop, RGB: the empty studio, or black.
 cv::Mat background_crop(const cv::Mat& studio, const CropBox& box, int size) {
   cv::Mat result = cv::Mat::zeros(size, size, CV_8UC3);
   if (!studio.empty() && !box.empty()) cv::cvtColor(crop_image(studio, box, size), result, cv::COLOR_BGR2RGB);
   return result;
 }
 
-/// The drawing as its camera would have filmed it, over the empty studio or black, and then cropped as its image.
+/// The drawing as its camera would have filmed it, over the empty studio or black, cropped like the image.
 /// @param filmed float32 [n,n,4] @return RGB
 cv::Mat filmed_image(const torch::Tensor& filmed, const cv::Mat& studio, const CropBox& box, int size) {
   if (!filmed.defined() || filmed.sizes() != torch::IntArrayRef({box.side, box.side, 4}))
@@ -136,7 +136,7 @@ PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::
   return scores;
 }
 
-/// Scores of B frames in one camera; frames without a person are left out.
+/// Scores of B frames in one camera; frames without the person are left out.
 void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, int camera, const cv::Mat& studio,
                   const ImageFunction& render, std::vector<PhotometricScores>& scores, double& seconds) {
   BatchOptions wanted;
@@ -157,8 +157,8 @@ void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, 
     if (cv::countNonZero(person) == 0) continue;
     const cv::Mat image = image_of(truth, i, size, CV_8UC3), true_person = inside(image, person);
     const CropBox box = dataset.crop_box(samples[b], camera);
-    scores.push_back(score(image_of(drawn.colour, i, size, CV_8UC3), image_of(drawn.covered, i, size, CV_8UC1),
-                           image, person, true_person, background_crop(studio, box, size)));
+    scores.push_back(score(image_of(drawn.colour, i, size, CV_8UC3), image_of(drawn.covered, i, size, CV_8UC1), image,
+                           person, true_person, background_crop(studio, box, size)));
     if (!drawn.filmed) continue;
     scores.back().filmed =
         compare_images(inside(filmed_image(drawn.filmed(b), studio, box, size), person), true_person);
@@ -259,8 +259,8 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
       "drawing averaged over each pixel of the camera, over the same background, resized as the image was; both black"
       " outside the true mask";
   json["SSIM"] =
-      fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the image, mean over channels",
-                  kWindow, kWindow, kSigma);
+      fmt::format("Gaussian window {} x {}, sigma {}, range 255, windows inside the image, mean over channels", kWindow,
+                  kWindow, kSigma);
   json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
   return json;

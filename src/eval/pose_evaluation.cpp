@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "doppel/data/batch_builder.h"
 #include "doppel/core/progress.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/pose_metrics.h"
 #include "doppel/render/face_tensor.h"
@@ -38,12 +38,12 @@ class PoseEvaluation {
   }
 
  private:
-  /// What the input camera shows of samples.
+  /// The views of the input camera for samples.
   Batch seen(const std::vector<SampleId>& samples) const {
     return person_batch(dataset_, samples, {dataset_.camera_index(options_.input_camera)}, trained_.input_size());
   }
 
-  /// Poses frame by frame: joints against the true ones, landmarks against keypoints.
+  /// Evaluates poses frame by frame: joints against the true joints, landmarks against keypoints.
   void look_at_poses() {
     const std::vector<SampleId> samples = evaluated_samples(dataset_, split_, options_);
     std::vector<Tensor> found, truth;
@@ -72,7 +72,8 @@ class PoseEvaluation {
     return landmarks.index_select(1, torch::tensor(common_joint_rows(names), torch::kInt64));
   }
 
-  /// In all cameras that are compared: those of the pose, and those that ride on the bent graph.
+  /// Distances of landmarks from keypoints in all compared cameras: for landmarks of the pose, and for landmarks that
+  /// move with the deformed graph.
   void compare_landmarks(const SampleId& sample, const Batch& batch, const CapturedPose& captured) {
     BatchOptions options;
     options.past_frames = 0;
@@ -120,7 +121,7 @@ class PoseEvaluation {
   bool known_;
   std::vector<int> cameras_;
   GraphLandmarks graph_landmarks_;
-  Json scores_ = Json::object();  ///< of poses against the known ones
+  Json scores_ = Json::object();  ///< of captured poses against known poses
   Mean posed_error_, deformed_error_;
   long without_pose_ = 0;
 };

@@ -1,21 +1,22 @@
 #pragma once
 
-/// What `doppel evaluate` measures of a run that captures from one camera (5.8).
+/// The measurements of `doppel evaluate` for a run that captures from one camera (5.8).
 
 #include <nlohmann/json.hpp>
 
-#include "doppel/eval/silhouette_overlap.h"
 #include "doppel/actor/trained_pose.h"
+#include "doppel/eval/silhouette_overlap.h"
 
 namespace doppel {
 
-/// Whether every sequence of a split has a motion: poses to hold captured ones against.
+/// Whether every sequence of a split has a motion, which captured poses can be compared with.
 bool poses_are_known(const Dataset& dataset, Split split);
 
-/// The methods `posenet` and, where it was trained, `defnet` on a split: overlaps of the surface, and the distance of
-/// landmarks from the keypoints of all cameras. Networks see the images of `options.input_camera` alone, global
-/// alignment its keypoints alone. Where poses are known, figures of the pose come along, and surfaces are moved to the
-/// true place before they are compared; else they stay where the alignment put them.
+/// Evaluates the methods `posenet` and, if it was trained, `defnet` on a split: overlaps of the surface, and the
+/// distance of landmarks from the keypoints of all cameras. The networks use only the images of `options.input_camera`;
+/// global alignment uses only the keypoints of this camera. Where poses are known, pose metrics are added, and surfaces
+/// are moved to the true position before they are compared. Otherwise surfaces are compared at the position from global
+/// alignment.
 nlohmann::ordered_json evaluate_pose_run(const Dataset& dataset, TrainedPose& trained, Split split,
                                          const EvaluationOptions& options);
 

@@ -15,12 +15,12 @@ using torch::Tensor;
 namespace {
 
 constexpr double kPckMillimetres = 150.0, kAucStep = 5.0;
-constexpr double kRounding = 1e-6;  ///< millimetres: the first threshold of the AUC is 0
+constexpr double kRounding = 1e-6;  ///< millimetres, because the first threshold of the AUC is 0
 constexpr int kRoot = -1;
 
 struct CommonJoint {
   const char* name;
-  const char* part;  ///< what a landmark's name must hold
+  const char* part;  ///< part of the landmark's name
   char side;         ///< 'l', 'r' or ' '
   int parent;        ///< index of the joint its bone starts at, or kRoot
 };
@@ -62,7 +62,7 @@ std::int64_t row_of(const CommonJoint& joint, const std::vector<std::string>& pl
   return -1;
 }
 
-/// The middle of the hips [frames,1,3].
+/// The midpoint of the hips [frames,1,3].
 Tensor root_of(const Tensor& joints) { return 0.5 * (joints.narrow(1, kRightHip, 1) + joints.narrow(1, kLeftHip, 1)); }
 
 Tensor checked(const char* name, const Tensor& joints) {
@@ -75,14 +75,14 @@ Tensor checked(const char* name, const Tensor& joints) {
 using Points = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>;
 using PointsOut = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>;
 
-/// Umeyama's closed form for one frame. Points that all coincide are left at the middle of the others.
+/// Umeyama's closed form for one frame. If all points coincide, they are moved to the mean of the others.
 void align_frame(const Points& from, const Points& to, PointsOut out) {
   const Eigen::RowVector3d from_mean = from.colwise().mean(), to_mean = to.colwise().mean();
   const Eigen::MatrixX3d centred = from.rowwise() - from_mean;
   const Eigen::Matrix3d covariance = centred.transpose() * (to.rowwise() - to_mean);
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign(1.0, 1.0, 1.0);
-  if ((svd.matrixU() * svd.matrixV()).determinant() < 0.0) sign.z() = -1.0;  // a rotation, no reflection
+  if ((svd.matrixU() * svd.matrixV()).determinant() < 0.0) sign.z() = -1.0;  // a rotation, not a reflection
   const Eigen::Matrix3d rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
   const double spread = centred.squaredNorm();
   const double scale = spread > 0.0 ? svd.singularValues().dot(sign) / spread : 0.0;
@@ -109,7 +109,7 @@ std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& land
     if (rows.back() < 0) missing.push_back(joint.name);
   }
   if (!missing.empty())
-    fail<UsageError>("poses cannot be compared: no landmark is called {} (there are {})", fmt::join(missing, ", "),
+    fail<UsageError>("poses cannot be compared: no landmark has the name {} (there are {})", fmt::join(missing, ", "),
                      fmt::join(landmark_names, ", "));
   return rows;
 }
@@ -118,7 +118,8 @@ Tensor rescale_bones(const Tensor& found_in, const Tensor& truth_in) {
   const Tensor found = checked("found", found_in), truth = checked("truth", truth_in);
   const Tensor found_root = root_of(found).squeeze(1), true_root = root_of(truth).squeeze(1);
   std::vector<Tensor> joints(kCommonJoints);
-  // Bones start at joints that are placed already; the neck, which bears the head and comes after it, goes first.
+  // Bones start at joints with known positions. The neck is the parent of the head but comes after it, so it is
+  // computed first.
   for (int j : {1, 0, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13}) {
     const int parent = kJoints[j].parent;
     const Tensor bone = found.select(1, j) - (parent == kRoot ? found_root : found.select(1, parent));
@@ -148,7 +149,7 @@ PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
   if (found.size(0) != truth.size(0))
     fail<UsageError>("pose metrics: {} frames found, {} true ones", found.size(0), truth.size(0));
   if (!truth.isfinite().all().item<bool>())
-    fail<UsageError>("pose metrics: the truth holds numbers that are not finite");
+    fail<UsageError>("pose metrics: the ground truth contains numbers that are not finite");
   PoseScores scores;
   scores.frames = found.size(0);
   const Tensor rows = found.isfinite().flatten(1).all(1).nonzero().flatten();

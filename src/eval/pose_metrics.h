@@ -1,6 +1,6 @@
 #pragma once
 
-/// How far a captured pose is from the true one (5.8.3): 14 joints, bones rescaled to the true lengths.
+/// Errors of a captured pose against the true pose (5.8.3): 14 joints, bones rescaled to the true lengths.
 
 #include <torch/types.h>
 
@@ -13,36 +13,36 @@ namespace doppel {
 
 inline constexpr int kCommonJoints = 14;
 
-/// The 14 joints that most data sets share, in this order. The root is the middle of the hips.
+/// The 14 joints that most datasets share, in this order. The root is the midpoint of the hips.
 const std::array<std::string, kCommonJoints>& common_joint_names();
 
-/// Where they stand in a list of landmarks, whatever the spelling of names: "left_shoulder", "LShoulder"; the head may
-/// be a nose.
-/// @throws UsageError listing the joints that are not there
+/// The rows of these joints in a list of landmarks. Names may be spelled in different ways: "left_shoulder",
+/// "LShoulder". The nose may stand for the head.
+/// @throws UsageError listing the missing joints
 std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& landmark_names);
 
 struct PoseScores {
   std::int64_t frames = 0;   ///< compared
-  std::int64_t missing = 0;  ///< of these without a pose (not finite); all their joints count as wrong in PCK and AUC
-  double GLE_mm = 0.0;       ///< distance of the roots, mean over frames with a pose
-  double PCK = 0.0;          ///< % of joints within 150 mm of the true ones, roots aligned
-  double AUC = 0.0;          ///< %: mean of PCK over thresholds 0, 5, ..., 150 mm
-  double MPJPE_mm = 0.0;     ///< mean distance of joints after similarity alignment, frame by frame
+  std::int64_t missing = 0;  ///< frames without a pose (not finite); all their joints count as wrong in PCK and AUC
+  double GLE_mm = 0.0;       ///< distance between the roots, mean over frames with a pose
+  double PCK = 0.0;          ///< % of joints within 150 mm of the true joints, roots aligned
+  double AUC = 0.0;          ///< %, mean of PCK over thresholds 0, 5, ..., 150 mm
+  double MPJPE_mm = 0.0;     ///< mean distance of joints after similarity alignment of each frame
 
   nlohmann::ordered_json to_json() const;
 };
 
 /// @param found, truth [frames,14,3] in the order of common_joint_names, world metres, any float type
-/// @throws UsageError for another shape, no frames, or a truth that is not finite
+/// @throws UsageError for another shape, no frames, or ground truth that is not finite
 PoseScores compare_poses(const torch::Tensor& found, const torch::Tensor& truth);
 
-/// Poses whose bones keep their direction and get the true lengths, outwards from the root. A bone of length 0 stays
-/// so.
+/// Poses with the bone directions of `found` and the bone lengths of `truth`, starting at the root. A bone of length 0
+/// keeps its length.
 /// @param found, truth [frames,14,3] @return float64 [frames,14,3]
 torch::Tensor rescale_bones(const torch::Tensor& found, const torch::Tensor& truth);
 
-/// The similarity transform of each frame (rotation, translation, one scale) that brings `found` nearest to `truth`,
-/// applied. @param found, truth [frames,J,3] finite @return float64 [frames,J,3]
+/// Aligns `found` to `truth` by the similarity transform of each frame (rotation, translation, one scale) with the
+/// least squared error. @param found, truth [frames,J,3] finite @return float64 [frames,J,3]
 torch::Tensor align_similarity(const torch::Tensor& found, const torch::Tensor& truth);
 
 }  // namespace doppel

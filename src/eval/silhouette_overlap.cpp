@@ -22,7 +22,7 @@ namespace {
 /// Frames drawn at once; bounds the memory for coverage images.
 constexpr std::size_t kFramesAtOnce = 8;
 
-/// Cameras with images of one size, which are drawn together.
+/// Cameras with images of the same size, which are drawn together.
 struct CameraGroup {
   int width, height;
   std::vector<int> cameras;
@@ -32,7 +32,7 @@ struct CameraGroup {
 std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector<int>& indices) {
   std::map<std::pair<int, int>, CameraGroup> groups;
   for (int index : indices) {
-    const Camera& camera = dataset.camera(index);
+    const PinholeCamera& camera = dataset.camera(index);
     CameraGroup& group =
         groups.try_emplace({camera.width, camera.height}, CameraGroup{camera.width, camera.height, {}, {}})
             .first->second;
@@ -40,7 +40,7 @@ std::vector<CameraGroup> group_by_size(const Dataset& dataset, const std::vector
   }
   std::vector<CameraGroup> out;
   for (auto& [size, group] : groups) {
-    std::vector<Camera> cameras;
+    std::vector<PinholeCamera> cameras;
     for (int index : group.cameras) cameras.push_back(dataset.camera(index));
     group.projection = projection_tensor(cameras);
     out.push_back(std::move(group));
@@ -81,7 +81,7 @@ torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, co
   const torch::Tensor corners = faces.to(torch::kInt64);
   torch::Tensor seen = torch::zeros({vertices.size(0)}, torch::kBool);
   for (int index : dataset.camera_indices({})) {
-    const Camera& camera = dataset.camera(index);
+    const PinholeCamera& camera = dataset.camera(index);
     const torch::Tensor projection = projection_tensor({camera}).contiguous();
     const RasterImage& image =
         rasterizer.rasterize_projected(vertices.unsqueeze(0), projection.unsqueeze(0), camera.height, camera.width);
@@ -90,7 +90,7 @@ torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, co
   return seen;
 }
 
-/// Means over frames of what separates a surface from the true one, metres.
+/// Mean distances over frames between a surface and the true surface, metres.
 struct TruthErrors {
   Mean vertex, hausdorff, surface, seen_surface;
 
@@ -112,7 +112,7 @@ struct TruthErrors {
   }
 };
 
-/// A figure of the table: its key in JSON and how it is shown.
+/// A value of the table: its key in JSON and its format.
 struct Column {
   const char* key;
   const char* title;
@@ -194,7 +194,7 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   if (!options.input_camera.empty()) {
     const int input = dataset.camera_index(options.input_camera);
     if (std::find(cameras.begin(), cameras.end(), input) == cameras.end())
-      fail<UsageError>("the input camera {} is not among those compared", options.input_camera);
+      fail<UsageError>("the input camera {} is not among the compared cameras", options.input_camera);
   }
   const std::vector<CameraGroup> groups = group_by_size(dataset, cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
@@ -248,14 +248,14 @@ nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::ve
   if (!options.frames.empty()) json["only_frames"] = options.frames;
   for (Split split : splits) json["frames"][to_string(split)] = evaluated_samples(dataset, split, options).size();
   for (int index : dataset.camera_indices(options.cameras)) {
-    const Camera& camera = dataset.camera(index);
+    const PinholeCamera& camera = dataset.camera(index);
     json["cameras"].push_back(camera.name);
     json["resolution"][camera.name] = {camera.width, camera.height};
   }
   for (const SequenceEntry& entry : dataset.capture().sequences)
     json["mask_threshold"][entry.name] =
         entry.masks_from_images() ? nlohmann::ordered_json(entry.chroma_key ? "chroma key" : "background subtraction")
-                                    : nlohmann::ordered_json(entry.mask_threshold);
+                                  : nlohmann::ordered_json(entry.mask_threshold);
   return json;
 }
 

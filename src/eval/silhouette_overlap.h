@@ -30,12 +30,12 @@ struct Overlap {
 };
 Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count);
 
-/// What is compared with what.
+/// The cameras and frames of an evaluation.
 struct EvaluationOptions {
   std::vector<std::string> cameras;  ///< names; empty: all of the capture
-  int every = 1;                     ///< each n-th frame of a sequence
+  int every = 1;                     ///< every n-th frame of a sequence
   std::vector<long> frames;          ///< rows of the motions; empty: all that `every` leaves
-  std::string input_camera;          ///< the one whose images the method was given; empty: none
+  std::string input_camera;          ///< the camera whose images were the method's input; empty: none
 };
 
 /// The frames of a split that are compared.
@@ -45,38 +45,37 @@ std::vector<SampleId> evaluated_samples(const Dataset& dataset, Split split, con
 /// A surface as a function of the frame: vertices [B,N,3] float32, world metres, for B samples.
 using SurfaceFunction = std::function<torch::Tensor(const std::vector<SampleId>&)>;
 
-/// How well a surface fills the masks of a split.
+/// How well a surface matches the masks of a split.
 struct SurfaceResult {
   std::vector<std::pair<std::string, double>> cameras;  ///< IoU per camera, mean over its frames
   double AMVIoU = 0.0;                                  ///< mean over cameras
-  std::optional<double> SVIoU, RVIoU;                   ///< of the input camera, mean over the others
-  /// Pixels that the surface covers outside the mask, and those of the mask that it misses, of all pixels of the
-  /// unions. A surface that is too fat has more of the first, a thin one of the second.
+  std::optional<double> SVIoU, RVIoU;                   ///< IoU of the input camera, mean IoU of the others
+  /// Pixels that the surface covers outside the mask, and pixels of the mask that the surface does not cover, as shares
+  /// of the pixels of all unions. A surface that is too wide increases `outside`, one that is too thin `missing`.
   double outside = 0.0, missing = 0.0;
   // Where the true vertices are known:
   std::optional<double> vertex_error_mm;      ///< mean distance to the true vertices
-  std::optional<double> Hausdorff_mm;         ///< of surface and true surface (surface_metrics.h), mean over frames
+  std::optional<double> Hausdorff_mm;         ///< distance to the true surface (surface_metrics.h), mean over frames
   std::optional<double> surface_distance_mm;  ///< mean distance of both surfaces, mean over frames
-  /// Mean distance to the true surface of the vertices that some camera of the capture sees in the truth: all that a
-  /// reconstruction from the images could be compared with (Table 6.6).
+  /// Mean distance to the true surface of the vertices that some camera of the capture sees on the true surface. Only
+  /// these could be compared with a reconstruction from the images (Table 6.6).
   std::optional<double> seen_distance_mm;
 
   nlohmann::ordered_json to_json() const;
 };
 
 /// AMVIoU (5.8): the surface is drawn with the camera at the full resolution of its image, without distortion, and
-/// compared with the full mask; IoU is averaged over the frames of a camera, then over cameras. A frame where both are
-/// empty does not count. Where the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
-/// (metres), the errors against it come along.
+/// compared with the full mask; IoU is averaged over the frames of a camera, then over cameras. A view in which both
+/// are empty does not count. If the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
+/// (metres), the result contains the errors against it.
 /// @param faces int32 [F,3]
 /// @throws UsageError for an unknown camera, or an input camera that is not among those compared; Error when no camera
-/// sees anything, or a truth has another shape
+/// sees anything, or ground truth has another shape
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
                                const std::string& title);
 
-/// The conditions of an evaluation, to be printed with its figures: frames per split, cameras, resolution, mask
-/// threshold.
+/// The conditions of an evaluation, printed with its results: frames per split, cameras, resolution, mask threshold.
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options);
 

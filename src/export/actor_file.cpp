@@ -9,9 +9,9 @@ namespace {
 
 using torch::jit::Stack;
 
-constexpr double kActorTraceTolerance = 1e-5;  // metres: what a host may rely on
-// Of 1, a quarter of a step of 8 bits: a vertex of a small face that is off by kActorTraceTolerance turns its normal by so
-// much.
+constexpr double kActorTraceTolerance = 1e-5;  // metres: the accuracy that a host can rely on
+// For colours 0..1, a quarter of an 8-bit step: if a vertex of a small face is off by kActorTraceTolerance, its normal
+// changes the colour by this much.
 constexpr double kColourTolerance = 1e-3;
 
 nlohmann::ordered_json metadata(const Character& character, const ActorDescription& d) {
@@ -37,12 +37,12 @@ nlohmann::ordered_json metadata(const Character& character, const ActorDescripti
   return json;
 }
 
-/// Random poses around the one where all DoFs are 0. @return [batch, window, D]
+/// Random poses around the pose in which all DoFs are 0. @return [batch, window, D]
 torch::Tensor random_windows(const ActorDescription& description, int num_dofs, int batch, std::uint64_t seed) {
   return 0.3 * torch::randn({batch, description.past_frames + 1, num_dofs}, at::detail::createCPUGenerator(seed));
 }
 
-/// Cameras some metres away that look at the origin, more or less. @return [batch,3,4]
+/// Cameras some metres away that point roughly at the origin. @return [batch,3,4]
 torch::Tensor random_projections(int batch, std::uint64_t seed) {
   torch::Tensor projection = 0.1 * torch::randn({batch, 3, 4}, at::detail::createCPUGenerator(seed));
   projection +=
@@ -102,7 +102,7 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
 void ActorFile::check_window(const torch::Tensor& window) const {
   const auto dofs = static_cast<std::int64_t>(description_.dof_names.size());
   if (window.dim() != 3 || window.size(1) != description_.past_frames + 1 || window.size(2) != dofs)
-    fail("posing the actor {}: it takes windows of shape [batch, {}, {}], found {}", description_.name,
+    fail("posing the actor {}: it takes motion windows of shape [batch, {}, {}], found {}", description_.name,
          description_.past_frames + 1, dofs, fmt::to_string(fmt::join(window.sizes().vec(), " x ")));
 }
 
@@ -116,11 +116,11 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
                                                             const torch::Tensor& projection) const {
   check_window(window);
   if (description_.texture_size == 0)
-    fail("dressing the actor {}: the file holds its geometry only; export a run whose TexNet is trained",
+    fail("texturing the actor {}: the file contains its geometry only; export a run whose TexNet is trained",
          description_.name);
   if (projection.dim() != 3 || projection.size(0) != window.size(0) || projection.size(1) != 3 ||
       projection.size(2) != 4)
-    fail("dressing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
+    fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
   torch::NoGradGuard no_grad;
   const auto result = module_.get_method("textured")({window, projection}).toTuple();

@@ -14,23 +14,23 @@
 
 namespace doppel {
 
-/// What an exported actor says of itself, beside its tensors.
+/// The metadata of an exported actor.
 struct ActorDescription {
   std::string name;
   int past_frames = 2;                   ///< F: the actor takes F + 1 frames of motion, oldest first
   std::vector<std::string> dof_names;    ///< [D] the columns of its input
   std::vector<std::string> joint_names;  ///< [J]
   int num_vertices = 0;
-  double frames_per_second = 25.0;  ///< of the motion it was trained on: the window carries velocities
+  double frames_per_second = 25.0;  ///< of the training motion: the motion window contains velocities
   std::string fingerprint;          ///< of the character (Character::fingerprint)
-  int texture_size = 0;             ///< T: texels along a side of its dynamic texture; 0: it has none
+  int texture_size = 0;             ///< T: texels along a side of the dynamic texture; 0: no dynamic texture
 };
 
-/// The function an actor file holds: DoF window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
+/// The function in an actor file: motion window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
 using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
 
-/// The second function, of an actor with a dynamic texture: DoF window [B,F+1,D] and the camera's projection [B,3,4]
-/// (pixels from world metres) -> RGB texture [B,T,T,3], 0..1, row 0 at v = 1.
+/// The second function, for an actor with a dynamic texture: motion window [B,F+1,D] and the camera's projection
+/// [B,3,4] (pixels from world metres) -> RGB texture [B,T,T,3], 0..1, row 0 at v = 1.
 using TextureFunction = std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&)>;
 
 struct ActorFunctions {
@@ -38,34 +38,35 @@ struct ActorFunctions {
   TextureFunction texture;  ///< may be empty
 };
 
-/// Writes one TorchScript file that needs nothing of Doppel to run: plain aten operations, parameters kept as
-/// parameters. `torch::jit::load` and Python's `torch.jit.load` take it.
+/// Writes one TorchScript file that runs without Doppel: it contains plain aten operations, and parameters stay
+/// parameters. `torch::jit::load` and Python's `torch.jit.load` can read the file.
 ///
-/// Extra files inside: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint), `faces.npy`
-/// [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
+/// Extra files in the archive: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint),
+/// `faces.npy` [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
 ///
-/// The module's method `forward` is the geometry; with a texture there is a second method,
+/// The module's method `forward` is the geometry. With a texture, there is a second method,
 /// `textured(window, projection) -> (vertices, texture)`.
 ///
-/// @param functions   the actor; while they are traced the layers take their references by themselves
-///                    (layers/reference_scope.h). Traced on random input of one batch size and then held against
-///                    themselves on another, so a size that the trace has baked in is found here
-/// @param modules     what they compute with; their parameters and buffers become the file's, under their names
-/// @throws Error when a traced function differs from the given one by more than 1e-5 m (1e-4 in colours) on input it
-/// has not seen, or holds an operation that is not aten's
+/// @param functions the actor. While they are traced, the layers switch to their references (layers/reference_scope.h).
+/// They are traced on random input of one batch size; then trace and function are compared on another batch size, which
+/// detects sizes that the trace has fixed
+/// @param modules the modules that the functions use; their parameters and buffers are saved in the file under their
+/// names
+/// @throws Error when a traced function differs from the given function by more than 1e-5 m (1e-4 in colours) on other
+/// input, or contains an operation that is not aten's
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
                  const ActorFunctions& functions, const ScriptModules& modules);
 
-/// An actor file, read back.
+/// An actor file that was read.
 class ActorFile {
  public:
-  /// @throws FileError when it is not an actor file (with what is missing)
+  /// @throws FileError when the file is not an actor file; the message says what is missing
   static ActorFile load(const std::filesystem::path& path);
 
   const ActorDescription& description() const { return description_; }
   /// [B,F+1,D] -> [B,N,3] @throws Error for another shape
   torch::Tensor forward(const torch::Tensor& window) const;
-  /// Vertices [B,N,3] and texture [B,T,T,3] as one camera sees them. @param projection [B,3,4]
+  /// Vertices [B,N,3] and dynamic texture [B,T,T,3] for one camera. @param projection [B,3,4]
   /// @throws Error for another shape, or when the file has no texture (description().texture_size)
   std::pair<torch::Tensor, torch::Tensor> textured(const torch::Tensor& window, const torch::Tensor& projection) const;
 

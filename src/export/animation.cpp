@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
@@ -35,11 +36,11 @@ void check_belongs_together(const Character& character, const Motion& motion, co
 }  // namespace
 
 torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
-  const auto dofs = static_cast<std::int64_t>(motion.frames.at(static_cast<std::size_t>(frame)).size());
+  const auto dofs = static_cast<std::int64_t>(motion.frames.at(as_size(frame)).size());
   torch::Tensor rows = torch::empty({past_frames + 1, dofs});
   float* out = rows.data_ptr<float>();
   for (int i = 0; i <= past_frames; ++i) {
-    const auto& row = motion.frames[static_cast<std::size_t>(std::max(0, frame - past_frames + i))];
+    const auto& row = motion.frames[as_size(std::max(0, frame - past_frames + i))];
     out = std::transform(row.begin(), row.end(), out, [](double v) { return static_cast<float>(v); });
   }
   return rows;
@@ -73,7 +74,7 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
            last - first - 1);
     for (int f = first; f < last; ++f)
       for (const auto& writer : writers)
-        writer->write({vertices[f - first].data_ptr<float>(), windows[static_cast<std::size_t>(f - first)]});
+        writer->write({vertices[f - first].data_ptr<float>(), windows[as_size(f - first)]});
     progress.advance(last - first);
   }
   for (const auto& writer : writers) writer->close();

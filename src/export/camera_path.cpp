@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/angles.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
@@ -12,7 +13,6 @@ namespace doppel {
 namespace {
 
 using Eigen::Vector3d;
-
 
 class Orbit : public CameraPath {
  public:
@@ -26,14 +26,14 @@ class Orbit : public CameraPath {
     distance_ = 2.2 * (highest - lowest);
   }
 
-  Camera at(int frame, const float* vertices) override {
+  PinholeCamera at(int frame, const float* vertices) override {
     Vector3d middle = Vector3d::Zero();
     for (int i = 0; i < num_vertices_; ++i)
       middle += Eigen::Map<const Eigen::Vector3f>(vertices + 3 * i).cast<double>() / num_vertices_;
-    // The camera follows smoothly: a jitter of the mean would shake the image.
+    // The camera follows smoothly, because jitter of the mean would shake the image.
     middle_ = frame == 0 ? middle : Vector3d(0.85 * middle_ + 0.15 * middle);
     const double angle = 2 * kPi * options_.turns_per_second * frame / options_.frames_per_second;
-    Camera camera;
+    PinholeCamera camera;
     camera.name = name();
     camera.width = camera.height = options_.size;
     camera.K << 1.8 * options_.size, 0, 0.5 * options_.size, 0, 1.8 * options_.size, 0.5 * options_.size, 0, 0, 1;
@@ -56,17 +56,15 @@ class Orbit : public CameraPath {
 
 class CalibratedPath : public CameraPath {
  public:
-  CalibratedPath(std::vector<Camera> cameras, std::string name)
+  CalibratedPath(std::vector<PinholeCamera> cameras, std::string name)
       : cameras_(std::move(cameras)), name_("camera_" + std::move(name)) {}
-  Camera at(int frame, const float*) override {
-    return cameras_[std::min(static_cast<std::size_t>(frame), cameras_.size() - 1)];
-  }
+  PinholeCamera at(int frame, const float*) override { return cameras_[std::min(as_size(frame), cameras_.size() - 1)]; }
   std::string name() const override { return name_; }
   int width() const override { return cameras_.front().width; }
   int height() const override { return cameras_.front().height; }
 
  private:
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   std::string name_;
 };
 
@@ -85,15 +83,15 @@ std::unique_ptr<CameraPath> make_orbit(const Character& character, const OrbitOp
 
 std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name,
                                                  int size) {
-  std::vector<Camera> chosen;
+  std::vector<PinholeCamera> chosen;
   std::vector<std::string> names;
   for (const Camera& camera : cameras) {
     const std::string own = camera.name.substr(0, camera.name.find('@'));
     if (names.empty() || names.back() != own) names.push_back(own);
     if (camera.name != name && own != name) continue;
-    chosen.push_back(at_size(camera, size));
+    chosen.push_back(without_distortion(at_size(camera, size)));
     if (camera.has_distortion())
-      log::warn("camera {} has a distorted lens; the image is what a lens without distortion would see", camera.name);
+      log::warn("camera {} has a distorted lens; the image is drawn without distortion", camera.name);
   }
   if (chosen.empty()) {
     const auto meant = nearest_word(name, names);

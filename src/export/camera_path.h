@@ -9,15 +9,15 @@
 
 namespace doppel {
 
-/// Where the camera stands, frame by frame.
+/// A camera for every frame of a film.
 class CameraPath {
  public:
   virtual ~CameraPath() = default;
   /// @param frame 0, 1, 2, ... in order
   /// @param vertices [N,3] world metres, the surface of that frame
   /// @return a camera without distortion, of the same size in every frame
-  virtual Camera at(int frame, const float* vertices) = 0;
-  /// A word for file names: `turntable`, `camera_3`.
+  virtual PinholeCamera at(int frame, const float* vertices) = 0;
+  /// A name for file names: `turntable`, `camera_3`.
   virtual std::string name() const = 0;
   virtual int width() const = 0;
   virtual int height() const = 0;
@@ -26,14 +26,15 @@ class CameraPath {
 struct OrbitOptions {
   int size = 512;  ///< pixels, square
   double frames_per_second = 25.0;
-  double turns_per_second = 0.1;  ///< 0: a still camera in front
+  double turns_per_second = 0.1;  ///< 0: a static camera in front
 };
-/// Circles the actor at the height of its middle and follows it.
+/// A camera that circles the actor at the height of its centre and follows it.
 std::unique_ptr<CameraPath> make_orbit(const Character& character, const OrbitOptions& options);
 
-/// A camera of a calibration, or the frames of a moving one (`NAME@0`, `NAME@1`, ...; its last stays).
-/// @param size the longer side of the image in pixels; 0: as calibrated. Sides are made even, as video wants them.
-/// @throws UsageError when `name` is not among the cameras (lists them)
+/// A camera of a calibration, or the frames of a moving camera (`NAME@0`, `NAME@1`, ...; the last one is repeated).
+/// @param size the longer side of the image in pixels; 0: as calibrated. Sides are rounded to even numbers, as video
+/// encoders require.
+/// @throws UsageError listing the cameras when `name` is not one of them
 std::unique_ptr<CameraPath> make_calibrated_path(const std::vector<Camera>& cameras, const std::string& name, int size);
 
 }  // namespace doppel

@@ -5,12 +5,12 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/angles.h"
 #include "doppel/actor/draw.h"
+#include "doppel/capture/video_file.h"
+#include "doppel/core/angles.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/render/image_tensor.h"
-#include "doppel/capture/video_file.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/soft_light.h"
 
@@ -46,10 +46,10 @@ class FilmWriter : public SequenceWriter {
 
   void write(const PosedFrame& frame) override {
     const float* vertices = frame.vertices;
-    const Camera camera = camera_path_->at(frame_, vertices);
+    const PinholeCamera camera = camera_path_->at(frame_, vertices);
     if (std::abs(winding_number(mesh_, vertices, camera.centre())) > 0.5)
       fail(
-          "filming {}: in frame {} the camera stands inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
+          "filming {}: in frame {} the camera is inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
           "camera, or check the units of the calibration",
           camera.name, frame_, camera.centre().x(), camera.centre().y(), camera.centre().z());
     const cv::Mat image = draw(frame, camera);
@@ -60,13 +60,13 @@ class FilmWriter : public SequenceWriter {
 
   void close() override {
     if (frame_ > 0 && !seen_)
-      log::warn("filming {}: the actor is in no frame of it; do motion and camera share one world?",
+      log::warn("filming {}: the actor is not visible in any frame; do motion and camera use the same world?",
                 camera_path_->name());
     if (video_) video_->close();
   }
 
  private:
-  cv::Mat draw(const PosedFrame& frame, const Camera& camera) {
+  cv::Mat draw(const PosedFrame& frame, const PinholeCamera& camera) {
     torch::NoGradGuard no_grad;
     if (options_.radiance) return draw_radiance(frame, camera);
     const Tensor vertices = torch::from_blob(const_cast<float*>(frame.vertices), {1, mesh_.num_vertices(), 3});
@@ -74,16 +74,16 @@ class FilmWriter : public SequenceWriter {
     const bool dynamic = options_.actor && options_.actor->description().texture_size > 0;
     Appearance look;
     look.texture = dynamic ? options_.actor->textured(frame.window.unsqueeze(0), projection[0]).second : texture_;
-    // Without a texture and without light nothing but an outline could be seen.
+    // Without texture and light, only the silhouette would be visible.
     if (!dynamic && (options_.light == Light::soft || !texture_.defined()))
       look.lighting = soft_light(camera, texture_.defined() ? 1.0 : kGrey);
-    const SupersampledImage drawn = draw_filmed(render_mesh_, vertices, look, projection, camera.height, camera.width,
-                                                options_.supersampling);
+    const SupersampledImage drawn =
+        draw_filmed(render_mesh_, vertices, look, projection, camera.height, camera.width, options_.supersampling);
     seen_ = seen_ || drawn.alpha.gt(0).any().item<bool>();
     return image_of(drawn.over(behind_)[0][0]);
   }
 
-  cv::Mat draw_radiance(const PosedFrame& frame, const Camera& camera) {
+  cv::Mat draw_radiance(const PosedFrame& frame, const PinholeCamera& camera) {
     const FieldImage drawn =
         options_.radiance(frame.window.unsqueeze(0), projection_tensor({camera})[0], camera.height, camera.width);
     seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();
@@ -129,7 +129,7 @@ cv::Mat fit_backdrop(const Backdrop& backdrop, int width, int height, bool may_c
   if (std::abs(ratio - 1.0) > 0.01) {
     if (!may_crop)
       fail<UsageError>(
-          "{} has {} x {} pixels, the camera {} x {}: an image behind a calibrated camera must have its proportions",
+          "{} has {} x {} pixels, the camera {} x {}: the background of a calibrated camera must have its aspect ratio",
           backdrop.name, image.cols, image.rows, width, height);
     const int columns = ratio > 1 ? static_cast<int>(std::lround(image.cols / ratio)) : image.cols;
     const int rows = ratio < 1 ? static_cast<int>(std::lround(image.rows * ratio)) : image.rows;

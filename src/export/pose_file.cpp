@@ -11,7 +11,7 @@ namespace {
 using torch::Tensor;
 using torch::jit::Stack;
 
-constexpr double kPoseTraceTolerance = 1e-5;  // metres and radians: what a host may rely on
+constexpr double kPoseTraceTolerance = 1e-5;  // metres and radians: the accuracy that a host can rely on
 
 PoseFileDescription describe(const TrainedPose& trained) {
   PoseFileDescription d;
@@ -33,7 +33,7 @@ nlohmann::ordered_json metadata(const PoseFileDescription& d) {
       {"forward", "forward(image, rotation) -> (dofs, landmarks, vertices), the root's pivot at the origin"},
       {"placed", "placed(image, intrinsics, rotation, translation, keypoints) -> (dofs, landmarks, vertices, valid)"},
       {"picture",
-       "RGB [batch, 3, input_size, input_size], 0..1, the person alone on black, in a square window: the box of the "
+       "RGB [batch, 3, input_size, input_size], 0..1, the person on black, in a square window: the box of the "
        "keypoints with `margin` of its longer side added on every side"},
       {"camera", "OpenCV: intrinsics [batch, 3, 3], rotation [batch, 3, 3] and translation [batch, 3] from world"},
       {"keypoints", "[batch, landmarks, 3]: x, y in pixels of the whole image without distortion, confidence"},
@@ -54,7 +54,7 @@ nlohmann::ordered_json metadata(const PoseFileDescription& d) {
 
 Tensor colours(const float (&values)[3]) { return torch::tensor({values[0], values[1], values[2]}).view({1, 3, 1, 1}); }
 
-/// What the file computes.
+/// The functions of the file.
 class PoseFunctions {
  public:
   explicit PoseFunctions(TrainedPose& trained)
@@ -84,8 +84,8 @@ class PoseFunctions {
  private:
   Tensor input_of(const Tensor& image) const { return (image - mean_) / deviation_; }
 
-  /// None that counts, which leaves people at the origin. Made of a tensor of the batch, whose size a trace must not
-  /// hold.
+  /// Keypoints that do not count, which leaves people at the origin. They are made from a tensor of the batch, so that
+  /// the trace does not fix the batch size.
   LandmarkRays no_rays(const Tensor& rotation) const {
     const Tensor none =
         torch::zeros_like(rotation.select(1, 0), rotation.options().dtype(torch::kFloat64)).unsqueeze(1);
@@ -104,7 +104,7 @@ class PoseFunctions {
   Tensor mean_, deviation_;
 };
 
-/// Noise, seen by cameras three metres away, with keypoints about the origin: inputs of `placed`.
+/// Inputs of `placed`: images of noise, cameras three metres away, and keypoints about the origin.
 Stack random_inputs(const PoseFileDescription& d, int batch, std::uint64_t seed) {
   const at::Generator draw = at::detail::createCPUGenerator(seed);
   const auto landmarks = static_cast<std::int64_t>(d.landmark_names.size());
@@ -168,7 +168,7 @@ void PoseFile::check(const char* what, const Tensor& tensor, at::IntArrayRef sha
 
 CapturedPerson PoseFile::forward(const Tensor& image, const Tensor& rotation) const {
   const std::int64_t B = image.dim() == 4 ? image.size(0) : 1, S = description_.input_size;
-  check("picture", image, {B, 3, S, S});
+  check("image", image, {B, 3, S, S});
   check("camera's rotation", rotation, {B, 3, 3});
   const torch::NoGradGuard no_grad;
   const auto result = module_.forward({image, rotation}).toTuple();
@@ -178,7 +178,7 @@ CapturedPerson PoseFile::forward(const Tensor& image, const Tensor& rotation) co
 
 CapturedPerson PoseFile::placed(const Tensor& image, const CameraTensors& camera, const Tensor& keypoints) const {
   const std::int64_t B = image.dim() == 4 ? image.size(0) : 1, S = description_.input_size;
-  check("picture", image, {B, 3, S, S});
+  check("image", image, {B, 3, S, S});
   check("camera's intrinsics", camera.intrinsics, {B, 3, 3});
   check("camera's rotation", camera.rotation, {B, 3, 3});
   check("camera's translation", camera.translation, {B, 3});

@@ -6,18 +6,17 @@
 #include <string>
 #include <vector>
 
-#include "doppel/export/script_file.h"
 #include "doppel/actor/trained_pose.h"
+#include "doppel/export/script_file.h"
 
 namespace doppel {
 
-/// What a pose file says of itself, beside its tensors. Letters: B batch, S side of the images, D DoFs, M landmarks,
-/// N vertices.
+/// The metadata of a pose file. Letters: B batch, S side of the images, D DoFs, M landmarks, N vertices.
 struct PoseFileDescription {
   std::string name;                         ///< of the character
   int input_size = 0;                       ///< S
-  bool deformed = false;                    ///< DefNet bends the surface; false: it is skinned
-  double confidence_threshold = 0.4;        ///< keypoints below do not count
+  bool deformed = false;                    ///< DefNet deforms the surface; false: the surface is skinned
+  double confidence_threshold = 0.4;        ///< keypoints with lower confidence do not count
   std::vector<std::string> dof_names;       ///< [D] columns of the poses, as in a motion file
   std::vector<std::string> joint_names;     ///< [J]
   std::vector<std::string> landmark_names;  ///< [M] rows of keypoints and landmarks
@@ -25,46 +24,45 @@ struct PoseFileDescription {
   std::string fingerprint;  ///< of the character (Character::fingerprint)
 };
 
-/// The camera that took the images, of each sample. Pixels are those of the whole image without lens distortion, in
-/// which the keypoints are; the centre of the first is (0.5, 0.5).
+/// The camera of each sample. Pixels are those of the whole image without lens distortion, as for the keypoints; the
+/// centre of the first pixel is (0.5, 0.5).
 struct CameraTensors {
   torch::Tensor intrinsics;   ///< [B,3,3]
   torch::Tensor rotation;     ///< [B,3,3] camera from world
   torch::Tensor translation;  ///< [B,3] camera from world, metres
 };
 
-/// A person as a pose file gives them.
+/// The output of a pose file for each sample.
 struct CapturedPerson {
   torch::Tensor dofs;       ///< [B,D] in the units of a motion file
   torch::Tensor landmarks;  ///< [B,M,3] world metres
   torch::Tensor vertices;   ///< [B,N,3] world metres
-  torch::Tensor valid;      ///< bool [B]: the keypoints determine the place; undefined without keypoints
+  torch::Tensor valid;      ///< bool [B]: the keypoints determine the position; undefined without keypoints
 };
 
-/// Writes PoseNet and, where `trained` has one, DefNet, with kinematics, global alignment and the surface between them,
-/// as one TorchScript file of plain aten operations. `torch::jit::load` and Python's `torch.jit.load` take it.
+/// Writes PoseNet and, if `trained` has one, DefNet, together with kinematics, global alignment and the surface, as one
+/// TorchScript file of plain aten operations. `torch::jit::load` and Python's `torch.jit.load` can read the file.
 ///
 /// Methods: `forward(image, rotation) -> (dofs, landmarks, vertices)` with the root's pivot at the origin, and
 /// `placed(image, intrinsics, rotation, translation, keypoints) -> (dofs, landmarks, vertices, valid)` in the world.
-/// `image` [B,3,S,S] is RGB 0..1, the person alone on black, in the square window of person_crop.h; `keypoints`
-/// [B,M,3] are x, y, confidence. Extra files: `metadata.json`, `faces.npy` and the texture coordinates, as an actor's.
+/// `image` [B,3,S,S] is RGB 0..1, the person on black, in the square window of person_crop.h; `keypoints` [B,M,3] are
+/// x, y, confidence. Extra files: `metadata.json`, `faces.npy` and the texture coordinates, as in an actor file.
 /// @throws Error when the traced methods differ from `trained` by more than 1e-5 (metres, radians) on a batch of
 /// another size
 void write_pose_file(const std::filesystem::path& path, TrainedPose& trained);
 
-/// A pose file, read back.
+/// A pose file that was read.
 class PoseFile {
  public:
-  /// @throws FileError when it is not a pose file (with what is missing, or what it is)
+  /// @throws FileError when the file is not a pose file; the message says what is missing, or what the file is
   static PoseFile load(const std::filesystem::path& path);
 
   const PoseFileDescription& description() const { return description_; }
-  /// The pose about the origin. @param image [B,3,S,S] @param rotation [B,3,3] camera from world
+  /// The pose with the root's pivot at the origin. @param image [B,3,S,S] @param rotation [B,3,3] camera from world
   /// @throws Error for another shape
   CapturedPerson forward(const torch::Tensor& image, const torch::Tensor& rotation) const;
-  /// In the world, by keypoints [B,M,3] that the same camera saw. @throws Error for another shape
-  CapturedPerson placed(const torch::Tensor& image, const CameraTensors& camera,
-                        const torch::Tensor& keypoints) const;
+  /// The pose in the world, from keypoints [B,M,3] of the same camera. @throws Error for another shape
+  CapturedPerson placed(const torch::Tensor& image, const CameraTensors& camera, const torch::Tensor& keypoints) const;
 
  private:
   void check(const char* what, const torch::Tensor& tensor, at::IntArrayRef shape) const;

@@ -17,21 +17,19 @@ struct KindWords {
   const char* type;      ///< of the TorchScript module
   const char* key;       ///< of metadata.json: the version
   const char* name;      ///< in messages
-  const char* contents;  ///< what to say to somebody who took it for the other kind
+  const char* contents;  ///< explanation for users who expected the other kind
 };
 const KindWords& words_of(ScriptKind kind) {
-  static const KindWords actor{
-      "Actor", "doppel_actor", "actor",
-      "an actor, which takes a motion; files that take images come from `doppel export` on a "
-      "run of posenet or deepcap"};
-  static const KindWords pose{
-      "Pose", "doppel_pose", "pose file",
-      "a pose file, which takes images of a person (examples/capture_person.py); motions drive "
-      "actors, which come from `doppel export` on a run of egnet or ddc"};
+  static const KindWords actor{"Actor", "doppel_actor", "actor",
+                               "an actor, which takes a motion; files that take images come from `doppel export` on a "
+                               "run of posenet or deepcap"};
+  static const KindWords pose{"Pose", "doppel_pose", "pose file",
+                              "a pose file, which takes images of a person (examples/capture_person.py); motions drive "
+                              "actors, which come from `doppel export` on a run of egnet or ddc"};
   return kind == ScriptKind::actor ? actor : pose;
 }
 
-/// TorchScript attribute names hold no dots; the tree of modules becomes a tree of script modules.
+/// TorchScript attribute names cannot contain dots, so the tree of modules becomes a tree of script modules.
 torch::jit::script::Module mirror(const torch::nn::Module& module, const std::string& name,
                                   const std::shared_ptr<torch::jit::CompilationUnit>& unit) {
   torch::jit::script::Module result("__torch__.doppel." + name, unit);
@@ -48,12 +46,12 @@ void check_operations(const torch::jit::Block* block) {
   for (const torch::jit::Node* node : block->nodes()) {
     const std::string space = node->kind().ns().toUnqualString();
     if (space != "aten" && space != "prim")
-      fail("exporting: the traced function calls {}, which no host without Doppel has", node->kind().toQualString());
+      fail("exporting: the traced function calls {}, which needs Doppel", node->kind().toQualString());
     for (const torch::jit::Block* inner : node->blocks()) check_operations(inner);
   }
 }
 
-/// Several results as one.
+/// Several results as one tuple.
 Stack packed(const Stack& results) {
   if (results.size() == 1) return results;
   return {c10::ivalue::Tuple::create(std::vector<torch::jit::IValue>(results.begin(), results.end()))};
@@ -115,7 +113,7 @@ void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const
     const double found_difference = difference(result, expected[i].toTensor());
     if (!(found_difference <= tolerances.at(i)))
       fail(
-          "exporting: result {} of the traced `{}` differs from the model's by {:.2g} on input it has not seen; {:.2g} "
+          "exporting: result {} of the traced `{}` differs from the model's by {:.2g} on other input; {:.2g} "
           "is allowed",
           i + 1, name, found_difference, tolerances.at(i));
   }

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
 #include "doppel/export/animation.h"
@@ -21,7 +22,7 @@ class NpyWriter : public SequenceWriter {
   NpyStream stream_;
 };
 
-/// All that follows the positions in an OBJ file is the same in every frame, so it is written once and repeated.
+/// The part of an OBJ file after the positions is the same in every frame, so it is formatted once and repeated.
 class ObjWriter : public SequenceWriter {
  public:
   ObjWriter(const std::filesystem::path& folder, const Character& character)
@@ -38,8 +39,8 @@ class ObjWriter : public SequenceWriter {
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
       tail_ += 'f';
       for (int corner = 0; corner < 3; ++corner) {
-        tail_ += fmt::format(" {}", mesh.faces[f][static_cast<std::size_t>(corner)] + 1);
-        if (!mesh.face_uvs.empty()) tail_ += fmt::format("/{}", mesh.face_uvs[f][static_cast<std::size_t>(corner)] + 1);
+        tail_ += fmt::format(" {}", mesh.faces[f][as_size(corner)] + 1);
+        if (!mesh.face_uvs.empty()) tail_ += fmt::format("/{}", mesh.face_uvs[f][as_size(corner)] + 1);
       }
       tail_ += '\n';
     }

@@ -5,7 +5,7 @@
 
 namespace doppel {
 
-/// Keys that the configurations of all trackers have in common.
+/// Keys that the configurations of all trackers share.
 
 inline void read_weight(const ConfigReader& root, const char* term, double& weight) {
   weight = root.section(term).get("weight", weight, between(0.0, 1e12));
@@ -16,7 +16,7 @@ inline void read_image_term(const ConfigReader& root, const char* term, double& 
   scale = root.section(term).get("scale", scale, between(1e-3, 1e6));
 }
 
-/// The section `inliers`, which was called `trust`.
+/// The section `inliers`; its old name `trust` is still read.
 inline ConfigReader inlier_section(const ConfigReader& root) {
   root.renamed("trust", "inliers");
   const ConfigReader section = root.section("inliers");

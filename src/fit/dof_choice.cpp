@@ -14,7 +14,7 @@ std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std
     if (found.empty()) {
       std::vector<std::string> known;
       for (const Dof& dof : skeleton.dofs) known.push_back(dof.name);
-      fail<UsageError>("`{}` names '{}', which the skeleton does not have; the nearest is '{}'", key, pattern,
+      fail<UsageError>("`{}` names '{}', but the skeleton has no such DoF; the nearest is '{}'", key, pattern,
                        nearest_word(pattern, known).value_or(known.empty() ? "" : known.front()));
     }
     dofs.insert(found.begin(), found.end());

@@ -8,20 +8,20 @@
 
 namespace doppel {
 
-/// Which DoFs are looked for. Names of DoFs, in which * stands for any characters.
+/// Selects the DoFs that a fit finds, by names in which * stands for any characters.
 struct DofChoice {
-  std::vector<std::string> dofs;  ///< those to find; empty: all that landmarks show (`observable_dofs`)
-  std::vector<std::string> also;  ///< those to find as well
-  std::vector<std::string> hold;  ///< those that keep the rest pose's values after all
+  std::vector<std::string> dofs;  ///< DoFs to find; empty: all that landmarks determine (`observable_dofs`)
+  std::vector<std::string> also;  ///< further DoFs to find
+  std::vector<std::string> hold;  ///< exceptions: DoFs that keep the values of the rest pose
 
   /// The keys `dofs`, `also` and `hold`; all may be missing.
   static DofChoice read(const ConfigReader& root);
 };
 
-/// The DoFs whose names fit one of the patterns, ascending. @param key of the configuration that they stand under
-/// @throws UsageError for a pattern that no DoF of the skeleton fits
+/// The DoFs whose names match one of the patterns, ascending. @param key the configuration key of the patterns
+/// @throws UsageError for a pattern that matches no DoF of the skeleton
 std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std::vector<std::string>& patterns);
-/// The DoFs that were chosen, ascending. @throws UsageError for a name that no DoF of the skeleton has
+/// The selected DoFs, ascending. @throws UsageError for a name that no DoF of the skeleton has
 std::vector<int> chosen_dofs(const DofChoice& choice, const Skeleton& skeleton, const std::vector<Marker>& landmarks);
 
 }  // namespace doppel

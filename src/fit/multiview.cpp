@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "doppel/core/error.h"
-#include "doppel/energy/inliers.h"
 #include "doppel/energy/alignment.h"
+#include "doppel/energy/inliers.h"
 #include "doppel/energy/terms/contour_term.h"
 #include "doppel/energy/terms/keypoint_term.h"
 #include "doppel/energy/terms/limit_term.h"
@@ -17,11 +17,11 @@
 namespace doppel {
 namespace {
 
-// The first fit from afar: points a hand's breadth off still pull, outliers of triangulation do not.
+// The fit to triangulated points. Points about 15 cm away still have influence; triangulation outliers have little.
 constexpr double kPointScale = 0.15;    // metres
-constexpr double kPointWeight = 1.0e5;  // as three cameras at 2 mm a pixel
-constexpr int kStartIterations = 60;    // from the rest pose to any other
-constexpr int kMinTriangulated = 4;        // triangulated, to start from
+constexpr double kPointWeight = 1.0e5;  // per squared metre: three cameras at 2 mm per pixel
+constexpr int kStartIterations = 60;    // enough from the rest pose to any other
+constexpr int kMinTriangulated = 4;     // triangulated landmarks that a start needs
 
 using Terms = std::vector<std::unique_ptr<PoseTerm>>;
 
@@ -37,7 +37,7 @@ void check(const MultiviewOptions& options) {
   if (options.keypoint_weight == 0.0)
     fail("the keypoint weight of the fit is 0; without keypoints nothing can be tracked");
   if (options.outline_rounds < 0)
-    fail("the outlines of the fit are to be found {} times; it must be 0 or more", options.outline_rounds);
+    fail("the number of outline rounds of the fit is {}; it must be 0 or more", options.outline_rounds);
 }
 
 }  // namespace
@@ -49,7 +49,7 @@ struct MultiviewTracker::Fit {
 };
 
 MultiviewTracker::MultiviewTracker(const Character& character, const std::vector<Marker>& landmarks,
-                                   const std::vector<int>& dofs, std::vector<Camera> cameras,
+                                   const std::vector<int>& dofs, std::vector<PinholeCamera> cameras,
                                    const MultiviewOptions& options)
     : model_(character, landmarks, dofs),
       cameras_(std::move(cameras)),
@@ -63,7 +63,7 @@ MultiviewTracker::MultiviewTracker(const Character& character, const std::vector
   history_ = PoseHistory(shared_);
   if (cameras_.size() < 2)
     fail<UsageError>(
-        "the multi-view fit places landmarks where rays of several cameras meet; it needs at least 2 "
+        "the multi-view fit triangulates landmarks from several cameras; it needs at least 2 "
         "cameras, received {}",
         cameras_.size());
   if (model_.num_landmarks() < kMinTriangulated)
@@ -96,8 +96,8 @@ TrackedFrame MultiviewTracker::track(const FrameEvidence& frame) {
   return best.frame;
 }
 
-/// A pose from triangulated landmarks alone: the root first, then all. Of two starts, the rest pose and the last pose
-/// that was found, the one that comes nearer is taken.
+/// A pose from triangulated landmarks alone: the root first, then all DoFs. It tries the rest pose and the last found
+/// pose as starts and takes the result of lower cost.
 std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& points) const {
   std::vector<PointTerm::Target> targets;
   for (std::size_t m = 0; m < points.size(); ++m)
@@ -122,7 +122,7 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
   return best;
 }
 
-Terms image_terms(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+Terms image_terms(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                   const std::vector<OutlineVertex>& outline, const MultiviewOptions& o) {
   const auto kernel = [](double scale) { return RobustKernel{RobustKernel::Kind::geman_mcclure, scale}; };
   Terms result;
@@ -155,7 +155,7 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<Outl
   return result;
 }
 
-/// Keypoints first, then keypoints and outlines. @param expected where the last frames lead, or null
+/// Fits keypoints first, then keypoints and outlines. @param expected the predicted pose, or null
 MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vector<double> start,
                                             const std::vector<double>* expected) const {
   Fit result;
@@ -177,16 +177,17 @@ MultiviewTracker::Fit MultiviewTracker::fit(const FrameEvidence& frame, std::vec
   return result;
 }
 
-/// How many keypoints agree with the pose.
+/// Counts the inliers of a pose.
 void MultiviewTracker::judge(const FrameEvidence& frame, TrackedFrame& found) const {
-  const Inliers inliers = count_inliers(model_, model_.pose(found.dofs, false), cameras_, frame, options_.inlier_threshold);
+  const Inliers inliers =
+      count_inliers(model_, model_.pose(found.dofs, false), cameras_, frame, options_.inlier_threshold);
   found.keypoints = inliers.keypoints;
   found.inlier_ratio = inliers.ratio;
   found.keypoint_error = inliers.error;
 }
 
-/// Whether a landmark lies far from where at least three views place it: a limb is in the wrong place, though most
-/// keypoints agree.
+/// Whether a landmark lies far from its position as triangulated from at least three views. Then a limb is wrong,
+/// although most keypoints are inliers.
 bool MultiviewTracker::strays(const TrackedFrame& found, const Points& points) const {
   const PosedBody body = model_.pose(found.dofs, false);
   for (std::size_t m = 0; m < points.size(); ++m)

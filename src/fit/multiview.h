@@ -2,9 +2,9 @@
 
 /// The multi-view fit (5.8, MVBL): the pose of each frame from the keypoints and masks of all cameras.
 ///
-/// A frame starts where the last ones lead to. First the keypoints are fitted, then keypoints and outlines together.
-/// The first frame of a segment, and one whose fit was lost, starts from landmarks placed in the world by triangulation
-/// instead, so no pose need be given.
+/// The fit of a frame starts at the pose predicted from the last frames. It fits the keypoints first, then keypoints
+/// and outlines together. The first frame of a segment and a lost frame start from triangulated landmarks, so that no
+/// initial pose is needed.
 
 #include <memory>
 #include <optional>
@@ -13,45 +13,47 @@
 #include "doppel/energy/evidence.h"
 #include "doppel/energy/fit_problem.h"
 #include "doppel/energy/outline.h"
+#include "doppel/energy/pose_model.h"
+#include "doppel/energy/triangulation.h"
 #include "doppel/fit/pose_fit_options.h"
 #include "doppel/fit/pose_history.h"
-#include "doppel/energy/pose_model.h"
-#include "doppel/fit/tracked_frame.h"
-#include "doppel/energy/triangulation.h"
 #include "doppel/fit/shared_dofs.h"
+#include "doppel/fit/tracked_frame.h"
 
 namespace doppel {
 
-/// Weights are per squared reference pixel, metre or radian. The silhouette's weight is that of each camera; landmarks
-/// are drawn to where the last frames lead.
+/// Options of the multi-view fit, in the units of `PoseFitOptions`. The weights of silhouette and contour are those of
+/// each camera. The temporal term pulls landmarks to their predicted positions.
 struct MultiviewOptions : PoseFitOptions {
-  double silhouette_inside = 1.0;   ///< share of the silhouette's weight that an outline within the mask counts
-  double contour_weight = 0.0;      ///< of each camera: the mask's outline to the surface's, kernel as the silhouette's
-  double contour_reach = 60.0;      ///< reference pixels: farther apart they do not belong together
-  int outline_rounds = 2;           ///< how often the outline of the model is found anew in a frame
-  double max_landmark_distance = 0.15;  ///< metres from its triangulated point: beyond, a new start is tried as well
-  SharedDofs shared_dofs;                  ///< what stands in the place of the rest pose
+  double silhouette_inside = 1.0;       ///< factor of the silhouette's weight for outline vertices inside the mask
+  double contour_weight = 0.0;          ///< per squared reference pixel, each camera; with the silhouette's kernel
+  double contour_reach = 60.0;          ///< reference pixels: largest distance of a contour point and its vertex
+  int outline_rounds = 2;               ///< how often the surface's outline is found again in a frame
+  double max_landmark_distance = 0.15;  ///< metres from the triangulated point; beyond, a new start is tried too
+  SharedDofs shared_dofs;               ///< replace values of the rest pose
 };
 
-/// The terms of what a frame shows: keypoints and, given its outline, both ways between the outlines of surface and
-/// mask. @param cameras, frame must outlive the terms
-std::vector<std::unique_ptr<PoseTerm>> image_terms(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+/// The image terms of a frame: keypoints and, where `outline` is not empty, silhouette and contour.
+/// @param cameras, frame must outlive the terms
+std::vector<std::unique_ptr<PoseTerm>> image_terms(const std::vector<PinholeCamera>& cameras,
+                                                   const FrameEvidence& frame,
                                                    const std::vector<OutlineVertex>& outline,
                                                    const MultiviewOptions& options);
 
 class MultiviewTracker {
  public:
-  /// @param landmarks in the order of the keypoints; @param dofs to be found, the others keep the values of the rest pose with the shared DoFs in it
+  /// @param landmarks in the order of the keypoints
+  /// @param dofs to find; the others keep the values of the shared DoFs and, without these, of the rest pose
   /// @param cameras without distortion
-  /// @throws UsageError for fewer than two cameras; Error for fewer than four landmarks, options out of range
+  /// @throws UsageError for fewer than two cameras; Error for fewer than four landmarks or options out of range
   MultiviewTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
-                   std::vector<Camera> cameras, const MultiviewOptions& options = {});
+                   std::vector<PinholeCamera> cameras, const MultiviewOptions& options = {});
 
-  /// The next frame. @param frame [C], keypoints [M] each
+  /// Tracks the next frame. @param frame [C], keypoints [M] each
   TrackedFrame track(const FrameEvidence& frame);
   /// The next frame begins a new segment.
   void cut() { history_.cut(); }
-  /// Frames are missing before the next one, which does not follow from those before.
+  /// Frames are missing before the next one: its pose is not predicted from earlier frames.
   void pause() { history_.clear(); }
 
   const PoseModel& model() const { return model_; }
@@ -67,12 +69,12 @@ class MultiviewTracker {
   bool strays(const TrackedFrame& found, const Points& points) const;
 
   PoseModel model_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   MultiviewOptions options_;
   OutlineFinder outlines_;
   std::vector<double> rigidity_;  ///< [M]
-  std::vector<double> shared_;     ///< [D] the rest pose with the shared DoFs in it
-  PoseHistory history_;           ///< empty after a cut or a loss; begins with that pose
+  std::vector<double> shared_;    ///< [D] the rest pose with the values of the shared DoFs
+  PoseHistory history_;           ///< empty after a cut or a lost frame; begins with the pose `shared_`
 };
 
 }  // namespace doppel

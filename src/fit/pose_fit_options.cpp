@@ -13,17 +13,19 @@ void check_not_negative(const char* name, double value) {
 }
 
 void check_fit(const PoseFitOptions& o) {
-  const std::pair<const char*, double> numbers[] = {
-      {"keypoint weight", o.keypoint_weight}, {"silhouette weight", o.silhouette_weight},
-      {"limit weight", o.limit_weight},       {"temporal weight", o.temporal_weight},
-      {"steady weight", o.steady_weight},     {"prior weight", o.prior_weight},
-      {"smallest inlier ratio", o.min_inlier_ratio}};
+  const std::pair<const char*, double> numbers[] = {{"keypoint weight", o.keypoint_weight},
+                                                    {"silhouette weight", o.silhouette_weight},
+                                                    {"limit weight", o.limit_weight},
+                                                    {"temporal weight", o.temporal_weight},
+                                                    {"steady weight", o.steady_weight},
+                                                    {"prior weight", o.prior_weight},
+                                                    {"smallest inlier ratio", o.min_inlier_ratio}};
   for (const auto& [name, value] : numbers) check_not_negative(name, value);
   if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.inlier_threshold > 0.0))
     fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
          o.inlier_threshold);
   if (o.outline_pixels < 16 || o.outline_vertices < 1)
-    fail("the outlines of the fit need windows of at least 16 pixels, and 1 vertex or more");
+    fail("the fit needs outline windows of at least 16 pixels and at least 1 outline vertex");
 }
 
 void read_pose_fit(const ConfigReader& root, PoseFitOptions& o) {

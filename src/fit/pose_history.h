@@ -8,26 +8,26 @@
 
 namespace doppel {
 
-/// The poses of the last frames that were found, and where they lead.
+/// The poses of the last frames that were found, and the pose predicted from them.
 class PoseHistory {
  public:
-  /// @param last [D] counts as the last pose until a frame was found
+  /// @param last [D] the last pose until a frame is found
   explicit PoseHistory(std::vector<double> last) : last_(std::move(last)) {}
 
   bool empty() const { return poses_.empty(); }
-  /// The last pose that was found, however long ago.
+  /// The last pose that was found, also after `clear` and `cut`.
   const std::vector<double>& last() const { return last_; }
-  /// Adds the pose of a frame. A lost frame empties the history; a frame that did not follow begins it anew.
+  /// Adds the pose of a frame. A lost frame empties the history. An initialised or recovered frame starts it again.
   void remember(const TrackedFrame& frame);
-  /// The next frame does not follow from those before.
+  /// Forgets the poses: the next frame is not predicted.
   void clear() { poses_.clear(); }
   /// The next frame begins a new segment.
   void cut();
-  /// The state of a frame that was found without the history: initialised in a new segment, else recovered.
+  /// The state of a frame that was found without a prediction: initialised in a new segment, else recovered.
   FrameState state_of_restart() const { return segment_begins_ ? FrameState::initialised : FrameState::recovered; }
   bool segment_begins() const { return segment_begins_; }
-  /// The last two poses, continued at the same speed, turns of the root as matrices where `root` is given. Not to be
-  /// asked for while empty.
+  /// The next pose at constant velocity, from the last two. Where `root` is given, its rotation is extrapolated as a
+  /// matrix. @pre not empty()
   std::vector<double> predicted(const std::optional<RootRotation>& root) const;
 
  private:

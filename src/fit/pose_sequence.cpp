@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
@@ -18,14 +20,14 @@ std::vector<Segment> segments_of(std::size_t frames, const std::vector<long>& cu
   std::size_t begin = 0;
   for (const long cut : cuts)
     if (cut > static_cast<long>(begin) && cut < static_cast<long>(frames)) {
-      segments.push_back({begin, static_cast<std::size_t>(cut)});
-      begin = static_cast<std::size_t>(cut);
+      segments.push_back({begin, as_size(cut)});
+      begin = as_size(cut);
     }
   if (begin < frames) segments.push_back({begin, frames});
   return segments;
 }
 
-/// The pose at share `s` of the way from a to b.
+/// Interpolates between poses: a at s = 0, b at s = 1.
 std::vector<double> between(const std::vector<double>& a, const std::vector<double>& b, double s,
                             const std::optional<RootRotation>& root) {
   std::vector<double> pose = a;
@@ -37,7 +39,7 @@ std::vector<double> between(const std::vector<double>& a, const std::vector<doub
   return pose;
 }
 
-/// The frame of the whole sequence that was found and is nearest to a frame.
+/// The found frame of the whole sequence that is nearest to a frame.
 std::optional<std::size_t> nearest_found(const std::vector<bool>& found, std::size_t frame) {
   std::optional<std::size_t> best;
   const auto distance = [&](std::size_t f) { return f > frame ? f - frame : frame - f; };
@@ -49,14 +51,13 @@ std::optional<std::size_t> nearest_found(const std::vector<bool>& found, std::si
 void make_root_continuous(Poses& poses, const Segment& segment, const RootRotation& root) {
   for (std::size_t f = segment.begin + 1; f < segment.end; ++f) {
     const Eigen::Matrix3d rotation = root.matrix(poses[f]);
-    for (const int dof : root.root().rotation)
-      poses[f][static_cast<std::size_t>(dof)] = poses[f - 1][static_cast<std::size_t>(dof)];
+    for (const int dof : root.root().rotation) poses[f][as_size(dof)] = poses[f - 1][as_size(dof)];
     root.set_matrix(poses[f], rotation);
   }
 }
 
-/// What each of the frames `first`..`last` (counted from the one that is smoothed) counts, so that the sum is the value
-/// there of the polynomial that fits best under the Gaussian: with basis b and weights w, W = w b^T (B^T w B)^-1 b(0).
+/// Smoothing weights of the frames `first`..`last`, relative to the smoothed one. The weighted sum is the value at 0 of
+/// the polynomial that fits best under the Gaussian: with basis b and weights w, W = w b^T (B^T w B)^-1 b(0).
 Eigen::VectorXd smoothing_weights(long first, long last, double sigma, int degree) {
   const Eigen::Index count = last - first + 1, terms = std::min<Eigen::Index>(degree + 1, count);
   Eigen::VectorXd gaussian(count);
@@ -80,7 +81,7 @@ std::vector<double> averaged(const Poses& poses, const Segment& segment, std::si
   std::vector<double> mean(poses[frame].size(), 0.0);
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Zero();
   for (long offset = first; offset <= last; ++offset) {
-    const std::vector<double>& pose = poses[static_cast<std::size_t>(here + offset)];
+    const std::vector<double>& pose = poses[as_size(here + offset)];
     for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += weights[offset - first] * pose[d];
     if (root) rotation += weights[offset - first] * root->matrix(pose);
   }

@@ -1,5 +1,6 @@
 #include "doppel/fit/shared_dofs_fit.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/energy/outline.h"
 #include "doppel/energy/terms/limit_term.h"
@@ -8,13 +9,13 @@
 namespace doppel {
 namespace {
 
-constexpr int kRounds = 6;  // outlines are found anew: fingers may have far to go
+constexpr int kRounds = 6;  // in each, outlines are found again: fingers may move far
 
-/// Several fits that share their unknowns; all else is each one's own. The state is any DoF vector [D] with the
-/// shared values in it.
+/// Several fits with common unknowns, the shared DoFs; each part keeps its own values of the other DoFs. The state is a
+/// DoF vector [D], of which only the shared DoFs are read.
 class SharedProblem : public LeastSquaresProblem {
  public:
-  /// @param shared the DoFs that are unknown to `model`
+  /// @param shared the unknowns of `model`
   SharedProblem(const PoseModel& model, const std::vector<int>& shared) : model_(model), shared_(shared) {}
   /// @param dofs of the frame
   void add(std::vector<double> dofs, FitProblem<PoseModel>::Terms terms) {
@@ -70,15 +71,15 @@ void check(const PoseModel& model, const std::vector<int>& dofs, const std::vect
   if (frames.empty()) fail("there is no frame to find usual values from");
   for (const int dof : dofs)
     if (model.moves_root(dof))
-      fail<UsageError>("DoF {} moves the whole body, so it has no usual value",
-                       model.character().skeleton.dofs[static_cast<std::size_t>(dof)].name);
+      fail<UsageError>("DoF {} moves the whole body, so it cannot be a shared DoF",
+                       model.character().skeleton.dofs[as_size(dof)].name);
 }
 
 }  // namespace
 
 std::vector<double> fit_shared_dofs(const Character& character, const std::vector<Marker>& landmarks,
-                                      const std::vector<Camera>& cameras, const std::vector<int>& dofs,
-                                      const std::vector<PosedEvidence>& frames, const MultiviewOptions& options) {
+                                    const std::vector<PinholeCamera>& cameras, const std::vector<int>& dofs,
+                                    const std::vector<PosedEvidence>& frames, const MultiviewOptions& options) {
   const PoseModel model(character, landmarks, dofs);
   check(model, dofs, frames);
   const OutlineFinder outlines(character, cameras, options.outline_pixels, options.outline_vertices);
@@ -87,7 +88,7 @@ std::vector<double> fit_shared_dofs(const Character& character, const std::vecto
     SharedProblem problem(model, dofs);
     for (const PosedEvidence& frame : frames) {
       std::vector<double> pose = frame.dofs;
-      for (const int dof : dofs) pose[static_cast<std::size_t>(dof)] = found[static_cast<std::size_t>(dof)];
+      for (const int dof : dofs) pose[as_size(dof)] = found[as_size(dof)];
       const auto outline = outlines.find(frame.seen, posed_vertices(model, model.pose(pose, false)));
       problem.add(std::move(pose), image_terms(cameras, frame.seen, outline, options));
     }
@@ -97,7 +98,7 @@ std::vector<double> fit_shared_dofs(const Character& character, const std::vecto
     found = FitProblem<PoseModel>::to_vector(state);
   }
   std::vector<double> values;
-  for (const int dof : dofs) values.push_back(found[static_cast<std::size_t>(dof)]);
+  for (const int dof : dofs) values.push_back(found[as_size(dof)]);
   return values;
 }
 

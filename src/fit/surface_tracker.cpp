@@ -26,7 +26,7 @@ void check(const SurfaceOptions& o) {
 }  // namespace
 
 SurfaceTracker::SurfaceTracker(const Character& character, const std::vector<Marker>& landmarks,
-                               std::vector<Camera> cameras, const SurfaceOptions& options)
+                               std::vector<PinholeCamera> cameras, const SurfaceOptions& options)
     : model_(character, landmarks),
       cameras_(std::move(cameras)),
       options_(options),
@@ -66,7 +66,7 @@ SurfaceFrame SurfaceTracker::track(const FrameEvidence& frame, const std::vector
   result.parameters = last_.value_or(model_.undeformed());
   for (int round = 0; round < options_.rounds; ++round) {
     const std::vector<OutlineVertex> outline = outlines_.find(frame, surface(result.parameters));
-    if (outline.empty()) break;  // nobody in any mask
+    if (outline.empty()) break;  // no mask shows a person
     const SolverSummary summary = fit(model_, terms(frame, outline), result.parameters, options_.solver);
     result.iterations += summary.iterations;
     result.terms = summary.terms;

@@ -4,19 +4,19 @@
 
 namespace doppel {
 
-/// The weights that the thesis gives for one camera (4.8) balance for lengths in millimetres and pixels of an image
-/// 540 wide. Terms count in metres and in reference pixels.
+/// The weights of the thesis for one camera (4.8) are for millimetres and for pixels of an image 540 wide. Terms count
+/// in metres and in reference pixels.
 constexpr double kThesisWidth = 540.0;
 
-/// A weight per squared millimetre.
+/// Converts a weight per squared millimetre.
 constexpr double per_square_metre(double weight) { return 1e6 * weight; }
-/// A weight per squared pixel of the thesis.
+/// Converts a weight per squared pixel of the thesis.
 constexpr double per_square_reference_pixel(double weight) {
   return weight * (kThesisWidth / kReferenceWidth) * (kThesisWidth / kReferenceWidth);
 }
-/// A number of pixels of the thesis.
+/// Converts a number of pixels of the thesis to reference pixels.
 constexpr double reference_from_thesis(double pixels) { return pixels * kReferenceWidth / kThesisWidth; }
-inline double thesis_pixels_to_image(const Camera& camera, double pixels) {
+inline double thesis_pixels_to_image(const PinholeCamera& camera, double pixels) {
   return pixels * camera.width / kThesisWidth;
 }
 

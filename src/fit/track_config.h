@@ -7,15 +7,15 @@
 
 namespace doppel {
 
-/// How a capture is tracked: what `configs/track/multiview.yaml` holds.
+/// The configuration of the multi-view fit, `configs/track/multiview.yaml`.
 struct TrackConfig {
   MultiviewOptions fit;
   DofChoice dofs;
   SurfaceOptions surface;
-  std::vector<std::string> shared_dofs;  ///< names of DoFs whose usual values are found first (`shared_dofs.h`)
-  int shared_frames = 10;           ///< of each sequence that they are found from
-  int template_frames = 0;             ///< of each sequence that the worn template is found from; 0: the template as it is
-  double smoothing = 2.0;          ///< sigma of the Gaussian under which parabolas follow the poses, frames; 0: none
+  std::vector<std::string> shared_dofs;  ///< names of the DoFs that are fitted first (`shared_dofs.h`)
+  int shared_frames = 10;                ///< frames of each sequence that they are fitted to
+  int template_frames = 0;               ///< frames of each sequence for the template fit; 0: no template fit
+  double smoothing = 2.0;                ///< sigma of the Gaussian of `smooth_poses` with degree 2, frames; 0: none
 };
 
 /// Every key may be missing. @throws FileError for unknown keys and impossible values

@@ -9,10 +9,10 @@
 namespace doppel {
 
 enum class FrameState {
-  tracked,      ///< followed from the frame before
-  initialised,  ///< the first of a segment
+  tracked,      ///< found from the prediction of the last frames
+  initialised,  ///< the first found frame of a segment
   recovered,    ///< found by a new start
-  lost,         ///< too few inliers: the pose is a guess
+  lost,         ///< too few inliers; the pose is a guess
 };
 std::string to_string(FrameState state);
 
@@ -20,20 +20,20 @@ std::string to_string(FrameState state);
 struct TrackedFrame {
   std::vector<double> dofs;  ///< [D]
   FrameState state = FrameState::lost;
-  int keypoints = 0;            ///< confident detections
-  double inlier_ratio = 0.0;    ///< share of them that are inliers
-  double keypoint_error = 0.0;  ///< mean distance of the inliers, reference pixels
-  int iterations = 0;           ///< Gauss-Newton steps of all fits of this frame
-  std::vector<TermCost> terms;  ///< at the end
+  int keypoints = 0;                                              ///< number of confident keypoints
+  double inlier_ratio = 0.0;                                      ///< inliers among the confident keypoints
+  double keypoint_error = 0.0;                                    ///< mean distance of the inliers, reference pixels
+  int iterations = 0;                                             ///< Gauss-Newton steps of all fits of this frame
+  std::vector<TermCost> terms;                                    ///< at the end
   ConvergenceReason reason = ConvergenceReason::iteration_limit;  ///< of the last fit
 
   bool found() const { return state != FrameState::lost; }
 };
 
-/// What a tracker finds of a frame. Methods leave empty what they do not find.
+/// The result of a tracker for one frame. Methods leave fields empty that they do not compute.
 struct FrameResult {
   TrackedFrame pose;
-  Eigen::Matrix3Xd vertices;            ///< [3,N] world metres; of a lost frame those of the last pose that was found
+  Eigen::Matrix3Xd vertices;            ///< [3,N] world metres; in a lost frame those of the last found pose
   std::vector<double> graph;            ///< [K*6] A and T of each node in turn (5.9)
   std::vector<TermCost> surface_terms;  ///< of the surface stage
   double pose_seconds = 0.0, surface_seconds = 0.0;

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// Names of bones and landmarks tell parts of the body by the words in them.
+/// Helpers that recognise parts of the body by words in the names of bones and landmarks.
 inline std::string lower_case(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });

@@ -20,7 +20,7 @@ std::vector<std::unique_ptr<CalibrationFormat>> all_formats() {
   return formats;
 }
 
-/// Cameras are found by name later on, so a name must be unique.
+/// Names must be unique, because cameras are later found by name.
 void check_cameras(const std::vector<Camera>& cameras, const FileLocation& where) {
   if (cameras.empty()) fail_at(where, "this calibration file holds no camera");
   std::set<std::string> names;
@@ -44,7 +44,7 @@ std::vector<Camera> read_calibration(const std::filesystem::path& path) {
     }
     names += (names.empty() ? "" : ", ") + format->name();
   }
-  fail_at({path.string(), 0}, "reading a calibration: the file is none of the known formats ({})", names);
+  fail_at({path.string(), 0}, "reading a calibration: the file has none of the known formats ({})", names);
 }
 
 void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras) {

@@ -9,12 +9,12 @@
 
 namespace doppel {
 
-/// One file format. A new one is one file that implements this, and one line in calibration.cpp.
+/// One file format. A new format is one file that implements this class, and one line in calibration.cpp.
 class CalibrationFormat {
  public:
   virtual ~CalibrationFormat() = default;
   virtual std::string name() const = 0;
-  /// Whether `head` (the first 4 kB of a file) is this format.
+  /// Whether `head` (the first 4 kB of a file) has this format.
   virtual bool recognises(const std::string& head) const = 0;
   virtual bool writes(const std::string& extension) const = 0;
   virtual std::vector<Camera> read(const std::filesystem::path& path) const = 0;

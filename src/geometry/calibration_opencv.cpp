@@ -32,7 +32,7 @@ class OpenCvReader {
     } catch (const cv::Exception& e) {
       fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.err);
     } catch (const std::exception& e) {
-      // OpenCV's parser lets the standard library's exceptions out, for an empty key for instance.
+      // OpenCV's parser also throws exceptions of the standard library, for example for an empty key.
       fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.what());
     }
   }
@@ -94,7 +94,7 @@ class OpenCvReader {
     return camera;
   }
 
-  /// The name a camera goes by in other files: its `name`, else the number in `cam<number>`, else the key.
+  /// The name of a camera in other files: its `name`, else the number in `cam<number>`, else the key.
   std::string read_name(const cv::FileNode& node) const {
     const cv::FileNode name = node["name"];
     if (name.isString()) return name.string();
@@ -120,7 +120,7 @@ class OpenCvReader {
     return static_cast<int>(side);
   }
 
-  /// Item by item rather than through cv::Mat, which would allocate whatever `rows` and `cols` say.
+  /// Read item by item, because cv::Mat would allocate any size that `rows` and `cols` state.
   std::vector<double> matrix(const cv::FileNode& parent, const std::string& key, const char* what,
                              std::size_t expected) const {
     const cv::FileNode node = parent[what];

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
@@ -15,14 +16,14 @@ constexpr const char* kHeader = "Skeletool Camera Calibration File V1.0";
 constexpr std::string_view kFamily = "Skeletool Camera Calibration";
 constexpr const char* kKeys = "name, sensor, size, animated, frame, intrinsic, extrinsic, radial";
 constexpr long kMaxImageSide = 1 << 16;
-// Files are rounded to 6 digits or so, which leaves R orthonormal to 1e-5. Up to the second bound it was rounded
-// harder and is mended; above, it is no rotation.
+// Files have about 6 digits, so R is orthonormal to 1e-5. A larger error up to the second bound is rounding and is
+// corrected; beyond that bound the matrix is not a rotation.
 constexpr double kOrthonormal = 1e-4, kMendable = 1e-2;
 
 using Matrix4 = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
 
-/// Millimetres as written, in metres: divided with more digits than a double has, so that what the writer
-/// multiplied comes back to the last bit.
+/// Converts millimetres to metres. The division has more digits than a double, so that values of the writer come back
+/// to the last bit.
 double metres(const TextReader& reader, std::size_t token, const char* what) {
   reader.number(token, what);
   std::string_view text = reader.tokens()[token];
@@ -137,21 +138,20 @@ class SkeletoolReader {
   void read_extrinsic() {
     const Matrix4 matrix = read_matrix(has_extrinsic_);
     camera_.R = mended_rotation(matrix.topLeftCorner<3, 3>(), camera_.name, reader_.where());
-    for (int row = 0; row < 3; ++row)
-      camera_.t[row] = metres(reader_, static_cast<std::size_t>(4 * row + 4), "extrinsic");
+    for (int row = 0; row < 3; ++row) camera_.t[row] = metres(reader_, as_size(4 * row + 4), "extrinsic");
   }
 
   void read_radial() {
     for (std::size_t i = 1; i < std::max<std::size_t>(2, reader_.tokens().size()); ++i) {
       if (reader_.number(i, "radial") == 0) continue;
       reader_.fail_here(
-          "reading a camera calibration: camera {} has radial distortion {}, whose meaning this format leaves open; "
+          "reading a camera calibration: camera {} has radial distortion {}, which this format does not define; "
           "undistort the images and write 0, or give an OpenCV calibration",
           camera_.name, reader_.tokens()[i]);
     }
   }
 
-  /// Takes the pose read so far, at the end of a still camera or of a frame.
+  /// Stores the pose read so far, at the end of a static camera or of a frame.
   void finish_pose() {
     if (animated_ && !in_frame_) return;
     const char* missing = !has_size_ ? "size" : !has_intrinsic_ ? "intrinsic" : !has_extrinsic_ ? "extrinsic" : nullptr;
@@ -207,7 +207,7 @@ class SkeletoolCalibration : public CalibrationFormat {
  public:
   std::string name() const override { return "Skeletool camera calibration V1.0"; }
   bool recognises(const std::string& head) const override {
-    // By its first words only: another version of the format is told so by the reader.
+    // Compares the first words only: the reader reports another version of the format.
     const std::size_t begin = head.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
     const std::size_t text = head.find_first_not_of(" \t\r\n", begin);
     return text != std::string::npos && head.compare(text, kFamily.size(), kFamily) == 0;

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "doppel/core/error.h"
 
@@ -67,7 +68,7 @@ std::vector<std::string> Camera::faults() const {
   std::vector<std::string> found;
   const auto add = [&](std::string sentence) { found.push_back(fmt::format("camera {}: {}", name, sentence)); };
   if (width <= 0 || height <= 0 || width > kMaxSide || height > kMaxSide) {
-    add(fmt::format("the image size is {}x{}, allowed is 1 to {} pixels a side", width, height, kMaxSide));
+    add(fmt::format("the image size is {}x{}, allowed is 1 to {} pixels per side", width, height, kMaxSide));
   }
   const bool finite = K.allFinite() && R.allFinite() && t.allFinite() &&
                       std::all_of(distortion.begin(), distortion.end(), [](double k) { return std::isfinite(k); });
@@ -89,6 +90,21 @@ std::vector<std::string> Camera::faults() const {
     add("R mirrors (its determinant is -1); the axes must be x right, y down, z forward");
   }
   return found;
+}
+
+PinholeCamera::PinholeCamera(Camera camera) : Camera(std::move(camera)) {
+  if (has_distortion())
+    fail("camera {} has lens distortion where a pinhole camera is needed; take the distortion out of its images first",
+         name);
+}
+
+PinholeCamera without_distortion(Camera camera) {
+  camera.distortion = {};
+  return PinholeCamera(std::move(camera));
+}
+
+std::vector<PinholeCamera> pinhole_cameras(const std::vector<Camera>& cameras) {
+  return {cameras.begin(), cameras.end()};
 }
 
 }  // namespace doppel

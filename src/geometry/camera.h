@@ -9,8 +9,8 @@ namespace doppel {
 
 /// A calibrated pinhole camera with OpenCV's lens distortion.
 ///
-/// World and camera are in metres; the camera looks along +z with x to the right and y down. The image spans
-/// [0,width] x [0,height], so the centre of the first pixel is (0.5, 0.5).
+/// World and camera coordinates are in metres. The camera looks along +z, with x to the right and y down. The image
+/// spans [0,width] x [0,height], so the centre of the first pixel is (0.5, 0.5).
 struct Camera {
   std::string name;
   int width = 0, height = 0;                        ///< pixels
@@ -23,20 +23,36 @@ struct Camera {
   Eigen::Vector3d centre() const { return -R.transpose() * t; }
   bool has_distortion() const;
   Eigen::Vector3d camera_from_world(const Eigen::Vector3d& x_in_world) const { return R * x_in_world + t; }
-  /// Pixel of a world point, distortion applied. Undefined for points with camera z <= 0.
+  /// Pixel of a world point, with distortion. Undefined for points with camera z <= 0.
   Eigen::Vector2d project(const Eigen::Vector3d& x_in_world) const;
-  /// Projection matrix K [R|t], distortion ignored: (u z, v z, z) = P (x, 1).
+  /// Projection matrix K [R|t], without distortion: (u z, v z, z) = P (x, 1).
   Eigen::Matrix<double, 3, 4> projection() const;
 
-  /// The same camera for its image resized to another resolution.
+  /// This camera for its image resized to another resolution.
   /// @throws Error when the aspect ratio differs by more than 1 %.
   Camera scaled_to(int new_width, int new_height) const;
-  /// The same camera for the part of its image that starts at pixel (u0, v0), resized by `scale` (output pixels per
+  /// This camera for the part of its image that starts at pixel (u0, v0), resized by `scale` (output pixels per
   /// input pixel): u' = (u - u0) * scale.
   Camera cropped(double u0, double v0, double scale, int new_width, int new_height) const;
 
   /// All faults of this camera in plain sentences (empty: none): sizes, focal lengths, R not a rotation, NaN.
   std::vector<std::string> faults() const;
 };
+
+/// A camera whose images have no lens distortion: what drawing and fitting need.
+class PinholeCamera : public Camera {
+ public:
+  PinholeCamera() = default;
+  /// @throws Error for a camera with distortion; capture/mask.h makes a pinhole camera and its images
+  explicit PinholeCamera(Camera camera);
+
+  /// As Camera::cropped. @return a pinhole camera again
+  PinholeCamera cropped(double u0, double v0, double scale, int new_width, int new_height) const {
+    return PinholeCamera(Camera::cropped(u0, v0, scale, new_width, new_height));
+  }
+};
+/// The camera without its distortion: same K, size and pose.
+PinholeCamera without_distortion(Camera camera);
+std::vector<PinholeCamera> pinhole_cameras(const std::vector<Camera>& cameras);
 
 }  // namespace doppel

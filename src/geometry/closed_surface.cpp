@@ -15,10 +15,10 @@ namespace {
 
 using Edge = std::array<int, 2>;
 
-/// Error of an offset, as a part of the coordinates it is a difference of.
+/// Relative rounding error of an offset, with respect to the coordinates whose difference it is.
 constexpr double kRounding = 1e-14;
 
-/// "3-17, 17-20, ...": the first of many edges.
+/// The first of many edges as text: "3-17, 17-20, ...".
 std::string list_edges(const std::vector<Edge>& edges) {
   constexpr std::size_t kShown = 8;
   std::string text;
@@ -27,7 +27,7 @@ std::string list_edges(const std::vector<Edge>& edges) {
   return edges.size() > kShown ? text + ", ..." : text;
 }
 
-/// The unit vector, or 0 for one without length.
+/// The unit vector of `v`, or 0 for a vector without length.
 Vector3d direction_of(const Vector3d& v) {
   const double length = v.norm();
   return length > 0.0 ? Vector3d(v / length) : Vector3d::Zero();
@@ -112,7 +112,7 @@ ClosedSurface::Hit ClosedSurface::closest(const Vector3d& point, int near_face) 
   hit.distance = side * std::sqrt(found.squared_distance);
   hit.face = found.face;
   hit.weights = found.weights;
-  // Above a face the offset is the normal up to rounding, and on the surface rounding is all there is of it.
+  // Above a face the offset is parallel to the normal up to rounding. On the surface it consists of rounding only.
   const bool on_face = found.weights[0] > 0.0 && found.weights[1] > 0.0 && found.weights[2] > 0.0;
   const bool on_surface = offset.norm() <= kRounding * (point.norm() + vertices_[face[0]].norm());
   hit.outward = direction_of(on_face || on_surface ? normal : Vector3d(side * offset));

@@ -4,24 +4,24 @@
 
 namespace doppel {
 
-/// Which face lies beyond each edge of a closed surface: row f, entry k for the edge from corner k to corner k+1 of
-/// face f.
-/// @throws Error when an edge belongs to one face only, to more than two, or to two that are not wound alike. The
-///   message counts such edges and names the first ones by their vertices.
+/// The face beyond each edge of a closed surface: row f, entry k for the edge from corner k to corner k+1 of face f.
+/// @throws Error when an edge belongs to one face only, to more than two faces, or to two faces of opposite winding.
+///   The message counts such edges and names the first ones by their vertices.
 std::vector<Triangle> faces_across_edges(const std::vector<Triangle>& faces);
 
-/// A closed triangle mesh that moves: distances from it with a sign.
+/// Signed distances from a moving closed triangle mesh.
 ///
-/// Inside is decided by the normal at the closest point: that of the face, on an edge the sum of both faces' normals,
-/// in a vertex the sum of its faces' normals weighted by their angles there (Baerentzen & Aanaes 2005). That is right
-/// for every point off a surface that does not cut itself.
+/// The normal at the closest point decides the sign. On a face it is the face normal, on an edge the sum of the normals
+/// of both faces, in a vertex the sum of the normals of its faces weighted by their angles there (Baerentzen & Aanaes
+/// 2005). The sign is correct for every point off a surface without self-intersections.
 class ClosedSurface {
  public:
   struct Hit {
     double distance = 0.0;  ///< negative inside
     int face = -1;
     std::array<double, 3> weights{};  ///< barycentric, as in TrianglePoint
-    /// Unit vector in which the distance grows. On the surface the normal; 0 only where degenerate faces leave none.
+    /// Unit vector of the direction in which the distance grows. On the surface it is the normal. It is 0 only where
+    /// degenerate faces leave the normal undefined.
     Eigen::Vector3d outward = Eigen::Vector3d::Zero();
   };
 

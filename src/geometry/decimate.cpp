@@ -7,14 +7,15 @@
 #include <OpenMesh/Tools/Decimater/ModNormalFlippingT.hh>
 #include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel {
 namespace {
 
-constexpr double kShortfall = 1.05;      // how far above the target counts as reached
-constexpr float kMaxNormalTurn = 75.0f;  // degrees a face may turn in one collapse; more folds the surface
+constexpr double kShortfall = 1.05;      // largest ratio to the target that counts as reached
+constexpr float kMaxNormalTurn = 75.0f;  // degrees a face may rotate in one collapse without a fold
 constexpr double kBorderTurn = 0.9;      // cosine of the largest corner of a border that a collapse may cut
 
 struct DoubleTraits : OpenMesh::DefaultTraits {
@@ -23,8 +24,8 @@ struct DoubleTraits : OpenMesh::DefaultTraits {
 };
 using OmMesh = OpenMesh::TriMesh_ArrayKernelT<DoubleTraits>;
 
-/// Keeps the outline of an open mesh: the quadrics of a flat border would let it shrink for free. A border vertex may
-/// only slide along the border, where the border is straight enough to miss nothing.
+/// Keeps the border of an open mesh, because the quadrics of a flat border do not penalise its shrinking. A border
+/// vertex may only move along the border, and only where the border is nearly straight.
 class KeepBorder : public OpenMesh::Decimater::ModBaseT<OmMesh> {
  public:
   using Base = OpenMesh::Decimater::ModBaseT<OmMesh>;
@@ -49,7 +50,7 @@ class KeepBorder : public OpenMesh::Decimater::ModBaseT<OmMesh> {
   }
 };
 
-/// Keeps a closed piece from being folded flat: its last tetrahedron has no edge to lose.
+/// Keeps a closed component from becoming flat: a tetrahedron cannot lose another edge.
 class KeepSolid : public OpenMesh::Decimater::ModBaseT<OmMesh> {
  public:
   using Base = OpenMesh::Decimater::ModBaseT<OmMesh>;
@@ -60,7 +61,7 @@ class KeepSolid : public OpenMesh::Decimater::ModBaseT<OmMesh> {
 
   float collapse_priority(const Base::CollapseInfo& collapse) override {
     const OmMesh& mesh = Base::mesh();
-    // A vertex of valence 3 opposite the edge would be left with two faces that lie on each other.
+    // A vertex of valence 3 opposite the edge would keep only two coincident faces.
     for (const OmMesh::VertexHandle opposite : {collapse.vl, collapse.vr}) {
       if (opposite.is_valid() && mesh.valence(opposite) <= 3 && !mesh.is_boundary(opposite))
         return Base::ILLEGAL_COLLAPSE;
@@ -71,7 +72,7 @@ class KeepSolid : public OpenMesh::Decimater::ModBaseT<OmMesh> {
 
 OmMesh to_openmesh(const TriangleMesh& mesh) {
   OmMesh out;
-  // Vertices without a face are left out: no collapse would ever remove them.
+  // Vertices without a face are left out, because no collapse removes them.
   std::vector<OmMesh::VertexHandle> handles(mesh.vertices.size());
   for (const Triangle& face : mesh.faces) {
     for (int v : face) {
@@ -82,8 +83,8 @@ OmMesh to_openmesh(const TriangleMesh& mesh) {
   for (const Triangle& face : mesh.faces) {
     if (!out.add_face(handles[face[0]], handles[face[1]], handles[face[2]]).is_valid()) {
       fail(
-          "decimating a mesh: the face {} {} {} meets its neighbours in only a vertex or runs against them; mend the "
-          "mesh first",
+          "decimating a mesh: the face {} {} {} touches a neighbour only in a vertex or has the opposite orientation; "
+          "repair the mesh first",
           face[0], face[1], face[2]);
     }
   }
@@ -111,13 +112,13 @@ void check_input(const TriangleMesh& mesh, int target_vertices) {
   const MeshReport report = inspect_mesh(mesh);
   if (report.non_manifold_edges > 0) {
     fail(
-        "decimating a mesh: found {} edges that are not of exactly one or two faces of one orientation; mend the mesh "
-        "first",
+        "decimating a mesh: found {} edges that do not belong to one or two faces of the same orientation; repair the "
+        "mesh first",
         report.non_manifold_edges);
   }
   for (const Triangle& face : mesh.faces) {
     if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) {
-      fail("decimating a mesh: the face {} {} {} names a vertex twice; mend the mesh first", face[0], face[1], face[2]);
+      fail("decimating a mesh: the face {} {} {} has a vertex twice; repair the mesh first", face[0], face[1], face[2]);
     }
   }
 }
@@ -127,7 +128,7 @@ void check_input(const TriangleMesh& mesh, int target_vertices) {
 TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices) {
   check_input(mesh, target_vertices);
   OmMesh surface = to_openmesh(mesh);
-  // The decimater reads these while it works.
+  // The decimater needs these properties.
   surface.request_vertex_status();
   surface.request_edge_status();
   surface.request_halfedge_status();
@@ -146,10 +147,10 @@ TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices) {
   decimater.add(solid);
   decimater.module(quadric).unset_max_err();
   decimater.module(flipping).set_max_normal_deviation(kMaxNormalTurn);
-  if (!decimater.initialize()) fail("decimating a mesh: OpenMesh refuses the modules");
+  if (!decimater.initialize()) fail("decimating a mesh: OpenMesh rejects the modules");
   const int in_use = static_cast<int>(surface.n_vertices());
   if (target_vertices < in_use) {
-    decimater.decimate_to(static_cast<std::size_t>(target_vertices));
+    decimater.decimate_to(as_size(target_vertices));
     surface.garbage_collection();
   }
 

@@ -24,11 +24,12 @@ struct TriangleMesh {
   int num_faces() const { return static_cast<int>(faces.size()); }
 };
 
-/// Reads an OBJ file with its MTL and texture. Polygons are fanned; `v x y z r g b` colours are taken;
-/// `metres_per_unit` scales the positions (0.001 for Skeletool files).
-/// @throws FileError with the line: bad index, NaN, no faces, missing texture named by the MTL, ...
+/// Reads an OBJ file with its MTL and texture. Polygons are split into fans of triangles, and the colours of
+/// `v x y z r g b` lines are read.
+/// @param metres_per_unit scales the positions (0.001 for Skeletool files)
+/// @throws FileError with the line: bad index, NaN, no faces, a texture that the MTL names but that is missing, ...
 TriangleMesh read_obj(const std::filesystem::path& path, double metres_per_unit);
-/// Writes OBJ, and beside it MTL and PNG texture (`<stem>.mtl`, `<stem>.png`) when the mesh has a texture.
+/// Writes an OBJ file. If the mesh has a texture, `<stem>.mtl` and `<stem>.png` are written beside it.
 void write_obj(const std::filesystem::path& path, const TriangleMesh& mesh, double metres_per_unit);
 
 /// Area-weighted vertex normals of unit length [N]; zero for a vertex without area.

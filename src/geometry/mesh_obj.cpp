@@ -4,6 +4,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
@@ -16,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr int kNone = -1;
 
-/// The line behind its first token: names of files and materials may hold blanks.
+/// The line after its first token: names of files and materials may contain blanks.
 std::string rest_of_line(const TextReader& reader) {
   std::string_view rest = reader.line().substr(reader.tokens()[0].size());
   while (!rest.empty() && (rest[0] == ' ' || rest[0] == '\t')) rest.remove_prefix(1);
@@ -29,7 +30,7 @@ struct MtlEntry {
   FileLocation where;
 };
 
-/// The colour textures of an MTL file, by material; everything else about materials is left out.
+/// The colour textures of an MTL file, by material. Other properties of materials are ignored.
 std::vector<MtlEntry> read_mtl(const fs::path& path) {
   TextReader reader(path, "a material file");
   std::vector<MtlEntry> entries;
@@ -84,7 +85,7 @@ class ObjReader {
     if (key == "vc") return separate_colours_.push_back(colour(1)), void();
     if (key == "mtllib") libraries_.push_back({resolve_path(reader_.path(), rest_of_line(reader_)), reader_.where()});
     if (key == "usemtl") materials_.insert(rest_of_line(reader_));
-    // Normals are computed from the surface; groups and smoothing mean nothing to us.
+    // Normals are computed from the surface; groups and smoothing are ignored.
   }
 
   Eigen::Vector3d colour(std::size_t token) const {
@@ -148,12 +149,12 @@ class ObjReader {
     if (with_uv) mesh_.face_uvs.push_back({a.second, b.second, c.second});
   }
 
-  /// Faces may stand before the vertices they name, so this waits for the end of the file.
+  /// Faces may precede their vertices in the file, so indices are checked at the end.
   void check_indices() const {
     const auto check = [&](const std::vector<Triangle>& faces, std::size_t count, const char* what) {
       for (std::size_t f = 0; f < faces.size(); ++f) {
         for (int index : faces[f]) {
-          if (static_cast<std::size_t>(index) < count) continue;
+          if (as_size(index) < count) continue;
           fail_at({reader_.path().string(), face_lines_[f]},
                   "reading a mesh: this face names {} {}, but the file holds {}", what, static_cast<long>(index) + 1,
                   count);

@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -57,7 +58,7 @@ MeshTopology::MeshTopology(const TriangleMesh& mesh) {
 MeshTopology::MeshTopology(int num_vertices, const std::vector<Edge>& edges) : edges_(edges) {
   for (const Edge& edge : edges_) {
     if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= num_vertices || edge[0] == edge[1]) {
-      fail("building a topology: the edge {}-{} is impossible among {} vertices", edge[0], edge[1], num_vertices);
+      fail("building a topology: the edge {}-{} is invalid for {} vertices", edge[0], edge[1], num_vertices);
     }
   }
   build_rows(num_vertices);
@@ -68,7 +69,7 @@ void MeshTopology::build_rows(int num_vertices) {
   std::sort(edges_.begin(), edges_.end());
   edges_.erase(std::unique(edges_.begin(), edges_.end()), edges_.end());
 
-  one_ring_.offsets.assign(static_cast<std::size_t>(num_vertices) + 1, 0);
+  one_ring_.offsets.assign(as_size(num_vertices) + 1, 0);
   for (const Edge& edge : edges_) {
     ++one_ring_.offsets[edge[0] + 1];
     ++one_ring_.offsets[edge[1] + 1];
@@ -82,7 +83,7 @@ void MeshTopology::build_rows(int num_vertices) {
 }
 
 std::vector<int> MeshTopology::components() const {
-  std::vector<int> component(static_cast<std::size_t>(num_vertices()), -1);
+  std::vector<int> component(as_size(num_vertices()), -1);
   std::vector<int> stack;
   int count = 0;
   for (int seed = 0; seed < num_vertices(); ++seed) {
@@ -149,7 +150,7 @@ MeshReport inspect_mesh(const TriangleMesh& mesh) {
   const MeshTopology topology(mesh);
   std::vector<Edge> directed = directed_edges(mesh);
 
-  // Sorted by the undirected edge, all uses of an edge stand together.
+  // After sorting by undirected edge, all uses of an edge are consecutive.
   std::sort(directed.begin(), directed.end(), [](const Edge& a, const Edge& b) {
     return std::make_pair(ordered(a[0], a[1]), a) < std::make_pair(ordered(b[0], b[1]), b);
   });

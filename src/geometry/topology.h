@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// Rows of integers, one behind the other: row i is items[offsets[i] .. offsets[i+1]).
+/// Rows of integers in one array: row i is items[offsets[i] .. offsets[i+1]).
 struct IndexRows {
   std::vector<int> offsets{0};  ///< [rows + 1]
   std::vector<int> items;
@@ -17,7 +17,7 @@ struct IndexRows {
   int size(int row) const { return offsets[row + 1] - offsets[row]; }
 };
 
-/// Who neighbours whom on a mesh (or any graph of `edges`).
+/// The neighbours of each vertex of a mesh, or of any graph given by `edges`.
 class MeshTopology {
  public:
   explicit MeshTopology(const TriangleMesh& mesh);
@@ -31,8 +31,8 @@ class MeshTopology {
   /// Connected component of each vertex [N], numbered by its smallest vertex.
   std::vector<int> components() const;
 
-  /// Hop distances from `source` up to `max_hops`; vertices farther than that are not listed. Ascending by
-  /// (hops, vertex). Cost: the size of the ball.
+  /// Hop distances from `source`, ascending by (hops, vertex). Vertices farther than `max_hops` are not listed. The
+  /// cost is proportional to the number of listed vertices.
   std::vector<std::pair<int, int>> ball(int source, int max_hops) const;  ///< (vertex, hops)
   /// Shortest path lengths along edges (Dijkstra) up to `max_length`: (vertex, length), ascending by length.
   std::vector<std::pair<int, double>> geodesic_ball(int source, double max_length,
@@ -44,7 +44,7 @@ class MeshTopology {
   std::vector<std::array<int, 2>> edges_;
 };
 
-/// What a mesh is made of, for `doppel info` and for checks.
+/// Counts and properties of a mesh, for `doppel info` and for checks.
 struct MeshReport {
   int boundary_edges = 0, non_manifold_edges = 0, components = 0, degenerate_faces = 0, isolated_vertices = 0;
   int euler_characteristic = 0;  ///< V - E + F
@@ -52,8 +52,8 @@ struct MeshReport {
 };
 MeshReport inspect_mesh(const TriangleMesh& mesh);
 
-/// Quadric edge collapse (OpenMesh) down to about `target_vertices`; keeps the vertices' positions on the surface.
-/// Vertex colours and UVs are dropped. @throws Error when the target cannot be reached within 5 %.
+/// Quadric edge collapse (OpenMesh) down to about `target_vertices`. The remaining vertices keep their positions.
+/// Vertex colours and UVs are dropped. @throws Error when the target cannot be reached within 5 %
 TriangleMesh decimate(const TriangleMesh& mesh, int target_vertices);
 
 }  // namespace doppel

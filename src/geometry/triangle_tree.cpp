@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -15,8 +16,7 @@ using Eigen::Vector3d;
 constexpr int kLeafTriangles = 4;
 /// Boxes halve the number of triangles level by level; no tree of int-indexed triangles is deeper.
 constexpr int kMaxDepth = 64;
-/// Boxes are wider than their triangles by this part of the largest coordinate, so that rounding cannot put a triangle
-/// outside its box.
+/// Margin of the boxes, relative to the largest coordinate, so that rounding cannot put a triangle outside its box.
 constexpr double kPadding = 1e-14;
 
 void try_segment(const Vector3d& p, const std::array<Vector3d, 3>& corners, int from, int to, TrianglePoint& best) {
@@ -35,7 +35,7 @@ void check_faces(std::size_t num_vertices, const std::vector<Triangle>& faces) {
   if (faces.empty()) fail<UsageError>("distance to a surface: it must have at least one face");
   for (const Triangle& face : faces)
     for (int vertex : face)
-      if (vertex < 0 || static_cast<std::size_t>(vertex) >= num_vertices)
+      if (vertex < 0 || as_size(vertex) >= num_vertices)
         fail<UsageError>("distance to a surface: a face names vertex {}, but there are {}", vertex, num_vertices);
 }
 
@@ -44,7 +44,7 @@ void check_faces(std::size_t num_vertices, const std::vector<Triangle>& faces) {
 TrianglePoint closest_on_triangle(const Vector3d& p, const std::array<Vector3d, 3>& t) {
   const Vector3d normal = (t[1] - t[0]).cross(t[2] - t[0]);
   const double area = normal.squaredNorm();
-  // Part of the area that the foot of the perpendicular cuts off beyond the edge opposite each corner.
+  // Barycentric coordinates of the foot of the perpendicular, up to a factor; negative beyond the opposite edge.
   const std::array<double, 3> parts{(t[2] - t[1]).cross(p - t[1]).dot(normal),
                                     (t[0] - t[2]).cross(p - t[2]).dot(normal),
                                     (t[1] - t[0]).cross(p - t[0]).dot(normal)};
@@ -55,7 +55,7 @@ TrianglePoint closest_on_triangle(const Vector3d& p, const std::array<Vector3d, 
     for (int k = 0; k < 3; ++k) best.weights[k] = parts[k] / sum;
     return best;
   }
-  // Only an edge that the foot lies beyond can hold the closest point.
+  // The closest point can only lie on an edge that separates the foot from the triangle.
   for (int k = 0; k < 3; ++k)
     if (!(area > 0.0) || parts[k] < 0.0) try_segment(p, t, (k + 1) % 3, (k + 2) % 3, best);
   return best;
@@ -73,7 +73,7 @@ TriangleTree::TriangleTree(const std::vector<Vector3d>& vertices, const std::vec
     centres.push_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
     triangles_.push_back({{vertices[f[0]], vertices[f[1]], vertices[f[2]]}, static_cast<int>(triangles_.size())});
   }
-  // Before any comparison sorts by them.
+  // Checked before any comparison sorts by them.
   for (const Vector3d& centre : centres)
     if (!centre.allFinite()) fail<UsageError>("distance to a surface: a vertex of a face is not finite");
   nodes_.push_back({{Vector3d::Zero(), Vector3d::Zero()}, 0, num_faces()});
@@ -109,7 +109,7 @@ void TriangleTree::refit(const std::vector<Vector3d>& vertices) {
   double largest = 0.0;
   for (const Vector3d& v : vertices) {
     if (!v.allFinite())
-      fail<UsageError>("distance to a surface: vertex {} is not finite; what moved it has gone wrong",
+      fail<UsageError>("distance to a surface: vertex {} is not finite; check how it was computed",
                        &v - vertices.data());
     largest = std::max(largest, v.cwiseAbs().maxCoeff());
   }
@@ -157,7 +157,7 @@ TriangleTree::Hit TriangleTree::closest(const Vector3d& point, int near_face) co
     std::pair<double, int> children[2];
     for (int k = 0; k < 2; ++k) children[k] = {nodes_[node.first + k].box.squared_distance(point), node.first + k};
     if (children[0].first < children[1].first) std::swap(children[0], children[1]);
-    for (const auto& child : children)  // the nearer one on top
+    for (const auto& child : children)  // the nearer child is on top of the stack
       if (child.first <= best.squared_distance) stack[++depth] = child;
   }
   return best;

@@ -12,31 +12,33 @@ namespace doppel {
 /// The point of a triangle that is nearest to another point.
 struct TrianglePoint {
   double squared_distance = std::numeric_limits<double>::infinity();
-  /// Barycentric, >= 0, sum 1. Exactly 0 for a corner that the point does not depend on: one zero on an edge, two in a
-  /// corner.
+  /// Barycentric coordinates, >= 0, sum 1. A corner that the point does not depend on has exactly 0: one zero on an
+  /// edge, two in a corner.
   std::array<double, 3> weights{};
 };
 
-/// @param corners may be degenerate: a line or a point
+/// The point of a triangle nearest to `point`. @param corners may be degenerate: a line or a point
 TrianglePoint closest_on_triangle(const Eigen::Vector3d& point, const std::array<Eigen::Vector3d, 3>& corners);
 
-/// A hierarchy of boxes around the triangles of a mesh: built once, refitted when the vertices move. Exact.
+/// A hierarchy of bounding boxes around the triangles of a mesh, built once and refitted when the vertices move. The
+/// closest points are exact.
 class TriangleTree {
  public:
   struct Hit : TrianglePoint {
-    int face = -1;  ///< of several at the same distance the lowest
+    int face = -1;  ///< the lowest index among faces at the same distance
   };
 
-  /// @param vertices any unit; where they stand decides which triangles share a box
-  /// @throws UsageError without faces, for an index beyond the vertices, or a vertex that is not finite
+  /// @param vertices in any unit; their positions decide which triangles share a box
+  /// @throws UsageError when there are no faces, an index exceeds the vertices, or a vertex is not finite
   TriangleTree(const std::vector<Eigen::Vector3d>& vertices, const std::vector<Triangle>& faces);
 
-  /// Fits the boxes to vertices that have moved; who shares a box stays as built. About 0.2 ms for 11,000 faces.
-  /// @throws UsageError for another number of vertices, or one that is not finite
+  /// Fits the boxes to moved vertices. The assignment of triangles to boxes stays as built. About 0.2 ms for 11,000
+  /// faces.
+  /// @throws UsageError for another number of vertices, or a vertex that is not finite
   void refit(const std::vector<Eigen::Vector3d>& vertices);
 
   /// @param point finite
-  /// @param near_face a face assumed to be close, to search less, or -1; the result is the same bit for bit
+  /// @param near_face a face assumed to be close, which shortens the search, or -1; the result is the same bit for bit
   Hit closest(const Eigen::Vector3d& point, int near_face = -1) const;
 
   int num_vertices() const { return num_vertices_; }
@@ -47,8 +49,8 @@ class TriangleTree {
     Eigen::Vector3d low, high;
     double squared_distance(const Eigen::Vector3d& point) const;
   };
-  /// A leaf holds triangles first .. first+count; an inner node (count 0) its children at first and first+1, which
-  /// stand behind it.
+  /// A leaf holds triangles first .. first+count. An inner node (count 0) has its children at first and first+1, after
+  /// itself in the array.
   struct Node {
     Box box;
     int first = 0, count = 0;
@@ -63,7 +65,7 @@ class TriangleTree {
   int num_vertices_;
   std::vector<Triangle> faces_;  ///< [F] in the mesh's order
   std::vector<Leaf> triangles_;  ///< [F] in the order of the leaves
-  std::vector<int> place_;       ///< [F] where a face stands among them
+  std::vector<int> place_;       ///< [F] index of each face in triangles_
   std::vector<Node> nodes_;
 };
 

@@ -15,7 +15,7 @@ constexpr double kWidth = 560, kHeight = 260, kLeft = 62, kRight = 14, kTop = 30
 constexpr std::array<const char*, 6> kColours = {"#2563eb", "#dc2626", "#059669", "#d97706", "#7c3aed", "#475569"};
 constexpr std::size_t kMaxPoints = 400;
 
-/// Values to the screen along one axis.
+/// Maps values to screen coordinates along one axis.
 struct Axis {
   double low = 0, high = 1, from = 0, to = 1;
   bool logarithmic = false;
@@ -59,7 +59,7 @@ std::vector<std::pair<double, double>> thin(const std::vector<std::pair<double, 
   return out;
 }
 
-/// The range of all values; widened when there is only one.
+/// The range of all values, widened when there is only one value.
 std::pair<double, double> range(const std::vector<ChartSeries>& series, bool x) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const ChartSeries& s : series)

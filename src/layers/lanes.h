@@ -2,11 +2,12 @@
 
 /// For kernel files only: vectors of floats whose lanes are items of the batch.
 ///
-/// A layer's constants (weights, influences) are the same for every item of a batch, so a kernel that puts L items side
-/// by side reads them once, as scalars, and never gathers: what a vertex takes from a bone or node is a contiguous load
-/// of L floats. Lanes beyond the batch repeat its last item; lanes never mix, so they do no harm.
+/// A layer's constants (weights, influences) are the same for every item of a batch. A kernel that puts L items side by
+/// side therefore reads the constants once, as scalars, and never gathers: the values of a bone or node are a
+/// contiguous load of L floats. Lanes beyond the batch repeat its last item. They are harmless, because lanes never
+/// mix.
 ///
-/// Everything stands in the namespace of the instruction set the file is compiled for.
+/// Everything is in the namespace of the instruction set that the file is compiled for.
 
 #include <cmath>
 #include <cstdint>
@@ -31,7 +32,7 @@ using Vector = typename LaneTypes<L>::Vector;
 /// The widest useful number of lanes for this instruction set.
 constexpr int kWidestLanes = kVectorBytes / sizeof(float);
 
-/// Lanes for `count` items that remain: 4, 8 or 16, as few as hold them, at most kWidestLanes.
+/// The number of lanes for `count` remaining items: the smallest of 4, 8 and 16 that holds them, at most kWidestLanes.
 inline int lanes_for(int64_t count) {
   int lanes = 4;
   while (lanes < kWidestLanes && lanes < count) lanes *= 2;
@@ -43,7 +44,7 @@ struct LaneCount {
   static constexpr int value = L;
 };
 
-/// work(LaneCount<lanes>{}); widths this instruction set does not have are not even compiled.
+/// Calls work(LaneCount<lanes>{}). Widths that this instruction set lacks are not compiled.
 template <typename Work>
 inline void with_lanes(int lanes, const Work& work) {
   if constexpr (kWidestLanes >= 16) {
@@ -109,7 +110,7 @@ inline void to_lanes(const float* items, int64_t stride, int count, int n, float
   }
 }
 
-/// The reverse; lanes >= count are dropped.
+/// The reverse. Lanes >= count are dropped.
 template <int L>
 inline void from_lanes(const float* lanes, int n, float* items, int64_t stride, int count) {
   for (int lane = 0; lane < count; lane += 4) {
@@ -131,7 +132,7 @@ inline void from_lanes(const float* lanes, int n, float* items, int64_t stride, 
   }
 }
 
-/// Sine and cosine of L angles, within 1e-7. Angles beyond the reduction's reach take the library's functions.
+/// Sine and cosine of L angles, within 1e-7. Angles too large for the range reduction use the library's functions.
 template <int L>
 inline void sine_cosine(Vector<L> angle, Vector<L>* sine, Vector<L>* cosine) {
   constexpr float kReach = 8192.0f;

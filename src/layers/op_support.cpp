@@ -5,7 +5,7 @@
 namespace doppel {
 
 torch::autograd::variable_list once_differentiable(torch::autograd::variable_list gradients, const char* op) {
-  // Without create_graph nobody can differentiate these again.
+  // Without create_graph these gradients cannot be differentiated again.
   if (!torch::GradMode::is_enabled()) return gradients;
   torch::autograd::variable_list defined;
   for (const auto& gradient : gradients) {

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Small helpers shared by the ops of this room: shape checks with a message, and the end of differentiation.
+/// Helpers that the ops of this module share: checks of shapes and types, and once-differentiable gradients.
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,14 +12,14 @@
 
 namespace doppel {
 
-/// A tensor as a message shows it: `float32 [4,70,3,4]`.
+/// The type and shape of a tensor, for messages: `float32 [4,70,3,4]`.
 inline std::string describe(const torch::Tensor& tensor) {
   if (!tensor.defined()) return "an undefined tensor";
   return fmt::format("{} [{}]", torch::toString(tensor.scalar_type()), fmt::join(tensor.sizes(), ","));
 }
 
-/// Fails unless `tensor` is a floating-point tensor of the shape; -1 allows any size.
-/// @param letters the shape as documented, e.g. "[B,K,3]"
+/// Fails unless `tensor` is a floating-point tensor of the given shape; -1 allows any size.
+/// @param letters the documented shape, e.g. "[B,K,3]"
 inline void check_shape(const char* op, const char* argument, const torch::Tensor& tensor,
                         std::initializer_list<int64_t> shape, const char* letters) {
   bool fits = tensor.defined() && tensor.is_floating_point() && tensor.dim() == static_cast<int64_t>(shape.size());
@@ -46,13 +46,13 @@ inline void check_same_kind(const char* op, const char* argument, const torch::T
   }
 }
 
-/// A tensor that an op can go without. `Function::apply` takes no undefined tensors, so they travel like this.
+/// An optional argument of an op. `Function::apply` does not accept undefined tensors, so optional ones have this type.
 using OptionalTensor = c10::optional<torch::Tensor>;
 inline OptionalTensor optional_of(const torch::Tensor& tensor) {
   return tensor.defined() ? OptionalTensor(tensor) : c10::nullopt;
 }
 
-/// Gradients that may be used but not differentiated again: doing so throws an error that names the op.
+/// Gradients without a derivative of their own: differentiating them throws an error that names the op.
 torch::autograd::variable_list once_differentiable(torch::autograd::variable_list gradients, const char* op);
 
 }  // namespace doppel

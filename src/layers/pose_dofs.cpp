@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::array<int, 3> kCameraAxes{1, 0, 2};
 
-/// How far the joint that a DoF moves most goes per unit of the DoF: radians or metres; 0 when it moves none.
+/// The largest motion of a joint per unit of a DoF: radians or metres; 0 when the DoF moves no joint.
 double reach(const Skeleton& skeleton, const Dof& dof) {
   double most = 0.0;
   for (const Dof::Drive& drive : dof.joints)
@@ -28,12 +28,12 @@ double reach(const Skeleton& skeleton, const Dof& dof) {
 
 Tensor doubles(const std::vector<double>& values) { return torch::tensor(values, torch::kFloat64); }
 
-/// A row [n] once for each sample of `like` [B,...], without its size, which a trace would take for a constant.
+/// Repeats a row [n] for each sample of `like` [B,...] without reading B, which a trace would record as a constant.
 Tensor per_sample(const Tensor& row, const Tensor& like) {
   return torch::zeros_like(like.narrow(1, 0, 1)) + constant_like(row, like);
 }
 
-/// The root's six rotations and translations can be taken apart only if all rotations turn about one point.
+/// The root's rotations and translations can be separated only if all rotations have the same centre.
 void check_pivot(const Skeleton& skeleton, const Skeleton::Root& root, const Eigen::Vector3d& pivot) {
   std::vector<double> turned(skeleton.dofs.size(), 0.0);
   for (int dof : root.rotation) turned[dof] = 1.0;
@@ -112,7 +112,7 @@ void PoseDofs::choose(const Skeleton& skeleton, const std::vector<std::string>& 
     upper.push_back(dof.limits ? unit * (*dof.limits)[1] : kInfinity);
     middle.push_back(dof.limits ? 0.5 * (lower.back() + upper.back()) : unit * given_[d].item<double>());
   }
-  if (columns.empty()) fail<UsageError>("pose: none of the DoFs that were named moves a joint beside the root");
+  if (columns.empty()) fail<UsageError>("pose: none of the named DoFs moves a joint other than the root");
   columns_ = torch::tensor(columns, torch::kInt64);
   scale_ = doubles(scale);
   lower_ = doubles(lower);

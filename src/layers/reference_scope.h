@@ -4,7 +4,7 @@
 
 namespace doppel {
 
-/// While one lives, the layers on this thread take their reference instead of their kernel.
+/// During the lifetime of a ReferenceScope, layers on this thread run their reference instead of their kernel.
 class ReferenceScope {
  public:
   ReferenceScope();

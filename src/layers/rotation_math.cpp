@@ -40,13 +40,13 @@ Tensor rotation_to_angles(const Tensor& rotation, const std::array<int, 3>& axes
     fail<UsageError>("rotation_to_angles: rotation must be a floating-point tensor [...,3,3], found {}",
                      describe(rotation));
   const auto [i, j, k] = axes;
-  // +1 where the axes follow each other as x y z do, -1 the other way round.
+  // +1 if the axes are a cyclic permutation of x y z, otherwise -1.
   const double sign = (j - i + 3) % 3 == 1 ? 1.0 : -1.0;
   const auto m = [&](int row, int column) { return rotation.select(-2, row).select(-1, column); };
   constexpr double kPole = 1e-6;
   const Tensor squared = m(k, k) * m(k, k) + m(j, k) * m(j, k);
   const Tensor singular = squared < kPole * kPole;
-  // Chosen before atan2, whose derivative at (0,0) is not finite; the clamp does the same for the root.
+  // Chosen before atan2, whose derivative at (0,0) is not finite. The clamp avoids the same problem for the root.
   const auto choose = [&](const Tensor& at_pole, const Tensor& elsewhere) {
     return torch::where(singular, at_pole, elsewhere);
   };

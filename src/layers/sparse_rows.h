@@ -1,6 +1,6 @@
 #pragma once
 
-/// Sparse weights of rows over columns (vertices over bones, vertices over nodes) in the forms that layers read.
+/// Sparse weights of rows over columns (vertices over bones, vertices over nodes), in the forms that layers read.
 
 #include <torch/torch.h>
 
@@ -15,7 +15,7 @@ struct SparseRows {
   SparseRows() = default;
   /// @param rows    column indices of each row
   /// @param weights aligned with rows.items; each row sums to 1
-  /// @param what    named in messages, e.g. "skinning weights"
+  /// @param what    name for messages, e.g. "skinning weights"
   /// @throws Error for an empty row, a column out of range, or a row that does not sum to 1 within 1e-5
   SparseRows(const IndexRows& rows, const std::vector<double>& weights, int64_t columns, const std::string& what);
 
@@ -23,7 +23,7 @@ struct SparseRows {
   // Compressed rows and their transpose, for kernels.
   torch::Tensor offsets, items, weights;                                   ///< int32 [rows+1], int32 [E], float32 [E]
   torch::Tensor transposed_offsets, transposed_items, transposed_weights;  ///< int32 [cols+1], int32 [E], float32 [E]
-  // Every row filled up to the longest with weight 0 (on its first column), for references.
+  // For references: every row padded to the longest with weight 0 (on its first column).
   torch::Tensor padded_items;    ///< int64 [rows,P]
   torch::Tensor padded_weights;  ///< float64 [rows,P]
 };

@@ -1,6 +1,6 @@
 #pragma once
 
-/// The character's surface as a function of pose and deformation: kinematics, skinning and embedded deformation in one.
+/// The character's surface as a function of pose and deformation: joins kinematics, skinning and embedded deformation.
 
 #include <torch/torch.h>
 
@@ -17,7 +17,7 @@ class CharacterSurfaceImpl : public torch::nn::Module {
 
   /// Pure skinning, each vertex with its own blend of bones. @param dofs [B,D] @return [B,N,3] world metres
   torch::Tensor skinned(const torch::Tensor& dofs);
-  /// Pure skinning through the graph nodes: what `deformed` gives without deformation. @return [B,N,3]
+  /// Pure skinning through the graph nodes: the result of `deformed` without deformation. @return [B,N,3]
   torch::Tensor skinned_by_nodes(const torch::Tensor& dofs);
   /// Embedded deformation, then node-level skinning. Equations: 6.2, 6.3
   /// @param A, T [B,K,3] @param D [B,N,3] or undefined @return [B,N,3] world metres

@@ -6,7 +6,8 @@
 
 namespace doppel {
 
-/// A constant on the device and in the type of `like`; untouched (and unrecorded by a trace) if it is there already.
+/// A constant on the device and in the type of `like`. If it already has both, it is returned unchanged, and a trace
+/// records nothing.
 inline torch::Tensor constant_like(const torch::Tensor& constant, const torch::Tensor& like) {
   if (constant.device() == like.device() && constant.scalar_type() == like.scalar_type()) return constant;
   return constant.to(like.options());

@@ -1,11 +1,11 @@
 #pragma once
 
-/// As-rigid-as-possible loss on the embedded graph: neighbours should move as each other's rotations predict.
+/// As-rigid-as-possible loss on the embedded graph: a node's rotation should predict the positions of its neighbours.
 ///
 ///   L = mean over directed edges (k,l) and the batch of  u_kl |R(A_k) (g_l - g_k) + g_k + T_k - (g_l + T_l)|_1
 ///
-/// Equation: 6.9. Metres; the sum of the three components' absolute values; each undirected edge counts in both
-/// directions. Letters: B batch, K nodes, E directed edges.
+/// Equation: 6.9. Metres. |.|_1 is the sum of the absolute values of the three components. Each undirected edge counts
+/// in both directions. Letters: B batch, K nodes, E directed edges.
 
 #include <torch/torch.h>
 
@@ -34,7 +34,7 @@ struct ArapGraph {
 
 /// @param A [B,K,3] Euler angles @param T [B,K,3] translations
 /// @return scalar; 0 without edges or items
-/// Gradients: to A and T; where a component of a residual is exactly 0 its subgradient is 0. No second derivative.
+/// Gradients: to A and T. The subgradient of a residual component that is exactly 0 is 0. No second derivative.
 /// @throws Error with the shape found
 torch::Tensor arap_loss(const torch::Tensor& A, const torch::Tensor& T, const ArapGraph& graph);
 /// The same in plain tensor operations: any device and float type.

@@ -75,7 +75,7 @@ inline Vector<L> weighted_sign(Vector<L> x, float weight) {
   return x > 0.0f ? plus : (x < 0.0f ? -plus : none);
 }
 
-/// Gradients [3,L] of one node, from the edges it begins and from those it ends.
+/// Gradients [3,L] of one node, from its outgoing and its incoming edges.
 template <int L>
 inline void node_adjoint(const ArapParams& p, int64_t node, const float* angles, float* grad_angles,
                          float* grad_translation) {
@@ -90,7 +90,7 @@ inline void node_adjoint(const ArapParams& p, int64_t node, const float* angles,
     for (int r = 0; r < 3; ++r) {
       const Vector<L> g = weighted_sign<L>(residual<L>(own, other, rest, 1.0f, r), weight);
       for (int k = 0; k < 3; ++k) G[3 * r + k] += g * rest[k];
-      // The reverse edge has the opposite rest offset and the same rigidity; this node is its end.
+      // The reverse edge has the opposite rest offset and the same rigidity. It ends at this node.
       T[r] += g - weighted_sign<L>(residual<L>(other, own, rest, -1.0f, r), weight);
     }
   }

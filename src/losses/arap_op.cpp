@@ -20,7 +20,7 @@ using torch::autograd::variable_list;
 const char* const kArapOp = "doppel::arap_loss";
 constexpr int64_t kArapBlock = 16;
 
-/// What one call works on; the tensors keep alive what `params` points to.
+/// The data of one call. The tensors own the memory that `params` points to.
 struct ArapCall {
   Tensor A, T, table;
   ArapParams params{};
@@ -80,7 +80,8 @@ Tensor arap_cpu(const Tensor& A, const Tensor& T, at::TensorList graph) {
   return at::full({}, sum / (static_cast<double>(call.batch) * call.edges), A.options());
 }
 
-std::tuple<Tensor, Tensor> arap_backward_cpu(const Tensor& grad, const Tensor& A, const Tensor& T, at::TensorList graph) {
+std::tuple<Tensor, Tensor> arap_backward_cpu(const Tensor& grad, const Tensor& A, const Tensor& T,
+                                             at::TensorList graph) {
   ArapCall call(A, T, graph);
   Tensor grad_A = at::zeros_like(call.A), grad_T = at::zeros_like(call.T);
   if (call.is_empty()) return {grad_A, grad_T};

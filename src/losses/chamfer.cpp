@@ -27,7 +27,7 @@ Tensor nearest_rows(const Tensor& points, const Tensor& places) {
   return nearest.to(points.device());
 }
 
-/// Mean over pairs of eta, with those left out that `agree` [P] less than the options allow.
+/// Mean of eta over pairs. A pair whose normals `agree` [P] less than the options require counts as 0.
 Tensor robust_mean(const Tensor& offset, const Tensor& agree, const ChamferOptions& options) {
   const Tensor squared = offset.square().sum(1);
   const Tensor counts = (squared <= options.threshold * options.threshold) & (agree >= options.min_agreement);
@@ -55,9 +55,9 @@ Tensor chamfer_loss(const Tensor& vertices, const Tensor& normals, const PointCl
     fail<UsageError>("{}: visible must be bool [N] = [{}], found {}", kName, vertices.size(0), describe(visible));
   for (const Tensor& points : {vertices, cloud_in.points})
     if (!points.isfinite().all().item<bool>())
-      fail<UsageError>("{}: vertices or cloud have numbers that are not finite; what made them has gone wrong", kName);
+      fail<UsageError>("{}: vertices or cloud have numbers that are not finite; check how they were computed", kName);
   const Tensor cloud = cloud_in.points.detach();
-  // The gradient of an embedding adds up rows far faster than that of an index.
+  // The gradient of an embedding sums rows much faster than that of an index.
   Tensor shown = vertices, towards = normals;
   if (visible.defined()) {
     const Tensor rows = visible.nonzero().squeeze(1);

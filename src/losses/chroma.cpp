@@ -2,6 +2,7 @@
 
 #include <torch/torch.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/losses/image_terms.h"
@@ -17,12 +18,12 @@ void check(const Tensor& rendered, const Tensor& covered, const Tensor& target, 
   image_loss::check_images("chroma_loss", rendered, covered, target, target_mask);
   if (!(options.smoothing >= 0.0) || options.half_size < 1 || options.half_size > 8)
     fail<UsageError>(
-        "chroma_loss: smoothing {} with half size {} makes no sense; the first must be at least 0 (0: none), the "
+        "chroma_loss: smoothing {} with half size {}; the first must be at least 0 (0: none), the "
         "second 1 to 8",
         options.smoothing, options.half_size);
 }
 
-/// The foreground; counted is what it and the drawing cover, without the views that see nobody.
+/// The foreground mask. The count is the number of pixels in mask or drawing, without views that show no foreground.
 image_loss::PixelMask chroma_mask(const Tensor& covered, const Tensor& target_mask) {
   image_loss::PixelMask mask;
   mask.weight = image_loss::binary(target_mask);
@@ -31,12 +32,12 @@ image_loss::PixelMask chroma_mask(const Tensor& covered, const Tensor& target_ma
   return mask;
 }
 
-/// [B,C,H,W,3] smoothed with zeros beyond the image.
+/// Smooths [B,C,H,W,3] with zeros beyond the image.
 Tensor smooth(const Tensor& image, const std::vector<double>& taps) {
   const auto half = static_cast<std::int64_t>(taps.size()) - 1;
   if (half == 0) return image;
   std::vector<double> window;
-  for (std::int64_t i = -half; i <= half; ++i) window.push_back(taps[static_cast<std::size_t>(std::abs(i))]);
+  for (std::int64_t i = -half; i <= half; ++i) window.push_back(taps[as_size(std::abs(i))]);
   const Tensor line = torch::tensor(window, torch::kFloat64).to(image.options().requires_grad(false));
   const Tensor planes = image.permute({0, 1, 4, 2, 3}).reshape({-1, 1, image.size(2), image.size(3)});
   const Tensor down = torch::conv2d(planes, line.view({1, 1, -1, 1}), {}, 1, torch::IntArrayRef{half, 0});

@@ -7,7 +7,7 @@ namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
 constexpr int kChroma = 0, kSquares = 1;
-constexpr int kLanes = 16;  // sums of a row are kept in so many parts, whatever the vectors' width
+constexpr int kLanes = 16;  // partial sums of a row, the same number for every vector width
 
 /// Adds half the squares (or the absolute values) of `count` numbers.
 template <bool Absolute>
@@ -39,7 +39,7 @@ void spread_mask(const uint8_t* __restrict mask, int64_t width, float* __restric
   }
 }
 
-/// 255 (r - t) in the mask, 0 outside, whatever stands there.
+/// 255 (r - t) inside the mask, 0 outside for any values there, including NaN.
 void row_difference(const ImageLossParams& p, int64_t y, float* __restrict weight, float* __restrict out) {
   const int64_t count = 3 * p.width;
   const float* __restrict r = p.rendered + y * count;
@@ -99,7 +99,7 @@ inline int64_t clamp(int64_t value, int64_t low, int64_t high) {
   return value < low ? low : (value > high ? high : value);
 }
 
-/// Rows of an image that lie in memory: [first, first + rows).
+/// The rows of an image that are in memory: [first, first + rows).
 struct Rows {
   int64_t first, rows;
   float* planes;  ///< [2][rows][W]

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/losses/image_kernel.h"
@@ -17,10 +18,10 @@ using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
 const char* const kImageLossOp = "doppel::image_loss";
-/// Rows that one piece of work takes; the sums are added up piece by piece, whoever made them.
+/// Rows per piece of work. The sums are added in the order of the pieces, so they do not depend on the threads.
 constexpr std::int64_t kRows = 32;
 
-/// What one call works on; the tensors keep alive what `params` points to.
+/// The data of one call. The tensors own the memory that `params` points to.
 struct ImageLossCall {
   Tensor rendered, target, mask;
   float matrix[6] = {};
@@ -29,14 +30,14 @@ struct ImageLossCall {
   std::int64_t views = 0, pieces_per_view = 0, channels = 3;
 
   ImageLossCall(const Tensor& rendered_in, const Tensor& target_in, const Tensor& mask_in, std::int64_t measure,
-       at::ArrayRef<double> taps_in)
+                at::ArrayRef<double> taps_in)
       : taps(taps_in.begin(), taps_in.end()) {
     TORCH_CHECK(rendered_in.dim() == 5 && rendered_in.size(4) == 3 && rendered_in.scalar_type() == torch::kFloat32 &&
                     target_in.sizes() == rendered_in.sizes() && target_in.scalar_type() == torch::kFloat32 &&
                     mask_in.sizes() == rendered_in.sizes().slice(0, 4) && mask_in.scalar_type() == torch::kUInt8 &&
                     measure >= 0 && measure <= 2 && !taps.empty(),
-                kImageLossOp, ": images must be float32 [B,C,H,W,3], the mask uint8 [B,C,H,W]; found ", describe(rendered_in),
-                ", ", describe(target_in), " and ", describe(mask_in));
+                kImageLossOp, ": images must be float32 [B,C,H,W,3], the mask uint8 [B,C,H,W]; found ",
+                describe(rendered_in), ", ", describe(target_in), " and ", describe(mask_in));
     rendered = rendered_in.contiguous();
     target = target_in.contiguous();
     mask = mask_in.contiguous();
@@ -55,11 +56,11 @@ struct ImageLossCall {
   bool is_empty() const { return mask.numel() == 0; }
   std::int64_t pieces() const { return views * pieces_per_view; }
 
-  /// work(params of the piece, its number, its first and last row)
+  /// Calls work(params of the piece, its number, its first and last row).
   template <typename Work>
   void for_each_piece(const Work& work) const {
     at::parallel_for(0, pieces(), 1, [&](std::int64_t begin, std::int64_t end) {
-      std::vector<float> scratch(static_cast<std::size_t>(kernels::image_loss_scratch(params, kRows)));
+      std::vector<float> scratch(as_size(kernels::image_loss_scratch(params, kRows)));
       ImageLossParams p = params;
       p.scratch = scratch.data();
       for (std::int64_t piece = begin; piece < end; ++piece) {
@@ -75,12 +76,12 @@ struct ImageLossCall {
 };
 
 Tensor image_loss_cpu(const Tensor& rendered, const Tensor& target, const Tensor& mask, std::int64_t count,
-                   std::int64_t measure, at::ArrayRef<double> taps) {
+                      std::int64_t measure, at::ArrayRef<double> taps) {
   const ImageLossCall call(rendered, target, mask, measure, taps);
   if (call.is_empty()) return at::zeros({}, call.rendered.options());
-  std::vector<double> sums(static_cast<std::size_t>(call.pieces()), 0.0);
+  std::vector<double> sums(as_size(call.pieces()), 0.0);
   call.for_each_piece([&](ImageLossParams& p, std::int64_t piece, std::int64_t, std::int64_t first, std::int64_t last) {
-    p.sum = &sums[static_cast<std::size_t>(piece)];
+    p.sum = &sums[as_size(piece)];
     kernels::image_loss_forward(p, first, last);
   });
   double sum = 0.0;
@@ -88,9 +89,9 @@ Tensor image_loss_cpu(const Tensor& rendered, const Tensor& target, const Tensor
   return at::full({}, sum / static_cast<double>(call.channels * count), call.rendered.options());
 }
 
-/// @return the gradient to `rendered`; that to `target` is its opposite
+/// @return the gradient to `rendered`; the gradient to `target` is its negative
 Tensor image_loss_backward_cpu(const Tensor& upstream, const Tensor& rendered, const Tensor& target, const Tensor& mask,
-                    std::int64_t count, std::int64_t measure, at::ArrayRef<double> taps) {
+                               std::int64_t count, std::int64_t measure, at::ArrayRef<double> taps) {
   ImageLossCall call(rendered, target, mask, measure, taps);
   Tensor gradient = at::empty(call.rendered.sizes(), call.rendered.options());
   if (call.is_empty()) return gradient;
@@ -109,8 +110,8 @@ class ImageLossFunction : public torch::autograd::Function<ImageLossFunction> {
                         std::int64_t count, std::int64_t measure, const std::vector<double>& taps) {
     static const auto op = find_op<decltype(image_loss_cpu)>(kImageLossOp);
     at::AutoDispatchBelowADInplaceOrView guard;
-    // The gradient is made from the images again: an image of gradients kept from here would cost more memory
-    // traffic than reading them twice.
+    // The backward pass recomputes the gradient from the images: a stored image of gradients would cost more memory
+    // traffic than a second read.
     context->save_for_backward({rendered, target, mask});
     context->saved_data["count"] = count;
     context->saved_data["measure"] = measure;
@@ -135,7 +136,7 @@ class ImageLossFunction : public torch::autograd::Function<ImageLossFunction> {
 };
 
 Tensor image_loss_autograd(const Tensor& rendered, const Tensor& target, const Tensor& mask, std::int64_t count,
-                        std::int64_t measure, at::ArrayRef<double> taps) {
+                           std::int64_t measure, at::ArrayRef<double> taps) {
   return ImageLossFunction::apply(rendered, target, mask, count, measure, taps.vec());
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-/// What the three losses between images share: checks, masks, and one fused pass over the pixels.
+/// Shared parts of the three losses between images: checks, masks, and one fused pass over the pixels.
 
 #include <torch/types.h>
 
@@ -9,20 +9,20 @@
 
 namespace doppel::image_loss {
 
-/// How a pixel's difference of colour d = r - t becomes its part of a loss.
+/// The contribution of a pixel to a loss, as a function of its colour difference d = r - t.
 enum class Measure : int {
   chroma = 0,    ///< half the square of the chroma of 255 d, smoothed; two channels
   squares = 1,   ///< half the square of 255 d; three channels
   absolute = 2,  ///< |255 d|; three channels
 };
 
-/// Pixels that take part, and by how many the sum is divided.
+/// The pixels that count, and the divisor of the sum.
 struct PixelMask {
   torch::Tensor weight;    ///< uint8 [B,C,H,W], 0 or 1
   std::int64_t count = 0;  ///< of the whole batch, at least 1
 };
 
-/// U' and V' without their constants, which a difference does not have: rows for U and V, columns for R, G, B.
+/// U' and V' without their constants, which cancel in a difference: rows for U and V, columns for R, G, B.
 constexpr double kChroma[2][3] = {{-0.14714119 / 0.87202066, -0.28886916 / 0.87202066, 0.43601035 / 0.87202066},
                                   {0.61497538 / 1.22995076, -0.51496512 / 1.22995076, -0.10001026 / 1.22995076}};
 
@@ -30,13 +30,13 @@ constexpr double kChroma[2][3] = {{-0.14714119 / 0.87202066, -0.28886916 / 0.872
 void check_images(const char* op, const torch::Tensor& rendered, const torch::Tensor& covered,
                   const torch::Tensor& target, const torch::Tensor& target_mask);
 
-/// One side of a Gaussian's taps, the middle one first: [half_size + 1], of sum 1 over the window. One tap without
-/// smoothing.
+/// One half of the taps of a Gaussian, the middle tap first: [half_size + 1], with sum 1 over the window. A single tap
+/// without smoothing.
 std::vector<double> gaussian_taps(double sigma, int half_size);
 
-/// uint8 [..], 0 or 1, of a bool or uint8 mask.
+/// Converts a bool or uint8 mask to uint8 [..], 0 or 1.
 torch::Tensor binary(const torch::Tensor& mask);
-/// Non-zero pixels, at least 1.
+/// The number of non-zero pixels, at least 1.
 std::int64_t count_pixels(const torch::Tensor& mask);
 
 /// sum over pixels and channels / (count * channels), in plain tensor operations (squares and absolute only).

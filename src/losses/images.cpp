@@ -18,7 +18,7 @@ void check_erosion(const Tensor& mask, int times) {
   const bool type = mask.defined() && (mask.scalar_type() == torch::kBool || mask.scalar_type() == torch::kUInt8);
   if (!type || mask.dim() != 4)
     fail<UsageError>("erode_mask: the mask must be bool or uint8 [B,C,H,W], found {}", describe(mask));
-  if (times < 0) fail<UsageError>("erode_mask: erosion by {} pixels makes no sense; it must be at least 0", times);
+  if (times < 0) fail<UsageError>("erode_mask: the erosion is {} pixels; it must be at least 0", times);
 }
 
 }  // namespace

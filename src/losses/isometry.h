@@ -1,11 +1,11 @@
 #pragma once
 
-/// Isometry loss: edges keep the length they have in the template, but may turn, which wrinkles need and the Laplacian
-/// loss forbids (6.12.3.3).
+/// Isometry loss: edges keep their lengths in the template but may rotate. Wrinkles need rotating edges, which the
+/// Laplacian loss penalises (6.12.3.3).
 ///
 ///   L = sum over batch and directed edges (i,j) of (|V_i - V_j| - l_ij)^2 / (B * 2E)
 ///
-/// Metres; a weight for millimetres is 1e6 times as large here. Letters: B batch, N vertices, E undirected edges.
+/// Metres; a weight for millimetres must be multiplied by 1e6. Letters: B batch, N vertices, E undirected edges.
 
 #include <torch/torch.h>
 

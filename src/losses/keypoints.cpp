@@ -11,7 +11,7 @@ using torch::Tensor;
 
 namespace {
 
-/// Squared distances in scaled pixels, and which of them count.
+/// Squared distances in scaled pixels, and the confidences of those that count.
 struct Residuals {
   Tensor squared;     ///< [B,C,M]; 0 where it does not count
   Tensor confidence;  ///< [B,C,M]; likewise

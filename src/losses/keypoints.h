@@ -1,6 +1,6 @@
 #pragma once
 
-/// Keypoint losses: projected landmarks against their 2D detections.
+/// Keypoint losses: compare projected landmarks with their keypoints.
 ///
 ///   L = mean over cameras and batch of  sum over m of lambda_m sigma_cm |s_c (pi_c(p_m) - k_cm)|^2
 ///
@@ -15,39 +15,38 @@
 
 namespace doppel {
 
-/// What landmarks are compared with.
+/// The keypoints with which landmarks are compared.
 struct KeypointTarget {
   torch::Tensor keypoints;   ///< [B,C,M,3] x, y in pixels of the undistorted image, confidence sigma
-  torch::Tensor projection;  ///< [B,C,3,4] K [R|t]: those pixels from world metres
+  torch::Tensor projection;  ///< [B,C,3,4] K [R|t]: pixels of the undistorted image from world metres
   torch::Tensor scale;       ///< [B,C] 1024 / image width
 };
 
 struct KeypointLossOptions {
-  double confidence_threshold = 0.4;  ///< detections below do not count (5.2)
-  double nearest_depth = 0.1;         ///< metres; landmarks nearer to a camera, or behind it, do not count there
+  double confidence_threshold = 0.4;  ///< keypoints below it do not count (5.2)
+  double nearest_depth = 0.1;         ///< metres; landmarks with a smaller depth do not count in a camera
 };
 
-/// The mean is over cameras in which at least one detection counts; 0 without any.
+/// The mean is over the cameras in which at least one keypoint counts; 0 without such a camera.
 /// @param points [B,M,3] world, metres
 /// @param lambda [M] weights of the landmarks; undefined: 1
 /// @return scalar >= 0, in the type of `points`
-/// Gradient: to `points`; detections and landmarks that are not finite have none.
+/// Gradient: to `points`; keypoints and landmarks that are not finite have none.
 /// @throws UsageError naming the argument, with the shape found
 torch::Tensor keypoint_loss(const torch::Tensor& points, const KeypointTarget& target, const torch::Tensor& lambda = {},
                             const KeypointLossOptions& options = {});
 
-/// Distance in scaled pixels between projections and the detections that count, mean over the batch, for reports; 0
-/// without any. @return scalar without gradient
+/// Mean distance over the batch between projections and the keypoints that count, in scaled pixels, for reports; 0
+/// without such keypoints. @return scalar without gradient
 torch::Tensor keypoint_error(const torch::Tensor& points, const KeypointTarget& target,
                              const KeypointLossOptions& options = {});
 
-/// The kinds of landmarks that the schedule tells apart: torso (neck, shoulders, hips), elbows and knees, others.
+/// The kinds of landmarks in the schedule: torso (neck, shoulders, hips), elbows and knees, others.
 enum class LandmarkKind { torso, elbow_or_knee, other };
-/// By the name, whatever its side and spelling: "left_shoulder", "RShoulder", "mid_hip".
+/// The kind by name, for any side and spelling: "left_shoulder", "RShoulder", "mid_hip".
 LandmarkKind landmark_kind(const std::string& name);
 
-/// lambda_m of 5.6: in the first third of a training stage 3 for the torso, 2 for elbows and knees, 1 for others; then
-/// 3 for all.
+/// lambda_m of 5.6. First third of a stage: 3 for the torso, 2 for elbows and knees, 1 for others. After it: 3 for all.
 /// @param progress of the stage, 0 to 1 @return float32 [M]
 torch::Tensor landmark_weights(const std::vector<std::string>& names, double progress);
 

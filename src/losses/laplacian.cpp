@@ -1,5 +1,6 @@
 #include "doppel/losses/laplacian.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
@@ -13,7 +14,7 @@ LaplacianGraph::LaplacianGraph(const Character& character)
 LaplacianGraph::LaplacianGraph(const MeshTopology& topology, const std::vector<double>& rigidity)
     : num_vertices(topology.num_vertices()) {
   const IndexRows& rings = topology.one_ring();
-  if (rigidity.size() != static_cast<std::size_t>(num_vertices))
+  if (rigidity.size() != as_size(num_vertices))
     fail("Laplacian graph: {} vertices but {} rigidities", num_vertices, rigidity.size());
   num_edges = static_cast<std::int64_t>(rings.items.size());
   offsets = torch::tensor(rings.offsets, torch::kInt32);

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Laplacian loss: a vertex should be displaced as its neighbours are.
+/// Laplacian loss: neighbouring vertices should have similar displacements.
 ///
 ///   L = sum over batch and vertices of w_i |n_i d_i - sum over neighbours j of d_j|^2 / (B * 2E),   d = V_fi - V_co
 ///
@@ -35,7 +35,7 @@ struct LaplacianGraph {
 /// @param V_fi [B,N,3] vertices with displacements, metres
 /// @param V_co [B,N,3] the same without, in the same pose
 /// @return scalar; 0 without items or edges
-/// Gradient: to V_fi only. V_co counts as given: it is the posed template that displacements are added to.
+/// Gradient: to V_fi only. V_co, the posed surface without displacements, is a constant.
 /// @throws UsageError with the shape found
 torch::Tensor laplacian_loss(const torch::Tensor& V_fi, const torch::Tensor& V_co, const LaplacianGraph& graph);
 /// The same in plain tensor operations: any device and float type.

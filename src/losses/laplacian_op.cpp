@@ -3,6 +3,7 @@
 #include <tuple>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
@@ -21,20 +22,21 @@ const char* const kLaplacianOp = "doppel::laplacian_loss";
 /// @param graph offsets, neighbours, weight
 /// @return the loss, and its gradient to V_fi (empty unless wanted)
 std::tuple<Tensor, Tensor> laplacian_cpu(const Tensor& V_fi_in, const Tensor& V_co_in, at::TensorList graph,
-                                       bool with_gradient) {
+                                         bool with_gradient) {
   TORCH_CHECK(graph.size() == 3, kLaplacianOp, ": graph must hold offsets, neighbours, weight");
   const int64_t N = graph[2].size(0), edges = graph[1].size(0), batch = V_fi_in.size(0);
-  TORCH_CHECK(
-      V_fi_in.dim() == 3 && V_fi_in.scalar_type() == torch::kFloat32 && V_fi_in.size(1) == N && V_fi_in.size(2) == 3 &&
-          V_co_in.scalar_type() == torch::kFloat32 && V_co_in.sizes() == V_fi_in.sizes(),
-      kLaplacianOp, ": V_fi and V_co must be float32 [B,", N, ",3], found ", describe(V_fi_in), " and ", describe(V_co_in));
+  TORCH_CHECK(V_fi_in.dim() == 3 && V_fi_in.scalar_type() == torch::kFloat32 && V_fi_in.size(1) == N &&
+                  V_fi_in.size(2) == 3 && V_co_in.scalar_type() == torch::kFloat32 &&
+                  V_co_in.sizes() == V_fi_in.sizes(),
+              kLaplacianOp, ": V_fi and V_co must be float32 [B,", N, ",3], found ", describe(V_fi_in), " and ",
+              describe(V_co_in));
   const Tensor V_fi = V_fi_in.contiguous(), V_co = V_co_in.contiguous();
   Tensor gradient = with_gradient ? at::empty(V_fi.sizes(), V_fi.options()) : at::empty({0}, V_fi.options());
   if (batch == 0 || edges == 0) return {at::zeros({}, V_fi.options()), gradient.zero_()};
   const double scale = 1.0 / (static_cast<double>(batch) * static_cast<double>(edges));
-  std::vector<double> sums(static_cast<std::size_t>(batch));
+  std::vector<double> sums(as_size(batch));
   at::parallel_for(0, batch, 1, [&](int64_t begin, int64_t end) {
-    std::vector<float> scratch(static_cast<std::size_t>(8 * N));
+    std::vector<float> scratch(as_size(8 * N));
     for (int64_t b = begin; b < end; ++b) {
       LaplacianParams p{};
       p.num_vertices = N;
@@ -48,7 +50,7 @@ std::tuple<Tensor, Tensor> laplacian_cpu(const Tensor& V_fi_in, const Tensor& V_
       p.scale = static_cast<float>(scale);
       p.gradient = with_gradient ? gradient.data_ptr<float>() + 3 * N * b : nullptr;
       kernels::laplacian_item(p);
-      sums[static_cast<std::size_t>(b)] = p.sum;
+      sums[as_size(b)] = p.sum;
     }
   });
   double sum = 0.0;

@@ -1,10 +1,10 @@
 #pragma once
 
-/// Lighting loss: squared differences of colour where both images surely show the person.
+/// Lighting loss: squared differences of colour where both images reliably show the person.
 ///
 ///   L = 1/2 sum over views, pixels of M, {R,G,B} of (255 (r - t))^2 / (3 |M|),   M = erode(mask and drawing)
 ///
-/// Outside of M one of the two is background, which would draw the light towards black.
+/// Outside M one of the images shows background, which would bias the lighting towards black.
 /// Equation: 6.13
 
 #include <torch/types.h>
@@ -12,7 +12,7 @@
 namespace doppel {
 
 struct LightingLossOptions {
-  int erosion = 1;  ///< pixels taken off the edge of mask and drawing
+  int erosion = 1;  ///< pixels by which the overlap of mask and drawing is eroded
 };
 
 /// @param rendered float [B,C,H,W,3], RGB 0..1

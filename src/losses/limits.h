@@ -4,7 +4,7 @@
 
 namespace doppel {
 
-/// Pose prior: squared distance of joint angles from their limits, 0 inside; sum over DoFs, mean over the batch.
+/// Pose prior: squared distance of joint angles from their limits, 0 within them; sum over DoFs, mean over the batch.
 /// Equations: 5.7, 5.8
 /// @param theta [B,P] @param lower, upper [P], infinite where there is no limit (PoseDofs::lower, upper)
 /// @return scalar >= 0; gradient to `theta`

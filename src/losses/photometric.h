@@ -4,8 +4,8 @@
 ///
 ///   L = sum over views, pixels of M, {R,G,B} of d(255 (r - t)) / (3 |M|),   M = erode(mask) and drawing
 ///
-/// d(x) = |x|, or with `squares` x^2 / 2. The former finds the median of what a texel was seen as, the latter the mean.
-/// The erosion keeps background out of the texture where the drawing reaches a little beyond the person.
+/// d(x) = |x|, or x^2 / 2 with `squares`. The former is minimal at the median of a texel's observed colours, the latter
+/// at their mean. The erosion keeps background out of the texture where the drawing extends beyond the person.
 /// Equation: 6.18
 
 #include <torch/types.h>
@@ -13,7 +13,7 @@
 namespace doppel {
 
 struct PhotometricOptions {
-  int erosion = 2;       ///< pixels taken off the edge of the mask
+  int erosion = 2;       ///< pixels by which the mask is eroded
   bool squares = false;  ///< half the squares of the differences instead of their absolute values
 };
 

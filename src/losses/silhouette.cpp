@@ -26,14 +26,16 @@ void check_contour(const SilhouetteTarget& target, std::int64_t views) {
   const Tensor& offsets = target.contour_offsets;
   if (!offsets.defined() || offsets.scalar_type() != torch::kInt64 || offsets.dim() != 1 ||
       offsets.size(0) != views + 1) {
-    fail<UsageError>("{}: contour_offsets must be int64 [B*C+1] = [{}], found {}", kSilhouetteOp, views + 1, describe(offsets));
+    fail<UsageError>("{}: contour_offsets must be int64 [B*C+1] = [{}], found {}", kSilhouetteOp, views + 1,
+                     describe(offsets));
   }
   const Tensor rows = offsets.contiguous();
   const std::int64_t* row = rows.data_ptr<std::int64_t>();
   bool ordered = row[0] == 0 && row[views] == target.contour.size(0);
   for (std::int64_t i = 0; i < views; ++i) ordered = ordered && row[i] <= row[i + 1];
   if (!ordered) {
-    fail<UsageError>("{}: contour_offsets must rise from 0 to the {} contour pixels", kSilhouetteOp, target.contour.size(0));
+    fail<UsageError>("{}: contour_offsets must increase from 0 to the {} contour pixels", kSilhouetteOp,
+                     target.contour.size(0));
   }
 }
 
@@ -67,8 +69,8 @@ void check_target(const Tensor& vertices, const Tensor& faces, const SilhouetteT
     check_shape(kSilhouetteOp, "pixel_scale", target.pixel_scale, {batch, cameras}, "[B,C]");
   }
   if (!(options.distance_scale > 0) || !(options.contour_radius > 0)) {
-    fail<UsageError>("{}: distance_scale {} and contour_radius {} must be greater than 0", kSilhouetteOp, options.distance_scale,
-                     options.contour_radius);
+    fail<UsageError>("{}: distance_scale {} and contour_radius {} must be greater than 0", kSilhouetteOp,
+                     options.distance_scale, options.contour_radius);
   }
   check_contour(target, batch * cameras);
 }
@@ -95,13 +97,13 @@ void add_normals(const T* x, const std::int64_t* faces, std::int64_t num_vertice
   }
 }
 
-/// A pixel at the edge of a drawing, or of a mask, has its centre half a pixel inside the outline.
+/// Distance of the centre of a contour pixel, of a drawing or a mask, from the outline, pixels.
 constexpr double kPixelToOutline = 0.5;
 
 silhouette::ResidualScales residual_scales(const SilhouetteTarget& target, const SilhouetteOptions& options) {
   const Tensor one = torch::ones(target.valid.sizes());
   Tensor model_to_data = one, data_to_model = one;
-  // Squared residuals in image pixels, times the length that a crop pixel has in them.
+  // Squared residuals in image pixels, times the width of a crop pixel in image pixels.
   if (options.boundary == SilhouetteBoundary::outline)
     model_to_data = data_to_model = target.pixel_scale.pow(1.5);
   else if (options.unit == SilhouetteUnit::image_pixels)
@@ -121,7 +123,7 @@ Tensor on_faces(const Tensor& values, const OutlinePoints& outline) {
   const std::int64_t views = outline.used.size(0), cameras = views / std::max<std::int64_t>(values.size(0), 1);
   const Tensor item = at::arange(views, torch::kInt64).div(std::max<std::int64_t>(cameras, 1), "floor");
   const Tensor rows = outline.corners + (item * values.size(1)).view({-1, 1, 1});
-  // An embedding: its gradient is summed row by row, in order.
+  // An embedding, whose gradient is summed row by row in order.
   const Tensor corners = at::embedding(values.reshape({-1, 3}), rows);  // [V,P,3,3]
   return (corners * outline.barycentrics.to(values.scalar_type()).unsqueeze(-1)).sum(2);
 }
@@ -181,7 +183,7 @@ SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, cons
   check_target(vertices, faces, target, at_centres);
   const std::int64_t views = target.valid.numel(), size = target.distance.size(3);
   check_flags("outline.used", outline.used, {views, outline.used.size(1)});
-  // Each view becomes a batch item of its own, with the points for vertices.
+  // Each view becomes a batch item, with the points as vertices.
   SilhouetteTarget by_view = target;
   by_view.projection = target.projection.reshape({views, 1, 3, 4});
   by_view.distance = target.distance.reshape({views, 1, size, size});

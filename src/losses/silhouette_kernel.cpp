@@ -42,7 +42,7 @@ double pull_to_outline(const CameraInput& in, BoundaryPoint& point) {
   const float* n = in.normals + 3 * static_cast<std::int64_t>(point.vertex);
   const float* p = in.projection;
   const float nw = row(p, 2, n);
-  const float nu = row(p, 0, n) - point.u * nw, nv = row(p, 1, n) - point.v * nw;  // times w > 0: the sign is enough
+  const float nu = row(p, 0, n) - point.u * nw, nv = row(p, 1, n) - point.v * nw;  // times w > 0; the sign suffices
   const float rho = distance < 0 && nu * du + nv * dv < 0 ? -1.0f : 1.0f;
 
   const float residual = distance * in.residual_scale;
@@ -74,7 +74,7 @@ void NearestPoint::build(const std::vector<BoundaryPoint>& points, std::int64_t 
   cells_ = static_cast<int>(size / kCell) + 1;
   offsets_.assign(static_cast<std::size_t>(cells_ * cells_ + 2), 0);
   items_.resize(points.size());
-  // Boundary vertices lie in the image; a set given by the caller may not, and then the outer cells take them.
+  // Boundary vertices lie in the image. Vertices of a set given by the caller may not; they go to the outer cells.
   const auto cell = [this](const BoundaryPoint& p) {
     const auto top = static_cast<float>(cells_ * kCell - 1);
     const int x = static_cast<int>(std::clamp(p.u, 0.0f, top)) / kCell,
@@ -108,7 +108,7 @@ int NearestPoint::find(float u, float v, float radius) const {
   int index = -1;
   const int last = static_cast<int>(radius / kCell) + 1;
   for (int ring = 0; ring <= last; ++ring) {
-    // Cells of this ring begin at least (ring - 1) cells and the way to the own cell's border away.
+    // The distance to the cells of this ring is at least (ring - 1) cells plus the distance to the own cell's border.
     const float reach = static_cast<float>(std::max(ring - 1, 0) * kCell);
     if (index >= 0 && reach * reach > best) break;
     for (int y = cy - ring; y <= cy + ring; ++y) {

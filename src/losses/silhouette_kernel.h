@@ -6,8 +6,8 @@
 /// The fused silhouette loss of one camera: value and gradient in one pass over the boundary vertices and contour
 /// pixels.
 ///
-/// Some hundreds of scattered vertices and pixels per camera leave nothing to vectorise, so this is ordinary code; it
-/// is fast because it touches nothing else.
+/// The code is scalar: some hundreds of scattered vertices and pixels per camera leave nothing to vectorise. It is fast
+/// because it reads only these vertices and pixels.
 namespace doppel::silhouette {
 
 struct CameraInput {
@@ -45,7 +45,7 @@ struct BoundaryPoint {
   float gradient[2][2];  ///< [sum][u,v]
 };
 
-/// The nearest of a set of points, by buckets; of equally near ones the first.
+/// Finds the nearest of a set of points with buckets, the first among equally near points.
 class NearestPoint {
  public:
   void build(const std::vector<BoundaryPoint>& points, std::int64_t size);
@@ -59,7 +59,7 @@ class NearestPoint {
   std::vector<int> offsets_, items_;
 };
 
-/// Memory that is used again for the next camera.
+/// Memory that is reused for the next camera.
 struct CameraScratch {
   std::vector<BoundaryPoint> points;
   NearestPoint nearest;

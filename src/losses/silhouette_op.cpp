@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/losses/silhouette_kernel.h"
@@ -19,12 +20,12 @@ using torch::autograd::variable_list;
 
 const char* const kSilhouetteLossOp = "doppel::silhouette_loss";
 
-/// Adds what the cameras of one batch item give, camera by camera: the same bits with any number of threads.
+/// Adds the gradients of the cameras of one batch item in order, so the bits are the same for any number of threads.
 void add_gradients(const std::vector<CameraResult>& results, std::int64_t item, std::int64_t cameras, float weight[2],
                    float* model_to_data, float* data_to_model) {
   float* const out[2] = {model_to_data, data_to_model};
   for (std::int64_t c = 0; c < cameras; ++c) {
-    for (const VertexGradient& g : results[static_cast<std::size_t>(item * cameras + c)].gradients) {
+    for (const VertexGradient& g : results[as_size(item * cameras + c)].gradients) {
       for (int s = 0; s < 2; ++s) {
         for (int d = 0; d < 3; ++d) out[s][3 * static_cast<std::int64_t>(g.vertex) + d] += weight[s] * g.gradient[s][d];
       }
@@ -34,14 +35,14 @@ void add_gradients(const std::vector<CameraResult>& results, std::int64_t item, 
 
 std::vector<CameraResult> evaluate_cameras(std::int64_t views, const bool* valid,
                                            const std::function<CameraInput(std::int64_t)>& input) {
-  std::vector<CameraResult> results(static_cast<std::size_t>(views));
+  std::vector<CameraResult> results(as_size(views));
   std::atomic<std::int64_t> next{0};
   at::parallel_for(0, std::min<std::int64_t>(views, at::get_num_threads()), 1,
                    [&](std::int64_t begin, std::int64_t end) {
                      CameraScratch scratch;
                      for (std::int64_t worker = begin; worker < end; ++worker) {
                        for (std::int64_t i = next++; i < views; i = next++) {
-                         if (valid[i]) results[static_cast<std::size_t>(i)] = evaluate_camera(input(i), scratch);
+                         if (valid[i]) results[as_size(i)] = evaluate_camera(input(i), scratch);
                        }
                      }
                    });

@@ -2,7 +2,7 @@
 
 #include "doppel/losses/silhouette_terms.h"
 
-/// The silhouette loss in plain tensor operations: the definition that the fused kernel is held against.
+/// The silhouette loss in plain tensor operations, the reference of the fused kernel.
 namespace doppel::silhouette {
 namespace {
 
@@ -18,7 +18,7 @@ Tensor homogeneous_pixels(const Tensor& points, const Tensor& projection) {
 
 Tensor component(const Tensor& t, std::int64_t i) { return t.index({Ellipsis, i}); }
 
-/// A distance image between its pixel centres, with the gradient of that interpolant.
+/// A distance field interpolated between pixel centres, with the gradient of the interpolation.
 struct Sample {
   Tensor distance;  ///< [B,C,N], differentiable in the pixels
   Tensor du, dv;    ///< [B,C,N]
@@ -45,7 +45,7 @@ Tensor rho(const Sample& at, const Tensor& h, const Tensor& normals, const Tenso
   const Tensor w = component(h, 2);
   const Tensor nu = (component(dh, 0) - component(h, 0) / w * component(dh, 2)) / w;
   const Tensor nv = (component(dh, 1) - component(h, 1) / w * component(dh, 2)) / w;
-  // Inside, |d| = -d, so the way to the outline, -grad |d|, is grad d.
+  // Inside, |d| = -d, so the direction to the outline, -grad |d|, is grad d.
   const Tensor away = (nu * at.du + nv * at.dv < 0) & (at.distance < 0);
   return 1 - 2 * away.to(h.dtype());
 }
@@ -60,7 +60,7 @@ Tensor model_to_data(const Tensor& h, const Tensor& normals, const Tensor& use, 
   const Tensor w = component(h, 2);
   const Tensor u = component(h, 0) / w, v = component(h, 1) / w;
   const Tensor inside = use & (w > 0) & (u >= kInset) & (v >= kInset) & (u <= size - kInset) & (v <= size - kInset);
-  // Vertices that take no part are moved to a harmless place before sampling, so that no NaN reaches their gradient.
+  // Excluded vertices are moved to a harmless position before sampling, so that no NaN reaches their gradient.
   const Tensor safe_h = torch::where(inside.unsqueeze(3), h, torch::tensor({size / 2, size / 2, 1.0}, h.options()));
   const Tensor pixels = safe_h.index({Ellipsis, Slice(0, 2)}) / safe_h.index({Ellipsis, Slice(2, 3)});
   Sample at = sample(distance, pixels);

@@ -9,7 +9,7 @@ struct ResidualScales {
   torch::Tensor model_to_data, data_to_model;
 };
 
-/// The two ways to compute the silhouette loss; arguments already checked, see silhouette_loss. `normals` [B,N,3].
+/// Reference and kernel of silhouette_loss, with checked arguments. `normals` [B,N,3].
 SilhouetteLoss reference(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
                          const SilhouetteTarget& target, const ResidualScales& scales,
                          const SilhouetteOptions& options);
@@ -17,7 +17,7 @@ SilhouetteLoss reference(const torch::Tensor& vertices, const torch::Tensor& nor
 SilhouetteLoss fused(const torch::Tensor& vertices, const torch::Tensor& normals, const torch::Tensor& boundary,
                      const SilhouetteTarget& target, const ResidualScales& scales, const SilhouetteOptions& options);
 
-/// A vertex takes part in the model-to-data sum when it lies this far inside the crop, pixels.
+/// A vertex counts in the model-to-data sum if its distance from the crop's border is at least this, pixels.
 constexpr double kInset = 2;
 
 }  // namespace doppel::silhouette

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
@@ -32,7 +33,8 @@ Tensor gather_sum(const Tensor& features, const Tensor& neighbours, const Tensor
   return at::bmm(weights.unsqueeze(1), gathered).squeeze(1);
 }
 
-/// The matrix is symmetric, so its product is its own backward pass; the one autograd would find scatters instead.
+/// The matrix is symmetric, so the backward pass is the same product. The backward pass of autograd would scatter,
+/// which is slower.
 struct SymmetricProduct : torch::autograd::Function<SymmetricProduct> {
   static Tensor forward(torch::autograd::AutogradContext* context, const Tensor& features, const Tensor& neighbours,
                         const Tensor& weights) {
@@ -129,7 +131,7 @@ ChebyshevConvolutionImpl::ChebyshevConvolutionImpl(std::shared_ptr<const Rescale
 
 Tensor ChebyshevConvolutionImpl::forward(const Tensor& features) {
   const int64_t K = laplacian_->num_nodes, order = weight.size(0), H = weight.size(1);
-  // Node-major rows [K, B Hin], so that a neighbour's whole batch is one copy.
+  // Node-major rows [K, B Hin], so that the whole batch of a neighbour is contiguous.
   Tensor before, current = features.transpose(0, 1).reshape({K, -1});
   Tensor sum;
   for (int64_t m = 0; m < order; ++m) {
@@ -218,7 +220,7 @@ std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTo
 
 NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback) {
   const std::vector<std::string>& words = network_kind_words();
-  const std::string word = reader.choice("network", words, words[static_cast<std::size_t>(fallback)]);
+  const std::string word = reader.choice("network", words, words[as_size(fallback)]);
   return static_cast<NetworkKind>(std::find(words.begin(), words.end(), word) - words.begin());
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-/// The baselines of Table 6.4 that take the place of the structure-aware network, and the choice between all three.
+/// The baselines of Table 6.4 that replace the structure-aware network, and the choice between all three.
 
 #include <torch/torch.h>
 
@@ -17,9 +17,9 @@ namespace doppel {
 
 /// Sizes that only the baselines have.
 struct AblationConfig {
-  int fully_connected_layers = 19;  ///< as deep as the graph network: stem, 16 units, dense block, head
+  int fully_connected_layers = 19;  ///< the depth of the graph network: stem, 16 units, dense block, head
   int fully_connected_width = 256;
-  int chebyshev_order = 3;  ///< polynomials T_0 .. T_(order-1): as far as R = 3 rings reach
+  int chebyshev_order = 3;  ///< polynomials T_0 .. T_(order-1): the neighbourhood of R = 3 rings
 
   /// Reads the keys above. @throws FileError at the key
   static AblationConfig read(const ConfigReader& reader, const AblationConfig& defaults);
@@ -27,11 +27,11 @@ struct AblationConfig {
   void check() const;
 };
 
-/// Fully connected layers with ELU between them, on the normalised motion as one vector.
+/// Fully connected layers with ELU between them. The input is the normalised motion as one vector.
 class FullyConnectedImpl : public GraphNetwork {
  public:
   /// @param inputs numbers in the motion window @param nodes, outputs the shape of the result
-  /// @param head_scale bound of the last layer's weights: first outputs are about 0
+  /// @param head_scale bound of the last layer's initial weights: initial outputs are about 0
   FullyConnectedImpl(int64_t inputs, int64_t nodes, int64_t outputs, const AblationConfig& config, double head_scale,
                      at::Generator generator);
 
@@ -45,7 +45,7 @@ class FullyConnectedImpl : public GraphNetwork {
 TORCH_MODULE(FullyConnected);
 
 /// The rescaled Laplacian of a graph, 2 L / lambda_max - I with L = I - D^-1/2 A D^-1/2 and lambda_max = 2, which is
-/// -D^-1/2 A D^-1/2. Rows are padded to the longest; a node without neighbours has an empty one.
+/// -D^-1/2 A D^-1/2. Rows are padded to the longest row; the row of a node without neighbours is empty.
 struct RescaledLaplacian {
   explicit RescaledLaplacian(const MeshTopology& topology);
   /// @param features [K,M] @return [K,M]; symmetric, so the backward pass is the same product
@@ -73,8 +73,8 @@ class ChebyshevConvolutionImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ChebyshevConvolution);
 
-/// The architecture of 6.5.3 with Chebyshev convolutions in place of the structure-aware ones. Where that has a dense
-/// block, this one adds the mean over all nodes through one shared matrix.
+/// The architecture of 6.5.3 with Chebyshev convolutions in place of the structure-aware ones. In place of the dense
+/// block, it adds the mean over all nodes, multiplied by one shared matrix.
 class ChebyshevNetworkImpl : public GraphNetwork {
  public:
   ChebyshevNetworkImpl(const MeshTopology& topology, int inputs, int outputs, const SagcnConfig& config, int order,
@@ -98,7 +98,7 @@ class ChebyshevNetworkImpl : public GraphNetwork {
 };
 TORCH_MODULE(ChebyshevNetwork);
 
-/// What it takes to build any of the three.
+/// The settings of any of the three networks.
 struct NetworkPlan {
   NetworkKind kind = NetworkKind::sagcn;
   SagcnConfig sagcn;
@@ -106,7 +106,7 @@ struct NetworkPlan {
   int inputs = 0, outputs = 0;
 };
 
-/// @param topology  the graph: its nodes are the rows of the output
+/// @param topology the graph; its nodes are the rows of the output
 /// @param generator draws the initial weights; by default a fresh one with a fixed seed
 std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTopology& topology,
                                            std::optional<at::Generator> generator);
@@ -114,14 +114,14 @@ std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTo
 /// The key `network`. @throws FileError at the key
 NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback);
 
-/// What a network sees: (x - mean) / std, held within [-limit, limit] when limit > 0. A pose far from the training set
-/// then looks like the farthest one the network was trained on; convolutions without bounds would make it explode.
+/// The input of a network: (x - mean) / std, clamped to [-limit, limit] when limit > 0. The limit prevents the output
+/// from exploding for poses far from the training set.
 torch::Tensor standardised(const torch::Tensor& input, const torch::Tensor& mean, const torch::Tensor& std,
                            double limit);
 
 /// The affine map (x - mean) / std in front of a network; identity until set. `mean` and `std` are buffers [rows,Hin]
-/// of the owner, so that they are saved with the model.
-/// @param found_mean, found_std [rows,Hin] or [Hin]; a std below `floor` is raised to it
+/// of the network, so they are saved with the model.
+/// @param found_mean, found_std [rows,Hin] or [Hin]; a std below `floor` is set to `floor`
 /// @throws UsageError for another shape, Error for numbers that are not finite
 void set_standardisation(torch::Tensor& mean, torch::Tensor& std, const torch::Tensor& found_mean,
                          const torch::Tensor& found_std, double floor, const char* network);

@@ -5,7 +5,7 @@ namespace doppel {
 using torch::Tensor;
 
 namespace {
-constexpr int kDefNetOutputs = 6;  // [T, A], as EGNet has them
+constexpr int kDefNetOutputs = 6;  // [T, A], as in EGNet
 }  // namespace
 
 DefNetImpl::DefNetImpl(int64_t num_nodes, const BackboneConfig& config, std::optional<at::Generator> generator)

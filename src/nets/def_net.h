@@ -16,7 +16,7 @@ class DefNetImpl : public torch::nn::Module {
   /// @param num_nodes K of the character's graph
   DefNetImpl(int64_t num_nodes, const BackboneConfig& config, std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param image [B,3,S,S], colours with ImageNet's mean and deviation taken out
+  /// @param image [B,3,S,S], colours standardised by ImageNet's mean and deviation
   /// @return A [B,K,3] Euler angles and T [B,K,3] metres of the nodes, in canonical pose
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& image);
 

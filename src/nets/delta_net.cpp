@@ -1,5 +1,6 @@
 #include "doppel/nets/delta_net.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -22,7 +23,7 @@ DeltaNetConfig DeltaNetConfig::preset(const std::string& name) {
 DeltaNetConfig DeltaNetConfig::read(const ConfigReader& reader) {
   DeltaNetConfig config = preset(reader.choice("preset", {"paper"}, "paper"));
   static_cast<MotionGraphConfig&>(config) = MotionGraphConfig::read(reader, config);
-  config.space = reader.choice("space", kSpaceWords, kSpaceWords[static_cast<std::size_t>(config.space)]) == "canonical"
+  config.space = reader.choice("space", kSpaceWords, kSpaceWords[as_size(config.space)]) == "canonical"
                      ? DisplacementSpace::canonical
                      : DisplacementSpace::global;
   return config;
@@ -36,7 +37,7 @@ Tensor DeltaNetImpl::displaced(CharacterSurface& surface, const Tensor& dof_wind
                                const Tensor& D) {
   const Tensor dofs = dof_window.select(1, config_.past_frames).contiguous();
   if (config_.space == DisplacementSpace::canonical) return surface->deformed(dofs, A, T, D);
-  // Rows times R(-phi) are columns turned by phi: back from the axes of the heading to the world's.
+  // Rows times R(-phi) are columns rotated by phi: from the axes of the heading to world axes.
   return surface->deformed(dofs, A, T) + at::matmul(D, motion_window().normaliser(dofs).narrow(-1, 0, 3));
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-/// DeltaNet (6.7.1): from a window of poses to a displacement of every vertex of the template.
+/// DeltaNet (6.7.1): from a motion window to a displacement of every vertex of the template.
 
 #include <torch/torch.h>
 
@@ -14,21 +14,21 @@
 
 namespace doppel {
 
-/// Where displacements live: on the template before it is posed (6.14), or on the posed surface, in axes that turn with
-/// the heading (an ablation of Table 6.4).
+/// The space of the displacements: on the template before it is posed (6.14), or on the posed surface, in axes that
+/// turn with the heading (an ablation of Table 6.4).
 enum class DisplacementSpace { canonical, global };
 
 struct DeltaNetConfig : MotionGraphConfig {
   DisplacementSpace space = DisplacementSpace::canonical;
 
-  /// `paper`: as MotionGraphConfig is.
+  /// `paper`: the defaults of MotionGraphConfig.
   static DeltaNetConfig preset(const std::string& name);
-  /// Keys: `preset: paper`, then anything to change in it: `space` and those of MotionGraphConfig.
+  /// Keys: `preset: paper`, and the keys that override it: `space` and those of MotionGraphConfig.
   /// @throws FileError at the key
   static DeltaNetConfig read(const ConfigReader& reader);
 };
 
-/// Its outputs are the displacements D [B,N,3], metres.
+/// The outputs are the displacements D [B,N,3], metres.
 class DeltaNetImpl : public MotionGraphNetImpl {
  public:
   /// @param generator draws the initial kernels; by default a fresh one with a fixed seed
@@ -36,7 +36,7 @@ class DeltaNetImpl : public MotionGraphNetImpl {
                std::optional<at::Generator> generator = std::nullopt);
 
   /// V_fi: the deformed and posed surface with the displacements in their space. Equation: 6.14
-  /// @param A, T [B,K,3] of EGNet for the same window @param D [B,N,3] what `forward` returned
+  /// @param A, T [B,K,3] of EGNet for the same window @param D [B,N,3] result of `forward`
   /// @return [B,N,3] world metres
   torch::Tensor displaced(CharacterSurface& surface, const torch::Tensor& dof_window, const torch::Tensor& A,
                           const torch::Tensor& T, const torch::Tensor& D);

@@ -1,5 +1,6 @@
 #include "doppel/nets/egnet.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/op_support.h"
@@ -27,7 +28,7 @@ Tensor node_positions(const Character& character) {
 }  // namespace
 
 EgNetConfig EgNetConfig::preset(const std::string& name) {
-  EgNetConfig config;  // the defaults are the thesis
+  EgNetConfig config;  // the defaults are those of the thesis
   if (name == "public_checkpoint") {
     config.sagcn.rings = 2;
     config.sagcn.initialisation = SagcnInitialisation::public_code;
@@ -44,9 +45,7 @@ EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
   config.sagcn = SagcnConfig::read(reader, config.sagcn);
   reader.renamed("window", "past_frames");
   config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
-  const auto word = [](const std::vector<std::string>& words, auto value) {
-    return words[static_cast<std::size_t>(value)];
-  };
+  const auto word = [](const std::vector<std::string>& words, auto value) { return words[as_size(value)]; };
   config.node_features =
       reader.choice("node_features", kNodeFeatureWords, word(kNodeFeatureWords, config.node_features)) == "graph"
           ? NodeFeatures::graph
@@ -71,8 +70,8 @@ void EgNetConfig::check() const {
   sagcn.check();
   ablation.check();
   if (inertia < 0 || inertia_modes < 1)
-    fail<UsageError>("inertia must look back over no negative number of frames by at least one mode, found {} and {}",
-                     inertia, inertia_modes);
+    fail<UsageError>("inertia must be at least 0 frames and inertia_modes at least 1, found {} and {}", inertia,
+                     inertia_modes);
   if (past_frames < 0) fail<UsageError>("past_frames must not be negative, found {}", past_frames);
   if (node_features == NodeFeatures::graph && !rest_inverse)
     fail<UsageError>("node_features: graph needs rest_inverse: true; or choose node_features: transform");
@@ -88,7 +87,7 @@ EgNetImpl::EgNetImpl(const Character& character, const EgNetConfig& config, std:
   plan.inputs = flat ? character.num_dofs() * (config.past_frames + 1) : config.num_inputs();
   plan.outputs = kEgNetOutputs;
   network_ = make_network(plan, MeshTopology(character.num_nodes(), character.graph.edges), std::move(generator));
-  register_module(network_kind_words()[static_cast<std::size_t>(config.network)], network_);
+  register_module(network_kind_words()[as_size(config.network)], network_);
   const int64_t rows = flat ? 1 : num_nodes_;
   input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
   input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));
@@ -98,7 +97,7 @@ EgNetImpl::EgNetImpl(const Character& character, const EgNetConfig& config, std:
     inertia_decay_ = register_parameter("inertia_decay", at::log(0.2 * at::exp2(mode)));
     inertia_frequency_ = register_parameter("inertia_frequency", 0.3 * at::exp2(mode));
   }
-  // Constants of the character, not of the model: neither buffers nor in a checkpoint.
+  // Constants of the character, not of the model: they are not buffers and not in a checkpoint.
   node_positions_ = node_positions(character);
   const std::vector<int64_t> joints(character.bone_joint.begin(), character.bone_joint.end());
   bone_joint_ = torch::tensor(joints, torch::kInt64);
@@ -114,7 +113,7 @@ Tensor EgNetImpl::bone_transforms(const Tensor& dofs) {
   return kinematics_->joints(dofs).index_select(1, bone_joint_.to(dofs.device()));
 }
 
-/// Skinned transforms of all nodes at each frame of the window, seen from the root of the last one.
+/// Skinned transforms of all nodes at each frame of the window, relative to the root of the last frame.
 /// @return [B(F+1),K,3,4]
 Tensor EgNetImpl::node_transforms(const Tensor& dof_window) {
   const int64_t frames = dof_window.size(1);

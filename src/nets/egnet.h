@@ -1,6 +1,6 @@
 #pragma once
 
-/// EGNet (6.5.1): from a window of poses to the embedded deformation (A, T) of the last one.
+/// EGNet (6.5.1): from a motion window to the embedded deformation (A, T) of its last pose.
 
 #include <torch/torch.h>
 
@@ -19,27 +19,27 @@
 
 namespace doppel {
 
-/// What the network sees of a node's skinned transform M_k.
-/// `graph`: the translation a node at g_k really makes, M_k g_k - g_k. `transform`: the last column of M_k.
+/// The input features of a node's skinned transform M_k.
+/// `graph`: the translation of the node at g_k, M_k g_k - g_k. `transform`: the last column of M_k.
 enum class NodeFeatures { graph, transform };
-/// Euler angles (3 numbers, jump at 2 pi) or the first two columns of the matrix (6 numbers, smooth).
+/// Euler angles (3 numbers, discontinuous at 2 pi) or the first two columns of the matrix (6 numbers, smooth).
 enum class RotationFeatures { euler, rotation_6d };
 
 struct EgNetConfig {
   SagcnConfig sagcn;
-  int past_frames = 2;            ///< F: past frames beside the current one
-  double input_limit = 0.0;  ///< standardised inputs are held within this many standard deviations; 0: not at all
-  /// Past frames over which nodes trail behind their bones (EgNet::inertia); 0: they do not, as in the thesis.
+  int past_frames = 2;       ///< F: past frames beside the current one
+  double input_limit = 0.0;  ///< limit of the standardised inputs, standard deviations; 0: no limit
+  /// Past frames that contribute to the nodes' inertia (EgNet::inertia); 0: no inertia, as in the thesis.
   int inertia = 0;
-  int inertia_modes = 2;  ///< damped oscillations that it is made of
+  int inertia_modes = 2;  ///< damped oscillations of the inertia
   NodeFeatures node_features = NodeFeatures::graph;
   RotationFeatures rotation = RotationFeatures::euler;
-  /// Blend A_b(theta) A_b(rest)^-1 (identity in the rest pose), or A_b(theta) alone as one public checkpoint wants.
+  /// Blend A_b(theta) A_b(rest)^-1 (identity in the rest pose), or A_b(theta) alone, as one public checkpoint requires.
   bool rest_inverse = true;
   NetworkKind network = NetworkKind::sagcn;  ///< the others are baselines of Table 6.4
   AblationConfig ablation;
 
-  /// Keys: `preset: paper | public_checkpoint`, then anything to change in it.
+  /// Keys: `preset: paper | public_checkpoint`, and the keys that override the preset.
   /// @throws FileError at the key
   static EgNetConfig read(const ConfigReader& reader);
   static EgNetConfig preset(const std::string& name);
@@ -47,7 +47,7 @@ struct EgNetConfig {
   void check() const;
   /// Numbers per node and frame: 6 or 9.
   int features_per_frame() const { return rotation == RotationFeatures::euler ? 6 : 9; }
-  /// P: past frames that are wanted beside the current one.
+  /// P: past frames required beside the current one.
   int history() const { return std::max(past_frames, inertia); }
   /// Numbers per node in the window.
   int num_inputs() const { return features_per_frame() * (past_frames + 1); }
@@ -64,27 +64,28 @@ class EgNetImpl : public torch::nn::Module {
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& dof_window) {
     return forward(dof_window, dof_window);
   }
-  /// The same where the network sees other poses than those of `dof_window`: in training, poses with noise. Inertia
-  /// follows the true path.
+  /// The same with other poses as input of the network than those of `dof_window`: in training, poses with noise.
+  /// Inertia is computed from `dof_window`.
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& seen_window, const torch::Tensor& dof_window);
 
-  /// How far nodes trail behind their bones, a part of T: sum_j w_k(j) R_k^T (x_k(t-j) - x_k(t)) over the past frames
-  /// j, with x_k(t) the skinned node and R_k its skinned rotation at t. What hangs on a damped spring answers to its
-  /// path linearly, whatever the pose, so w_k(j) = sum_m exp(-lambda_m j) (a_km cos(mu_m j) + b_km sin(mu_m j)): rates
-  /// and frequencies are learnt for the whole body, a and b for each node, which takes few frames. Not in the thesis.
+  /// The lag of the nodes behind their bones, a part of T: sum_j w_k(j) R_k^T (x_k(t-j) - x_k(t)) over the past frames
+  /// j, with x_k(t) the skinned node and R_k its skinned rotation at t. The response of a damped spring to its path is
+  /// linear and does not depend on the pose, so w_k(j) = sum_m exp(-lambda_m j) (a_km cos(mu_m j) + b_km sin(mu_m j)).
+  /// The rates lambda and frequencies mu are learnt for the whole body, a and b for each node. Few frames suffice for
+  /// this. Not in the thesis.
   /// @param dof_window [B,P+1,D] or longer @return [B,K,3] metres, canonical
   /// @throws Error where the model has no inertia
   torch::Tensor inertia(const torch::Tensor& dof_window);
 
-  /// The network's input before standardisation: `node_features`, or with network: fully_connected the normalised
-  /// DoFs as one row. @return [B,K,Hin], or [B,1,D(F+1)]
+  /// The network's input before standardisation: `node_features`; with `network: fully_connected`, the normalised DoFs
+  /// as one row. @return [B,K,Hin], or [B,1,D(F+1)]
   torch::Tensor network_input(const torch::Tensor& dof_window);
-  /// Per node, frame after frame, [T, rotation]. @return [B,K,Hin]
+  /// The features of each node: [T, rotation] of each frame, one frame after the other. @return [B,K,Hin]
   torch::Tensor node_features(const torch::Tensor& dof_window);
 
-  /// Fixes the standardisation (x - mean) / std of the input; identity until called. Saved with the model.
+  /// Sets the standardisation (x - mean) / std of the input; identity until called. Saved with the model.
   /// @param mean, std of the shape of one item of `network_input` (or of its last dimension); a std below `floor` is
-  /// raised to it, so that a feature that does not move in the training set cannot explode on an unseen pose
+  /// set to `floor`, so that a feature that is constant in the training set cannot explode for an unseen pose
   void set_input_statistics(const torch::Tensor& mean, const torch::Tensor& std, double floor = 1e-3);
 
   const EgNetConfig& config() const { return config_; }

@@ -22,7 +22,7 @@ GuideImages FieldViewer::guide(const Tensor& vertices, const Tensor& projection,
 }
 
 FieldImage FieldViewer::draw(RadianceField& field, const FieldSurface& surface, const Tensor& projection,
-                               int64_t height, int64_t width, int stencil, const FieldImageOptions& options) {
+                             int64_t height, int64_t width, int stencil, const FieldImageOptions& options) {
   const torch::NoGradGuard no_grad;
   const GuideOptions near_mesh = guide_of(field->config(), stencil);
   const GuideImages seen = guide(surface.vertices, projection.unsqueeze(0), height, width, near_mesh);

@@ -1,6 +1,6 @@
 #pragma once
 
-/// What a camera sees of the radiance field around a mesh.
+/// Images of the radiance field around a mesh.
 
 #include <torch/torch.h>
 
@@ -16,32 +16,34 @@ namespace doppel {
 /// An image of H x W pixels.
 struct FieldImage {
   torch::Tensor colour;   ///< float32 [H,W,3] RGB 0..1 over black
-  torch::Tensor opacity;  ///< float32 [H,W] 0..1, 0 where the mesh is far
-  torch::Tensor depth;    ///< float32 [H,W] metres along the pixel's ray, 0 where the opacity is
+  torch::Tensor opacity;  ///< float32 [H,W] 0..1; 0 far from the mesh
+  torch::Tensor depth;    ///< float32 [H,W] metres along the pixel's ray; 0 where the opacity is 0
 };
 
-/// How rays pass through a field: keys `samples` and `stencil` of a section `rays`.
+/// Sampling of rays in a radiance field: keys `samples` and `stencil` of a section `rays`.
 struct FieldRays {
-  int samples = 64;  ///< of a ray (A.3)
+  int samples = 64;  ///< per ray (A.3)
   int stencil = 9;   ///< pixels, of er and di in 6.24 (A.3)
 
   /// @throws FileError at the key
   static FieldRays read(const ConfigReader& rays);
 };
 
-/// Draws fields around the surfaces of one character. Memory: the image and one chunk of rays (FieldImageOptions).
+/// Draws radiance fields around the surfaces of one character. Memory: the image and one chunk of rays
+/// (FieldImageOptions).
 class FieldViewer {
  public:
-  /// @throws Error naming open edges when the template is not closed: there would be no inside
+  /// @throws Error naming open edges when the template is not closed: an open mesh has no inside
   explicit FieldViewer(const Character& character);
 
-  /// Every pixel whose ray comes near the mesh (6.24, with t_mi and t_ma of the field).
+  /// Draws every pixel whose ray comes near the mesh (6.24, with t_mi and t_ma of the field).
   /// @param projection float32 [3,4] pixels from world metres @param stencil of GuideOptions
-  /// @throws Error when the camera stands inside the mesh
+  /// @throws Error when the camera is inside the mesh
   FieldImage draw(RadianceField& field, const FieldSurface& surface, const torch::Tensor& projection, int64_t height,
-                    int64_t width, int stencil, const FieldImageOptions& options = {});
+                  int64_t width, int stencil, const FieldImageOptions& options = {});
 
-  /// Where rays may be sampled in several views. @param vertices float32 [N,3] @param projection float32 [V,3,4]
+  /// The intervals in which rays are sampled, for several views. @param vertices float32 [N,3] @param projection
+  /// float32 [V,3,4]
   GuideImages guide(const torch::Tensor& vertices, const torch::Tensor& projection, int64_t height, int64_t width,
                     const GuideOptions& options);
 
@@ -53,7 +55,7 @@ class FieldViewer {
   Rasterizer rasterizer_;
 };
 
-/// How rays around a field's mesh are guided. @param stencil pixels
+/// The options that guide rays around the mesh of a radiance field. @param stencil pixels
 GuideOptions guide_of(const RadianceFieldConfig& field, int stencil);
 
 }  // namespace doppel

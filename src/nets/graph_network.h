@@ -1,6 +1,6 @@
 #pragma once
 
-/// What EGNet and DeltaNet ask of the network inside them: features of the rows of a graph to outputs per node.
+/// The interface of the graph network inside EGNet and DeltaNet: from features per node to outputs per node.
 
 #include <torch/torch.h>
 
@@ -13,7 +13,7 @@ namespace doppel {
 /// itself, and the same architecture with Chebyshev graph convolutions that share their weights among all nodes.
 enum class NetworkKind { sagcn, fully_connected, chebyshev };
 
-/// The words of the configuration, in the order of the enumerators.
+/// The values of the configuration key, in the order of the enumerators.
 inline const std::vector<std::string>& network_kind_words() {
   static const std::vector<std::string> words{"sagcn", "fully_connected", "chebyshev"};
   return words;

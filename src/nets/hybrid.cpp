@@ -10,7 +10,7 @@ namespace {
 constexpr uint64_t kHybridSeed = 1;
 constexpr double kFeatureScale = 0.1;
 
-/// Parameters and buffers of one module into another of the same kind.
+/// Copies parameters and buffers of one module to another of the same kind.
 void copy_weights(torch::nn::Module& from, torch::nn::Module& to) {
   const torch::NoGradGuard no_grad;
   const auto parameters = from.named_parameters();
@@ -19,7 +19,7 @@ void copy_weights(torch::nn::Module& from, torch::nn::Module& to) {
   for (auto& item : to.named_buffers()) item.value().copy_(buffers[item.key()]);
 }
 
-/// [N,3] from the middle of the template's box, the largest coordinate 1.
+/// Rest positions [N,3] relative to the centre of the template's box, scaled to a largest coordinate of 1.
 torch::Tensor normalised_places(const Character& character) {
   const torch::Tensor rest = rest_vertices(character);
   const torch::Tensor low = std::get<0>(rest.min(0)), high = std::get<0>(rest.max(0));

@@ -11,20 +11,21 @@ namespace doppel {
 /// of render/sh_lighting.h, channel by channel.
 class LightingImpl : public torch::nn::Module {
  public:
-  /// @param num_cameras C of the whole dataset; all begin with the identity lighting
+  /// @param num_cameras C of the whole dataset; all start with the identity lighting
   /// @param trained indices of the cameras whose coefficients are learnt
   LightingImpl(std::int64_t num_cameras, const std::vector<int>& trained);
 
-  /// Coefficients of cameras; one that was not learnt, or that the capture did not have, has the mean of those
-  /// that were.
+  /// Coefficients of cameras. A camera that was not trained, or that is not in the capture, has the mean of the trained
+  /// cameras.
   /// @param cameras int64 [B,C'] @return [B,C',3,9]
   torch::Tensor forward(const torch::Tensor& cameras);
 
-  /// How far the learnt cameras are from their mean: squared, summed over coefficients, mean over cameras. A camera
-  /// says nothing about light from behind what it sees; held to the mean, it takes that from the others.
+  /// The squared distance of the trained cameras from their mean, summed over coefficients, mean over cameras. A camera
+  /// cannot observe the light on surfaces that it does not see; a penalty on this distance takes that light from the
+  /// other cameras.
   torch::Tensor deviation();
 
-  torch::Tensor mean() const;  ///< of the learnt cameras, [1,3,9]
+  torch::Tensor mean() const;  ///< of the trained cameras, [1,3,9]
 
   torch::Tensor coefficients;  ///< parameter [C,3,9]
   torch::Tensor trained;       ///< buffer, bool [C]

@@ -1,5 +1,6 @@
 #include "doppel/nets/motion_graph_net.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
@@ -50,11 +51,11 @@ MotionGraphNetImpl::MotionGraphNetImpl(const std::string& name, const Character&
   plan.inputs = (flat ? character.num_dofs() : 3) * (config.past_frames + 1);
   plan.outputs = outputs;
   network_ = make_network(plan, MeshTopology(character.mesh), std::move(generator));
-  register_module(network_kind_words()[static_cast<std::size_t>(config.network)], network_);
+  register_module(network_kind_words()[as_size(config.network)], network_);
   const int64_t rows = flat ? 1 : num_vertices_;
   input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
   input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));
-  // Constants of the character, not of the model: neither buffers nor in a checkpoint.
+  // Constants of the character, not of the model: they are not buffers and not in a checkpoint.
   rest_ = rest_vertices(character);
   rest_float_ = rest_.to(torch::kFloat32);
 }

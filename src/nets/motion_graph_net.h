@@ -1,7 +1,7 @@
 #pragma once
 
-/// From a window of poses to numbers at every vertex of the template: what DeltaNet (6.7.1) and the motion features of
-/// the radiance field (f_gr of 6.25) have in common.
+/// From a motion window to values at every vertex of the template: the common part of DeltaNet (6.7.1) and the motion
+/// features of the radiance field (f_gr of 6.25).
 
 #include <torch/torch.h>
 
@@ -20,8 +20,8 @@ namespace doppel {
 
 struct MotionGraphConfig {
   SagcnConfig sagcn;         ///< of the template's mesh graph
-  int past_frames = 2;            ///< F: past frames beside the current one
-  double input_limit = 0.0;  ///< standardised inputs are held within this many standard deviations; 0: not at all
+  int past_frames = 2;       ///< F: past frames beside the current one
+  double input_limit = 0.0;  ///< limit of the standardised inputs, standard deviations; 0: no limit
   NetworkKind network = NetworkKind::sagcn;
   AblationConfig ablation;
 
@@ -49,14 +49,15 @@ class MotionGraphNetImpl : public torch::nn::Module {
   /// @return [B,N,outputs]
   torch::Tensor forward(const torch::Tensor& dof_window);
 
-  /// The network's input before standardisation: the template posed by each frame of the normalised window, per vertex
-  /// frame after frame, metres. With network: fully_connected, the normalised DoFs as one row.
+  /// The network's input before standardisation: for each vertex its positions on the template posed by each frame of
+  /// the normalised window, one frame after the other, metres. With `network: fully_connected`, the normalised DoFs as
+  /// one row.
   /// @return [B,N,3(F+1)], or [B,1,D(F+1)]
   torch::Tensor network_input(const torch::Tensor& dof_window);
 
-  /// Fixes the standardisation (x - mean) / std of that input; identity until called. Saved with the model.
+  /// Sets the standardisation (x - mean) / std of this input; identity until called. Saved with the model.
   /// @param mean, std of the shape of one item of `network_input` (or of its last dimension); a std below `floor` is
-  /// raised to it, so that a vertex that does not move in the training set cannot explode on an unseen pose
+  /// set to `floor`, so that a vertex that does not move in the training set cannot explode for an unseen pose
   void set_input_statistics(const torch::Tensor& mean, const torch::Tensor& std, double floor = 1e-3);
 
   int64_t num_vertices() const { return num_vertices_; }

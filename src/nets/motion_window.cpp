@@ -20,13 +20,13 @@ Tensor column(const Tensor& dofs, int dof, double weight) { return dofs.select(-
 }  // namespace
 
 Tensor wrap_angle(const Tensor& angle) {
-  // ceil, not floor or round: -pi belongs to +pi.
+  // ceil, not floor or round: -pi is mapped to +pi.
   return angle - at::ceil((angle - M_PI) / (2.0 * M_PI)) * (2.0 * M_PI);
 }
 
 Tensor last_rows(const Tensor& dof_window, int past_frames) {
   if (dof_window.dim() != 3 || dof_window.size(1) < past_frames + 1)
-    fail<UsageError>("a motion past_frames of at least {} frames is needed, found {}", past_frames + 1,
+    fail<UsageError>("a motion window of at least {} frames is needed, found {}", past_frames + 1,
                      dof_window.dim() == 3 ? dof_window.size(1) : 0);
   return dof_window.narrow(1, dof_window.size(1) - past_frames - 1, past_frames + 1).contiguous();
 }
@@ -75,7 +75,7 @@ Tensor MotionWindow::normalise_dofs(const Tensor& window) const {
   check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
   if (!heading_is_outermost())
     fail(
-        "the heading cannot be taken out of the DoFs of this skeleton: its outermost root rotation is about {}, not y; "
+        "the heading cannot be removed from the DoFs of this skeleton: its outermost root rotation is about {}, not y; "
         "normalise the transforms instead (MotionWindow::normaliser)",
         "xyz"[root_.axes[0]]);
   const Tensor last = window.select(1, window.size(1) - 1);

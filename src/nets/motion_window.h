@@ -1,7 +1,7 @@
 #pragma once
 
-/// The motion window of 6.4: the last F+1 poses, seen from the root of the last one. Translation is relative to the
-/// last frame's root, and the whole window is turned about y so that the last frame faces along +z.
+/// The motion window of 6.4: the last F+1 poses, normalised by the root of the last pose. Translation is relative to
+/// the last frame's root, and the whole window is rotated about y so that the last frame faces along +z.
 
 #include <torch/torch.h>
 
@@ -14,8 +14,8 @@ namespace doppel {
 /// Wraps angles to (-pi, pi].
 torch::Tensor wrap_angle(const torch::Tensor& angle);
 
-/// Normalises windows of DoFs. Works by matrix, so any order of the root's rotations will do: with y outermost
-/// (Captury) the heading is that DoF times its weight; otherwise it is the azimuth of the root's z axis.
+/// Normalises motion windows. It uses matrices, so the root's rotations may have any order. With y outermost (Captury),
+/// the heading is this DoF times its weight; otherwise it is the azimuth of the root's z axis.
 /// Plain tensor operations in the dtype of the input: traceable.
 class MotionWindow {
  public:
@@ -29,17 +29,17 @@ class MotionWindow {
   /// @param dofs [B,D] @return root translation z [B,3], metres, without the root joint's own offset
   torch::Tensor translation(const torch::Tensor& dofs) const;
 
-  /// N = Trans(o) Ry(-phi) Trans(-z) Trans(-o), o the offset of the root joint: what turns a world transform of any
-  /// frame of the window into one relative to the frame `dofs`.
+  /// N = Trans(o) Ry(-phi) Trans(-z) Trans(-o), o the offset of the root joint. N maps a world transform of any frame
+  /// of the window to one relative to the frame `dofs`.
   /// @param dofs [B,D] of the last frame @return [B,3,4]
   torch::Tensor normaliser(const torch::Tensor& dofs) const;
 
-  /// The same by editing DoFs (formats.md 2), where it can be done exactly.
+  /// The same normalisation applied to the DoFs, where this is exact.
   /// @param window [B,F+1,D] oldest first @return [B,F+1,D]
   /// @throws Error when the heading is not the outermost root rotation
   torch::Tensor normalise_dofs(const torch::Tensor& window) const;
-  /// The window of texture (6.4): translation relative to the last frame's, heading kept, since light comes from the
-  /// world. Any order of rotations.
+  /// The motion window of the texture (6.4): translation relative to the last frame's; the heading is kept, because
+  /// lighting is fixed in the world. Any order of rotations.
   /// @param window [B,F+1,D] oldest first @return [B,F+1,D]
   torch::Tensor remove_translation(const torch::Tensor& window) const;
   bool heading_is_outermost() const { return root_.axes[0] == 1; }

@@ -12,7 +12,7 @@ namespace {
 constexpr uint64_t kPlainFieldSeed = 1;
 constexpr int64_t kRaysAtOnce = 128;
 
-/// The networks of the guided field, fed with an encoded place.
+/// The networks of the guided field, with an encoded position as input.
 RadianceFieldConfig network_of(const PlainFieldConfig& config) {
   RadianceFieldConfig network = config.field;
   network.features = 3 * (1 + 2 * config.position_octaves);
@@ -59,7 +59,8 @@ RenderedRays PlainFieldImpl::seen(RadianceField& network, const Tensor& origin, 
 }
 
 RayInterval PlainFieldImpl::through_box(const Tensor& origin, const Tensor& direction) const {
-  // Where the ray passes the pairs of planes; a component of 0 gives infinities that settle by themselves.
+  // The intersections of the ray with the pairs of planes. A component of 0 gives infinities, which the minimum and
+  // maximum handle correctly.
   const Tensor a = (centre_ - half_size_ - origin) / direction, b = (centre_ + half_size_ - origin) / direction;
   const Tensor enters = torch::min(a, b).amax(1).clamp_min(0), leaves = torch::max(a, b).amin(1);
   const Tensor hit = leaves > enters, nowhere = torch::zeros_like(enters);

@@ -1,7 +1,7 @@
 #pragma once
 
-/// A neural radiance field without a mesh, as in the original (6.12.2): of one frame, sampled all over a box, coarsely
-/// and then where something is. What the guided field is compared with.
+/// A neural radiance field without a mesh, as in the original (6.12.2), for comparison with the guided field. It
+/// represents one frame. Rays are sampled in a box, first coarsely and then where the density is high.
 
 #include <torch/torch.h>
 
@@ -14,17 +14,17 @@
 namespace doppel {
 
 struct PlainFieldConfig {
-  RadianceFieldConfig field;  ///< layers and widths of both networks; they see the encoded place instead of features
+  RadianceFieldConfig field;  ///< layers and widths of both networks; their input is the encoded position
   int position_octaves = 10;
-  int64_t coarse = 64;  ///< samples of the first network
-  int64_t fine = 128;   ///< more of the second
-  double margin = 0.1;  ///< metres that the box reaches beyond the mesh
+  int64_t coarse = 64;  ///< samples of the coarse network
+  int64_t fine = 128;   ///< additional samples of the fine network
+  double margin = 0.1;  ///< metres between the mesh and the sides of the box
 
   /// Keys: those above; `field` is a section. @throws FileError at the key
   static PlainFieldConfig read(const ConfigReader& reader);
 };
 
-/// The rays' parts within the box, and what both networks see there.
+/// The results and the samples of both networks for rays through the box.
 struct PlainRays {
   RenderedRays coarse, fine;
   RaySamples coarse_samples, fine_samples;
@@ -32,22 +32,23 @@ struct PlainRays {
 
 class PlainFieldImpl : public torch::nn::Module {
  public:
-  /// @param vertices [N,3] of the mesh in the one frame: they give the box
+  /// @param vertices [N,3] of the mesh in this frame; they define the box
   /// @param generator draws the initial weights; by default a fresh one with a fixed seed
   PlainFieldImpl(const torch::Tensor& vertices, const PlainFieldConfig& config,
                  std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param origin [3] or [R,3], direction [R,3] unit @param generator places the samples; without one they lie in the
-  /// middles. Rays beside the box are empty.
+  /// Renders rays with both networks. Rays that miss the box are empty.
+  /// @param origin [3] or [R,3], direction [R,3] unit
+  /// @param generator draws the positions of the samples; without one they are the centres of their intervals
   PlainRays render(const torch::Tensor& origin, const torch::Tensor& direction,
                    std::optional<at::Generator> generator = std::nullopt);
-  /// What a camera sees, without gradients, every ray through the box. @param projection [3,4]
+  /// The image of a camera, without gradients. @param projection [3,4]
   FieldImage draw(const torch::Tensor& projection, int64_t height, int64_t width);
 
   const PlainFieldConfig& config() const { return config_; }
 
  private:
-  /// The parts of rays within the box; both 0 for those beside it.
+  /// The intervals of rays within the box; both ends 0 for rays that miss the box.
   RayInterval through_box(const torch::Tensor& origin, const torch::Tensor& direction) const;
   FieldValues at(RadianceField& network, const torch::Tensor& points, const torch::Tensor& direction);
   RenderedRays seen(RadianceField& network, const torch::Tensor& origin, const torch::Tensor& direction,

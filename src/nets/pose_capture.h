@@ -11,12 +11,12 @@
 
 namespace doppel {
 
-/// What one camera shows of a person, and what places the person in the world.
+/// The input of pose capture: the image of a person in one camera, and the rays that determine the person's position.
 struct PersonView {
   torch::Tensor image;            ///< [B,3,S,S] the network's input
-  torch::Tensor camera_rotation;  ///< [B,3,3] of the camera that took it, camera from world
-  LandmarkRays rays;              ///< of the landmarks' detections, in this camera or in many
-  torch::Tensor prior;  ///< [B,3] where the person is assumed when the rays do not tell; undefined: the origin
+  torch::Tensor camera_rotation;  ///< [B,3,3] of the image's camera, camera from world
+  LandmarkRays rays;              ///< of the detected keypoints, in this camera or in several
+  torch::Tensor prior;            ///< [B,3] assumed position where the rays do not determine it; undefined: the origin
 };
 
 struct CapturedPose {

@@ -1,6 +1,6 @@
 #pragma once
 
-/// PoseNet (5.5): from one image of a person to joint angles and the rotation of the root seen from the camera.
+/// PoseNet (5.5): from one image of a person to joint angles and the rotation of the root relative to the camera.
 
 #include <torch/torch.h>
 
@@ -12,18 +12,18 @@
 
 namespace doppel {
 
-/// The thesis's last layer gives alpha itself. Here it gives a direction for the heading alpha_1, which is the angle of
-/// that direction: images of a person who turns right round change smoothly, and so does a direction, while an angle
-/// would have to jump by a full turn somewhere, and images near that place would get values between.
+/// In the thesis, the last layer outputs alpha itself. Here it outputs a 2D direction whose angle is the heading
+/// alpha_1. A direction changes smoothly while a person makes a full turn. An angle jumps by 2 pi at one heading, and
+/// images near this heading would get values in between.
 class PoseNetImpl : public torch::nn::Module {
  public:
-  /// @param pose which joint angles, and where they start
+  /// @param pose the joint angles and their initial values
   PoseNetImpl(const PoseDofs& pose, const BackboneConfig& config,
               std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param image [B,3,S,S], colours with ImageNet's mean and deviation taken out
-  /// @return theta [B,P] and alpha [B,3] (pose_dofs.h). Without training theta is about the middle of its limits, alpha
-  /// about upright and facing the camera.
+  /// @param image [B,3,S,S], colours standardised by ImageNet's mean and deviation
+  /// @return theta [B,P] and alpha [B,3] (pose_dofs.h). Before training, theta is about the middle of its limits, and
+  /// alpha is about upright and facing the camera.
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& image);
 
   Backbone& backbone() { return backbone_; }

@@ -14,7 +14,7 @@ namespace {
 
 constexpr uint64_t kRadianceFieldSeed = 1;
 
-/// He's bound for what a ReLU follows.
+/// He's bound for layers followed by a ReLU.
 torch::nn::Linear make_linear(int64_t inputs, int64_t outputs, bool bias, at::Generator& generator) {
   torch::nn::Linear layer(torch::nn::LinearOptions(inputs, outputs).bias(bias));
   const torch::NoGradGuard no_grad;
@@ -55,7 +55,7 @@ void RadianceFieldConfig::check() const {
   require(width > 0 && view_width > 0,
           fmt::format("width and view_width must be at least 1, found {} and {}", width, view_width));
   require(distance_octaves >= 0 && direction_octaves >= 0 && place_octaves >= 0,
-          fmt::format("octaves must not be negative, found {} of distance, {} of direction and {} of place",
+          fmt::format("octaves must not be negative, found {} of distance, {} of direction and {} of the rest position",
                       distance_octaves, direction_octaves, place_octaves));
   require(density_unit > 0, fmt::format("density_unit must be greater than 0 m, found {}", density_unit));
   require(t_mi > 0 && t_ma > 0, fmt::format("t_mi and t_ma must be greater than 0 m, found {} and {}", t_mi, t_ma));
@@ -133,7 +133,7 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
   const Tensor points = samples.points(origin, direction).reshape({1, R * K, 3});
   const ClosestPoints at = closest->forward(surface.vertices.unsqueeze(0), points);
   const Tensor distance = at.distance.squeeze(0);
-  // Only what is near the mesh goes through the network: nothing else can be dense.
+  // Only points near the mesh go through the network: elsewhere the density is 0.
   const Tensor rows =
       ((distance <= config.t_ma + config.margin) & (distance >= -config.t_mi - config.margin)).nonzero().squeeze(1);
   const Tensor carried = closest->interpolate(at, surface.values.unsqueeze(0)).squeeze(0).index_select(0, rows);

@@ -1,19 +1,20 @@
 #pragma once
 
-/// The radiance field around the mesh (6.25): density and colour of a point of space from the motion features of the
-/// closest point of the surface, the distance from it, and the direction of the look.
+/// The radiance field around the mesh (6.25): density and colour of a point in space from the motion features at the
+/// closest surface point, the distance to this point, and the viewing direction.
 ///
 ///   f_nf(b(V, x, features), gamma(d(V, x)), gamma(direction)) = (c, sigma)
 ///
-/// Between vertices features are linear, so what the thesis's field shows is no finer than the mesh. With
-/// `place_octaves` vertices also carry their place at rest, and gamma(place of the closest point) is an input: the
-/// field then paints on the rest surface with details of its own, whatever the pose.
+/// Features are interpolated linearly between vertices, so the thesis's field resolves no detail finer than the mesh.
+/// With `place_octaves`, vertices also carry their positions in the rest pose, and gamma(rest position of the closest
+/// point) is an input: the field then represents finer detail that is fixed to the surface.
 ///
-/// A handful of cameras tells nothing about how colours change with the direction: the view branch then learns each
-/// camera's white balance and guesses a cast for every new view. `view_dependent: false` leaves the direction out.
+/// Few cameras do not determine how colours change with the viewing direction. The view branch then learns each
+/// camera's white balance, and new views get a wrong tint. `view_dependent: false` removes the direction from the
+/// inputs.
 ///
-/// Letters: P points, H values per vertex (features, and 3 of the place), N vertices, R rays, K samples of a ray.
-/// Metres.
+/// Letters: P points, H values per vertex (features, and 3 of the rest position), N vertices, R rays, K samples per
+/// ray. Metres.
 
 #include <torch/torch.h>
 
@@ -29,15 +30,15 @@ struct RadianceFieldConfig {
   int features = 64;           ///< of the motion
   int layers = 4;              ///< of the trunk
   int width = 256;             ///< of the trunk
-  int view_width = 128;        ///< of the branch that sees the direction
+  int view_width = 128;        ///< of the branch with the viewing direction
   int distance_octaves = 10;   ///< of gamma(d)
-  bool view_dependent = true;  ///< false: colours are the same from everywhere
+  bool view_dependent = true;  ///< false: colours do not depend on the viewing direction
   int direction_octaves = 4;   ///< of gamma(direction)
-  int place_octaves = 0;       ///< of gamma(place at rest); 0: no place, as in the thesis
+  int place_octaves = 0;       ///< of gamma(rest position); 0: no rest position, as in the thesis
   double density_unit = 0.01;  ///< metres: density = softplus(.) / density_unit
-  double t_mi = 0.04;          ///< metres that d is normalised by inside the mesh
+  double t_mi = 0.04;          ///< metres by which d is normalised inside the mesh
   double t_ma = 0.04;          ///< the same outside
-  double margin = 0.01;  ///< metres beyond t_mi and t_ma up to which there may be density; farther off there is none
+  double margin = 0.01;        ///< metres beyond t_mi and t_ma; farther off the density is 0
 
   int vertex_values() const { return features + (place_octaves > 0 ? 3 : 0); }  ///< H
 
@@ -50,7 +51,7 @@ struct RadianceFieldConfig {
 /// gamma: x, then sin and cos of 2^k pi x for k = 0 .. octaves-1. @param x [...,C] @return [..., C (1 + 2 octaves)]
 torch::Tensor positional_encoding(const torch::Tensor& x, int octaves);
 
-/// What is at points of space.
+/// Density and colour of points in space.
 struct FieldValues {
   torch::Tensor density;  ///< [P] per metre, >= 0
   torch::Tensor colour;   ///< [P,3] RGB 0..1
@@ -62,21 +63,21 @@ class RadianceFieldImpl : public torch::nn::Module {
   explicit RadianceFieldImpl(const RadianceFieldConfig& config, std::optional<at::Generator> generator = std::nullopt);
 
   /// Plain tensor operations, with gradients to everything.
-  /// @param values [P,H] of the closest points @param distance [P] normalised, -1..1 @param direction [P,3] unit, of
-  /// the look
+  /// @param values [P,H] of the closest points @param distance [P] normalised, -1..1 @param direction [P,3] unit,
+  /// viewing direction
   /// @throws UsageError naming the argument, with the shape found
   FieldValues forward(const torch::Tensor& values, const torch::Tensor& distance, const torch::Tensor& direction);
 
-  // The steps of `forward`, for those who do not want all of them for every point.
+  // The steps of `forward`, for callers that do not need all of them for every point.
   torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
   torch::Tensor density(const torch::Tensor& hidden);
-  /// What the view branch adds for directions [...,3] to that of the hidden values: 0 where colours do not depend on
-  /// them. @return [..., view_width]
+  /// The contribution of directions [...,3] to the view branch, added to that of the hidden values; 0 if colours do not
+  /// depend on the direction. @return [..., view_width]
   torch::Tensor view_term(const torch::Tensor& direction);
   torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& view_term);
 
   const RadianceFieldConfig& config() const { return config_; }
-  /// Features, the encoded place if there is one, and the encoded distance.
+  /// The number of inputs: features, the encoded rest position if there is one, and the encoded distance.
   int64_t num_inputs() const;
 
  private:
@@ -86,38 +87,39 @@ class RadianceFieldImpl : public torch::nn::Module {
 };
 TORCH_MODULE(RadianceField);
 
-/// A frame's surface with what the field needs of it.
+/// The surface of a frame with its vertex values.
 struct FieldSurface {
   torch::Tensor vertices;  ///< [N,3] world
-  torch::Tensor values;    ///< [N,H]: features of the motion, and places at rest if the field sees them
+  torch::Tensor values;    ///< [N,H]: motion features, and rest positions if the field uses them
 };
 
-/// Rays through the field with gradients, for training: to the field's weights, the features, the samples and the
-/// vertices (by distance, features' place and samples).
+/// Renders rays through the field with gradients, for training. The gradients reach the field's weights, the features,
+/// the samples and the vertices (through distance, interpolation of the features, and samples).
 /// @param origin [3] or [R,3], direction [R,3] unit
 RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
                           const torch::Tensor& origin, const torch::Tensor& direction, const RaySamples& samples);
 
 struct FieldImageOptions {
   int64_t samples = 64;
-  int64_t rays_at_once = 128;  ///< 128 rays of 64 samples take about 30 MB, whatever the image's size
-  /// Colours are not computed for samples whose weight is below; the colour of a ray is off by less than K times that.
+  int64_t rays_at_once = 128;  ///< 128 rays of 64 samples take about 30 MB, for any size of the image
+  /// Colours are not computed for samples with a lower weight. The error of a ray's colour is less than K times this
+  /// value.
   double least_weight = 1e-5;
 };
 
-/// What rays see, without weights of samples.
+/// The results of rays, without the weights of the samples.
 struct FieldPixels {
   torch::Tensor colour;          ///< [R,3] over black
   torch::Tensor opacity, depth;  ///< [R]
 };
 
-/// The same without gradients, for images: rays in chunks of bounded memory, features gathered and encoded in one
-/// pass, no network for samples outside the shell around the mesh, no view branch for samples that are not seen.
-/// float32 on the CPU; the result does not depend on the size of the chunks beyond rounding.
-/// @param near, far [R] as RaySamples; samples stand in the middles of their cells
+/// The same without gradients, for images. Rays are processed in chunks of bounded memory. Features are gathered and
+/// encoded in one pass. Samples outside the shell around the mesh skip the network, and samples that are not visible
+/// skip the view branch. float32 on the CPU; the result does not depend on the size of the chunks beyond rounding.
+/// @param near, far [R] as RaySamples; samples are at the centres of their intervals
 /// @throws UsageError naming the argument, with the shape found
 FieldPixels draw_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
-                      const torch::Tensor& origin, const torch::Tensor& direction, const torch::Tensor& near,
-                      const torch::Tensor& far, const FieldImageOptions& options = {});
+                       const torch::Tensor& origin, const torch::Tensor& direction, const torch::Tensor& near,
+                       const torch::Tensor& far, const FieldImageOptions& options = {});
 
 }  // namespace doppel

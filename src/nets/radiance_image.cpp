@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/nets/radiance_field.h"
@@ -14,7 +15,7 @@ using torch::Tensor;
 
 namespace {
 
-/// The images of one call: the surface in place, chunk after chunk of its rays.
+/// The state of one call: the surface, and one chunk of rays after the other.
 class FieldPainter {
  public:
   FieldPainter(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
@@ -43,7 +44,7 @@ class FieldPainter {
   /// Closest points of all samples [R,K,3]; `near_` lists those within the shell, ray by ray.
   void search(const Tensor& points) {
     const int64_t R = points.size(0), K = points.size(1);
-    hits_.resize(static_cast<std::size_t>(R * K));
+    hits_.resize(as_size(R * K));
     at::parallel_for(0, R, 2, [&](int64_t begin, int64_t end) {
       int near_face = -1;
       const float* p = points.data_ptr<float>() + 3 * begin * K;
@@ -59,7 +60,7 @@ class FieldPainter {
         near_.push_back(i);
   }
 
-  /// What the network takes of the samples in `near_`.
+  /// The network's inputs for the samples in `near_`.
   Tensor inputs() const {
     const RadianceFieldConfig& config = field_->config();
     const int64_t count = static_cast<int64_t>(near_.size()), width = field_->num_inputs();
@@ -82,7 +83,7 @@ class FieldPainter {
     return result;
   }
 
-  /// `count` values of the vertices from the `first` on. @return behind what was written
+  /// Writes `count` interpolated vertex values, starting at value `first`. @return end of the written values
   float* interpolate(const ClosedSurface::Hit& hit, int64_t first, int64_t count, float* row) const {
     const int64_t H = values_.size(1);
     const Triangle& face = surface_.faces()[hit.face];
@@ -94,7 +95,7 @@ class FieldPainter {
     return row + count;
   }
 
-  /// positional_encoding of one number, one of `channels` side by side; the octaves by doubling the angle.
+  /// positional_encoding of one of `channels` interleaved numbers; octaves are computed by doubling the angle.
   static void encode(double x, int octaves, int channels, float* row) {
     row[0] = static_cast<float>(x);
     double sine = std::sin(M_PI * x), cosine = std::cos(M_PI * x);
@@ -131,7 +132,7 @@ void check_arguments(const RadianceField& field, const ClosestPoint& closest, co
       fail<UsageError>("{}: everything must be float32 on the CPU, found {} on {}; render_field takes all types", kName,
                        describe(tensor), tensor.device().str());
     if (!tensor.isfinite().all().item<bool>())
-      fail<UsageError>("{}: numbers that are not finite among the vertices, their values or the rays", kName);
+      fail<UsageError>("{}: vertices, vertex values or rays contain numbers that are not finite", kName);
   }
   if (options.samples < 1 || options.rays_at_once < 1)
     fail<UsageError>("{}: {} samples and {} rays at once; both must be at least 1", kName, options.samples,
@@ -141,8 +142,8 @@ void check_arguments(const RadianceField& field, const ClosestPoint& closest, co
 }  // namespace
 
 FieldPixels draw_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
-                      const Tensor& origin, const Tensor& direction, const Tensor& near, const Tensor& far,
-                      const FieldImageOptions& options) {
+                       const Tensor& origin, const Tensor& direction, const Tensor& near, const Tensor& far,
+                       const FieldImageOptions& options) {
   const torch::NoGradGuard no_grad;
   check_arguments(field, closest, surface, origin, direction, near, far, options);
   const int64_t R = direction.size(0);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/nets/weights_file.h"
@@ -94,7 +95,7 @@ Tensor ResNetImpl::forward(const Tensor& image) {
 
 BackboneConfig BackboneConfig::read(const ConfigReader& reader) {
   BackboneConfig config;
-  const std::string fallback = kKindWords[static_cast<std::size_t>(config.kind)];
+  const std::string fallback = kKindWords[as_size(config.kind)];
   config.kind =
       reader.choice("backbone", kKindWords, fallback) == "resnet18" ? ResNetKind::resnet18 : ResNetKind::resnet50;
   config.input_size = reader.get("input_size", config.input_size, between(32, 1024));

@@ -1,7 +1,7 @@
 #pragma once
 
-/// ResNet (He et al. 2016) with the layers, parameter names and shapes of torchvision, so that its published weights
-/// fit. The classifier `fc` is left out: the network ends with the mean over the image.
+/// ResNet (He et al. 2016) with the layers, parameter names and shapes of torchvision, so that torchvision's published
+/// weights can be loaded. The classifier `fc` is left out: the network ends with the mean over the image.
 
 #include <torch/torch.h>
 
@@ -17,15 +17,15 @@ namespace doppel {
 /// Two 3x3 convolutions (18 layers), or 1x1, 3x3, 1x1 with four times the channels (50 layers), beside a shortcut.
 class ResidualUnitImpl : public torch::nn::Module {
  public:
-  /// @param inputs channels @param width of the 3x3 convolutions @param outputs channels; with another number than
-  /// `inputs`, or a stride, the shortcut is a 1x1 convolution
+  /// @param inputs channels @param width of the 3x3 convolutions @param outputs channels; if `outputs` differs from
+  /// `inputs`, or with a stride, the shortcut is a 1x1 convolution
   ResidualUnitImpl(int64_t inputs, int64_t width, int64_t outputs, int64_t stride, bool bottleneck);
   torch::Tensor forward(const torch::Tensor& features);
 
  private:
   std::vector<torch::nn::Conv2d> convolutions_;  ///< conv1, conv2[, conv3]
   std::vector<torch::nn::BatchNorm2d> norms_;    ///< bn1, bn2[, bn3]
-  torch::nn::Sequential shortcut_{nullptr};      ///< downsample, or none
+  torch::nn::Sequential shortcut_{nullptr};      ///< torchvision's `downsample`, or none
 };
 TORCH_MODULE(ResidualUnit);
 
@@ -36,7 +36,7 @@ class ResNetImpl : public torch::nn::Module {
   /// @param generator draws the initial convolutions (He et al. 2015, fan out)
   ResNetImpl(ResNetKind kind, at::Generator generator);
 
-  /// @param image [B,3,H,W], sides of at least 32, colours with ImageNet's mean and deviation taken out
+  /// @param image [B,3,H,W], sides of at least 32, colours standardised by ImageNet's mean and deviation
   /// @return [B,features()]
   /// @throws UsageError for another shape
   torch::Tensor forward(const torch::Tensor& image);
@@ -51,14 +51,15 @@ class ResNetImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ResNet);
 
-/// What PoseNet and DefNet are configured by.
+/// The configuration of PoseNet and DefNet.
 struct BackboneConfig {
   ResNetKind kind = ResNetKind::resnet50;
   int input_size = 256;              ///< S: side of the images
   std::filesystem::path pretrained;  ///< weights to start from (weights_file.h); empty: random ones
-  /// Batch normalisation keeps the statistics it has: those of `pretrained`, when batches are too small for their own.
+  /// Batch normalisation keeps the statistics of `pretrained`, for batches that are too small for statistics of their
+  /// own.
   bool freeze_norm = false;
-  /// Deviation of the last layer's first weights: small, so that training starts from what its bias says.
+  /// Standard deviation of the last layer's initial weights: small, so that training starts from the layer's bias.
   double head_scale = 1e-3;
 
   /// Keys: `backbone: resnet18 | resnet50`, `input_size`, `pretrained`, `freeze_norm`, `head_scale`.
@@ -66,10 +67,10 @@ struct BackboneConfig {
   static BackboneConfig read(const ConfigReader& reader);
 };
 
-/// A ResNet with one fully connected layer behind it.
+/// A ResNet followed by one fully connected layer.
 class BackboneImpl : public torch::nn::Module {
  public:
-  /// @param outputs numbers per image @param head_bias [outputs] what comes out at first
+  /// @param outputs numbers per image @param head_bias [outputs] initial output
   /// @param generator draws the initial weights; by default a fresh one with a fixed seed
   BackboneImpl(const BackboneConfig& config, int64_t outputs, const torch::Tensor& head_bias,
                std::optional<at::Generator> generator);
@@ -78,8 +79,8 @@ class BackboneImpl : public torch::nn::Module {
   torch::Tensor forward(const torch::Tensor& image);
   void train(bool on = true) override;
 
-  /// Takes over the weights of `config.pretrained`; nothing without it. The head stays.
-  /// @throws FileError when they are of another architecture
+  /// Loads the weights of `config.pretrained`, if it is set. The last layer is not changed.
+  /// @throws FileError when the weights are of another architecture
   void load_pretrained();
 
   const BackboneConfig& config() const { return config_; }

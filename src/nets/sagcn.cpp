@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
@@ -19,7 +20,7 @@ constexpr uint64_t kSagcnSeed = 2021;
 template <typename Enum>
 Enum read_choice(const ConfigReader& reader, const std::string& key, const std::vector<std::string>& words,
                  Enum fallback) {
-  const std::string word = reader.choice(key, words, words[static_cast<std::size_t>(fallback)]);
+  const std::string word = reader.choice(key, words, words[as_size(fallback)]);
   for (std::size_t i = 0; i < words.size(); ++i)
     if (words[i] == word) return static_cast<Enum>(i);
   return fallback;
@@ -30,7 +31,7 @@ void draw_uniform(const Tensor& tensor, double bound, at::Generator& generator) 
   tensor.uniform_(-bound, bound, generator);
 }
 
-/// What public code does: a normal distribution with mean -1 and deviation 1, times a scale.
+/// The initialisation of the public code: a normal distribution with mean -1 and deviation 1, times a scale.
 void draw_as_public_code(const Tensor& tensor, double scale, at::Generator& generator) {
   torch::NoGradGuard no_grad;
   tensor.normal_(-1.0, 1.0, generator).mul_(scale);

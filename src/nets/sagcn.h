@@ -15,11 +15,11 @@
 
 namespace doppel {
 
-/// What batch normalisation shares: nothing (each node and feature on its own), all nodes, or there is none.
+/// The sharing of batch normalisation: per node and feature, per feature over all nodes, or no normalisation.
 enum class SagcnNorm { node, channel, none };
-/// How far nodes talk to each other: not at all, the broadcast sum of 6.5.3, or a learned K x K matrix.
+/// The exchange between all nodes: none, the broadcast sum of 6.5.3, or a learned K x K matrix.
 enum class DenseBlock { none, broadcast, matrix };
-/// Glorot uniform per node with a small head, or everything near 1e-3 as in the public code.
+/// Glorot uniform per node with a small head, or all weights near 1e-3 as in the public code.
 enum class SagcnInitialisation { glorot, public_code };
 
 struct SagcnConfig {
@@ -32,7 +32,7 @@ struct SagcnConfig {
   DenseBlock dense = DenseBlock::none;
   bool dense_normalised = true;  ///< broadcast: divide the sum by K (1/K is 6.6 for equal weights)
   SagcnInitialisation initialisation = SagcnInitialisation::glorot;
-  double head_scale = 1e-3;  ///< bound of the uniform head kernels: first outputs are about 0
+  double head_scale = 1e-3;  ///< bound of the uniform head kernels: initial outputs are about 0
 
   /// Reads the keys above over `defaults`. @throws FileError at the key
   static SagcnConfig read(const ConfigReader& reader, const SagcnConfig& defaults);
@@ -40,14 +40,14 @@ struct SagcnConfig {
   void check() const;
 };
 
-/// Batch normalisation as SagcnNorm says; without one it passes its input on.
+/// Batch normalisation according to SagcnNorm; `none` returns the input.
 class FeatureNormImpl : public torch::nn::Module {
  public:
   FeatureNormImpl(int64_t num_nodes, int features, const SagcnConfig& config);
 
   /// Plain tensor operations. @param features [B,K,H] @return the same shape
   torch::Tensor forward(const torch::Tensor& features);
-  /// What the fused convolution takes in its place; undefined unless the kind is `node`.
+  /// The normalisation as input of the fused convolution; undefined unless the kind is `node`.
   NodeNorm node_norm() const;
   SagcnNorm kind() const { return kind_; }
 

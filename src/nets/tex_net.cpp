@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/render/sh_lighting.h"
@@ -13,7 +14,7 @@ using torch::Tensor;
 namespace {
 
 constexpr int kSmallest = 16, kLargest = 4096;
-constexpr double kCentreUnit = 4.0;  // metres: brings the place of a camera near the size of a normal
+constexpr double kCentreUnit = 4.0;  // metres: scales camera positions to the magnitude of normals
 constexpr double kResidualHeadScale = 0.01;
 
 bool is_power_of_two(int number) { return number > 0 && (number & (number - 1)) == 0; }
@@ -33,7 +34,7 @@ const std::vector<std::string> kCentreWords{"absolute", "root_relative"};
 
 TexNetConfig TexNetConfig::preset(const std::string& name) {
   if (name != "paper") fail<UsageError>("unknown TexNet preset '{}'; there is paper", name);
-  return {};  // the defaults are the thesis
+  return {};  // the defaults are those of the thesis
 }
 
 TexNetConfig TexNetConfig::read(const ConfigReader& reader) {
@@ -43,14 +44,14 @@ TexNetConfig TexNetConfig::read(const ConfigReader& reader) {
   reader.renamed("window", "past_frames");
   config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
   config.levels = reader.get("levels", config.levels, between(0, std::min(10, log2_of(config.size))));
-  config.camera_centre = reader.choice("camera_centre", kCentreWords,
-                                       kCentreWords[static_cast<std::size_t>(config.camera_centre)]) == "absolute"
-                             ? CameraCentre::absolute
-                             : CameraCentre::root_relative;
+  config.camera_centre =
+      reader.choice("camera_centre", kCentreWords, kCentreWords[as_size(config.camera_centre)]) == "absolute"
+          ? CameraCentre::absolute
+          : CameraCentre::root_relative;
   config.residual = reader.get("residual", config.residual);
   config.lit = reader.get("lit", config.lit);
   if (config.lit && !config.residual)
-    reader.fail_at_key("lit", "light falls on the static texture; it needs `residual: true`");
+    reader.fail_at_key("lit", "needs `residual: true`, because lighting applies to the static texture");
   config.surface_normals = reader.get("surface_normals", config.surface_normals);
   if (config.residual) config.unet.head_scale = kResidualHeadScale;
   config.unet = UNetConfig::read(reader, config.unet);
@@ -70,7 +71,7 @@ void TexNetConfig::check() const {
   require(levels >= 0 && levels <= std::min(10, log2_of(size)),
           fmt::format("levels must lie between 0 (chosen by the size) and {}, found {}", std::min(10, log2_of(size)),
                       levels));
-  require(residual || !lit, "lit needs residual: light falls on the static texture");
+  require(residual || !lit, "lit needs residual, because lighting applies to the static texture");
   if (!faults.empty()) fail<UsageError>("the configuration of TexNet cannot be used:{}", faults);
 }
 
@@ -105,7 +106,7 @@ TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture,
   lighting_ = register_buffer("lighting", lighting.detach().to(torch::kFloat32).clone());
 }
 
-/// What the output is added to, [B,3,T,T] or [1,3,T,T].
+/// The texture that the output is added to, [B,3,T,T] or [1,3,T,T].
 Tensor TexNetImpl::base(const Tensor& input) const {
   if (!config_.lit) return static_texture_;
   torch::NoGradGuard no_grad;
@@ -118,7 +119,7 @@ Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> gen
   const Tensor raw = at::tanh(unet_->forward(input, std::move(generator)));
   if (!config_.residual) return ((raw + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
   const Tensor sum = base(input) + raw;
-  // The gradient passes the bounds: a texel that has left the range would otherwise never come back.
+  // The gradient ignores the clamping: otherwise a texel outside the range would get no gradient.
   const Tensor texture = sum + (sum.clamp(0.0, 1.0) - sum).detach();
   return texture.permute({0, 2, 3, 1}).contiguous();
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-/// TexNet (6.8): from normal maps of the posed template and a camera to the texture that this camera sees.
+/// TexNet (6.8): from normal maps of the posed template and a camera to the dynamic texture for this camera.
 
 #include <torch/torch.h>
 
@@ -13,45 +13,45 @@
 
 namespace doppel {
 
-/// Whether the network sees the camera's place in the world, or relative to the root of the last frame, as the normals
-/// are (the texture window has no translation).
+/// Whether the network's input is the camera's position in the world, or relative to the root of the last frame, like
+/// the normals (the motion window of the texture has no translation).
 enum class CameraCentre { absolute, root_relative };
 
 struct TexNetConfig {
-  int size = 1024;  ///< texels along a side: a power of two
-  int past_frames = 2;   ///< F: past frames beside the current one
-  int levels = 0;   ///< halvings of the UNet; 0: down to one texel, at most 10
+  int size = 1024;      ///< texels along a side: a power of two
+  int past_frames = 2;  ///< F: past frames beside the current one
+  int levels = 0;       ///< halvings of the UNet; 0: down to one texel, at most 10
   CameraCentre camera_centre = CameraCentre::absolute;
-  /// Adds the output (-1..1) to the static texture instead of making colours of it. Learns from few frames; the thesis
-  /// does without.
+  /// Adds the output (-1..1) to the static texture instead of mapping the output to colours. Few frames suffice for
+  /// training. Not in the thesis.
   bool residual = false;
-  /// With `residual`: adds to the static texture under the learnt light that its texels' normals receive, so that the
-  /// network is left with what light from far away cannot explain. Not in the thesis.
+  /// With `residual`: adds the output to the static texture under the learnt lighting at the texels' normals, so that
+  /// the network learns only what distant lighting cannot explain. Not in the thesis.
   bool lit = false;
-  /// The normals of the last frame are those of the finished surface, folds included, instead of the skinned one's.
+  /// The normals of the last frame are those of the finished surface, folds included, instead of the skinned surface.
   bool surface_normals = false;
   UNetConfig unet;
 
-  /// `paper`: 1024, all channels, transposed convolutions, the camera's place in the world, no static texture.
+  /// `paper`: 1024, all channels, transposed convolutions, the camera's position in the world, no static texture.
   static TexNetConfig preset(const std::string& name);
-  /// Keys: `preset: paper`, then those above and of UNetConfig. @throws FileError at the key
+  /// Keys: `preset: paper`, and the keys above and those of UNetConfig. @throws FileError at the key
   static TexNetConfig read(const ConfigReader& reader);
   /// @throws UsageError listing every fault
   void check() const;
 
   int num_levels() const;
-  /// Channels of the input: a normal per frame, the camera's centre and direction.
+  /// Channels of the input: one normal per frame, the camera's centre and direction.
   int num_inputs() const { return 3 * (past_frames + 1) + 6; }
 };
 
-/// Stacks what TexNet sees.
+/// Stacks the input of TexNet.
 /// @param normals  [B,3(F+1),T,T] world normals in [-1,1], oldest frame first, 0 outside the texture's charts
-/// @param centre   [B,3] metres, see texnet_camera_centre; a quarter of it is what the network sees
+/// @param centre [B,3] metres, see texnet_camera_centre; the network's input is a quarter of it
 /// @param forward  [B,3] unit vector along the optical axis, world axes
 /// @return [B,3(F+1)+6,T,T]
 torch::Tensor texnet_input(const torch::Tensor& normals, const torch::Tensor& centre, const torch::Tensor& forward);
 
-/// The camera centre in the frame that the configuration asks for.
+/// The camera centre in the coordinates that the configuration selects.
 /// @param centre [B,3] world metres @param dofs [B,D] of the window's last frame @return [B,3] metres
 torch::Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindow& motion, const torch::Tensor& centre,
                                    const torch::Tensor& dofs);
@@ -64,7 +64,7 @@ class TexNetImpl : public torch::nn::Module {
   explicit TexNetImpl(const TexNetConfig& config, const torch::Tensor& static_texture = {},
                       const torch::Tensor& lighting = {}, std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param input [B,3(F+1)+6,T,T] of texnet_input
+  /// @param input [B,3(F+1)+6,T,T], result of texnet_input
   /// @param generator of the dropout; needed while training unless dropout is 0
   /// @return [B,T,T,3] RGB 0..1; row 0 is the top (v = 1)
   torch::Tensor forward(const torch::Tensor& input, std::optional<at::Generator> generator = std::nullopt);

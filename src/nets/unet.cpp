@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 
@@ -31,10 +32,10 @@ torch::nn::BatchNorm2d make_norm(int64_t channels, const UNetConfig& config) {
 UNetConfig UNetConfig::read(const ConfigReader& reader, const UNetConfig& defaults) {
   UNetConfig config = defaults;
   config.width = reader.get("width", config.width, between(0.01, 4.0));
-  config.upsample = reader.choice("upsample", kUpsamplingWords,
-                                  kUpsamplingWords[static_cast<std::size_t>(config.upsample)]) == "transposed"
-                        ? Upsampling::transposed
-                        : Upsampling::bilinear_conv;
+  config.upsample =
+      reader.choice("upsample", kUpsamplingWords, kUpsamplingWords[as_size(config.upsample)]) == "transposed"
+          ? Upsampling::transposed
+          : Upsampling::bilinear_conv;
   config.dropout = reader.get("dropout", config.dropout, between(0.0, 0.95));
   config.norm_epsilon = reader.get("norm_epsilon", config.norm_epsilon, between(1e-12, 1.0));
   config.norm_momentum = reader.get("norm_momentum", config.norm_momentum, between(0.0, 1.0));

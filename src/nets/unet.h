@@ -1,6 +1,7 @@
 #pragma once
 
-/// The encoder and decoder of pix2pix (Isola et al. 2017) with skip connections, as deep as the image is large.
+/// The encoder and decoder of pix2pix (Isola et al. 2017) with skip connections. The depth follows from the size of the
+/// image.
 
 #include <torch/torch.h>
 
@@ -11,8 +12,8 @@
 
 namespace doppel {
 
-/// How the decoder doubles the resolution: one transposed 4x4 convolution, or bilinear interpolation and a 3x3
-/// convolution (no checkerboard, more multiplications).
+/// The upsampling of the decoder: one transposed 4x4 convolution, or bilinear interpolation and a 3x3 convolution (no
+/// checkerboard artefacts, more multiplications).
 enum class Upsampling { transposed, bilinear_conv };
 
 struct UNetConfig {
@@ -33,18 +34,19 @@ struct UNetConfig {
   int64_t channels(int level) const;
 };
 
-/// Dropout that draws from `generator` alone, so that a resumed run draws what an uninterrupted one would have.
+/// Dropout that draws from `generator` only, so that a resumed run draws the same numbers as an uninterrupted run.
 /// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
 torch::Tensor dropout(const torch::Tensor& features, double probability, at::Generator generator);
 
-/// A transposed 4x4 convolution of stride 2 and padding 1 as an ordinary one. Each of the four kinds of output pixel
-/// sees 2x2 inputs; all are taken as 3x3 with zeros, and their channels are shuffled into place. More multiplications
-/// than it needs, but convolutions are fast on a CPU and transposed ones are not.
+/// A transposed 4x4 convolution of stride 2 and padding 1, computed as an ordinary convolution. Each of the four kinds
+/// of output pixel depends on 2x2 inputs. All four are computed as 3x3 convolutions with zeros, and a pixel shuffle
+/// arranges their channels. This takes more multiplications, but ordinary convolutions are faster on a CPU than
+/// transposed ones.
 /// @param features [B,Cin,H,W] @param weight [Cin,Cout,4,4] @param bias [Cout] or undefined @return [B,Cout,2H,2W]
 torch::Tensor transposed_convolution(const torch::Tensor& features, const torch::Tensor& weight,
                                      const torch::Tensor& bias);
 
-/// Batch normalisation over a batch of images. In evaluation mode the running statistics.
+/// The UNet. Batch normalisation uses the statistics of the batch, in evaluation mode the running statistics.
 class UNetImpl : public torch::nn::Module {
  public:
   /// @param generator draws the initial weights, N(0, 0.02); by default a fresh one with a fixed seed
@@ -53,7 +55,7 @@ class UNetImpl : public torch::nn::Module {
 
   /// @param image [B,Cin,H,W], H and W multiples of 2^levels @param generator of the dropout; needed while training
   /// unless dropout is 0
-  /// @return [B,Cout,H,W], any real numbers: the last convolution has no activation behind it
+  /// @return [B,Cout,H,W], any real numbers: no activation follows the last convolution
   /// @throws UsageError for another size; for a training batch of 1 whose innermost map is one pixel, which batch
   /// normalisation would set to 0
   torch::Tensor forward(const torch::Tensor& image, std::optional<at::Generator> generator = std::nullopt);

@@ -12,6 +12,7 @@
 #include <optional>
 #include <string_view>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/nets/weights_pickle.h"
 
@@ -21,7 +22,7 @@ using torch::Tensor;
 
 namespace {
 
-/// A type of numbers by the names both formats have for it.
+/// An element type and its names in both formats.
 struct NumberType {
   const char* storage;
   const char* safetensors;
@@ -42,13 +43,14 @@ torch::ScalarType number_type(const char* NumberType::*format, const std::string
                               const FileLocation& where) {
   for (const NumberType& type : kNumberTypes)
     if (name == type.*format) return type.type;
-  fail_at(where, "tensor '{}' holds numbers of type '{}'; known are floating-point and whole numbers", tensor, name);
+  fail_at(where, "tensor '{}' has elements of type '{}'; floating-point numbers and integers are supported", tensor,
+          name);
 }
 
 /// Larger than any tensor, small enough that products of two do not overflow 128 bits.
 constexpr std::int64_t kHugeSize = std::int64_t{1} << 48;
 
-/// Elements from the first to the last of a tensor, both included; nothing when a number is out of all bounds.
+/// The number of elements from the first to the last of a tensor, both included; nothing when a size is invalid.
 std::optional<std::int64_t> extent(const PickledTensor& tensor) {
   if (tensor.offset < 0 || tensor.offset > kHugeSize || tensor.shape.size() > 16) return std::nullopt;
   std::int64_t last = 0, elements = 1;
@@ -84,7 +86,7 @@ class TorchArchive {
   }
   bool has(const std::string& name) { return reader_->hasRecord(name); }
 
-  /// A view of the storage, which is read once.
+  /// A view of the storage. Each storage is read once.
   Tensor tensor(const PickledTensor& found) {
     const torch::ScalarType type = number_type(&NumberType::storage, found.storage, found.name, where_);
     Tensor& storage = storages_[found.key];
@@ -116,7 +118,7 @@ class TorchArchive {
 std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary | std::ios::ate);
   if (!file) fail_at({path.string()}, "cannot be opened");
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(std::max<std::streamoff>(file.tellg(), 0)));
+  std::vector<std::uint8_t> bytes(as_size(std::max<std::streamoff>(file.tellg(), 0)));
   file.seekg(0);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   if (!file) fail_at({path.string()}, "cannot be read");
@@ -125,7 +127,7 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
 
 constexpr std::size_t kLengthBytes = 8;
 
-/// The JSON header of a safetensors file, with the place of the numbers behind it.
+/// The JSON header of a safetensors file, and the offset of the numbers after it.
 struct SafetensorsHeader {
   nlohmann::ordered_json entries;
   std::size_t begin = 0;
@@ -181,7 +183,7 @@ struct SafetensorsEntry {
   }
 };
 
-/// Tensors must lie one behind the other, from the first byte to the last.
+/// Tensors must be contiguous, from the first byte to the last.
 void check_places(const std::vector<SafetensorsEntry>& entries, std::uint64_t size, const FileLocation& where) {
   std::vector<const SafetensorsEntry*> order;
   for (const SafetensorsEntry& entry : entries) order.push_back(&entry);
@@ -194,7 +196,7 @@ void check_places(const std::vector<SafetensorsEntry>& entries, std::uint64_t si
     reached = entry->end;
   }
   if (reached != size)
-    fail_at(where, "the tensors end at byte {} of {}: cut short, or with surplus bytes", reached, size);
+    fail_at(where, "the tensors end at byte {} of {}: the file is truncated or has surplus bytes", reached, size);
 }
 
 /// "a, b, c and 4 more"
@@ -225,7 +227,7 @@ NamedWeights read_torch_weights(const std::filesystem::path& path) {
   if (archive.has("byteorder")) {
     const auto [order, size] = archive.record("byteorder");
     if (std::string(static_cast<const char*>(order.get()), size) != "little")
-      fail_at(where, "the numbers are not little-endian; save the file again on a common machine");
+      fail_at(where, "the numbers are not little-endian; save the file again on a little-endian machine");
   }
   const auto [pickle, size] = archive.record("data.pkl");
   NamedWeights weights;
@@ -256,7 +258,7 @@ NamedWeights read_weights(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) fail_at({path.string()}, "cannot be opened");
   file.read(start.data(), start.size());
-  const std::string_view first(start.data(), static_cast<std::size_t>(file.gcount()));
+  const std::string_view first(start.data(), as_size(file.gcount()));
   if (first == "PK\x03\x04") return read_torch_weights(path);
   if (first.substr(0, 2) == "\x80\x02")
     fail_at({path.string()},

@@ -5,11 +5,13 @@
 #include <deque>
 #include <unordered_map>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
-/// A value on the stack. Values live in one arena and name each other by index, so that neither cycles nor deep nesting
-/// in a hostile file do any harm.
+/// A value on the stack. All values are in one array and refer to each other by index, so that cycles and deep nesting
+/// in a malicious file do no harm.
 struct Value {
   enum class Kind { none, number, text, sequence, mapping, function, storage, tensor };
   Kind kind = Kind::none;
@@ -70,7 +72,7 @@ class Machine {
       case 'G':
         skip(8);
         push(Kind::none);
-        return true;  // a floating-point number: no part of a tensor
+        return true;  // a floating-point number: not part of a tensor
       case 'X':
         push_text(unsigned_number(4));
         return true;
@@ -135,7 +137,7 @@ class Machine {
       case 'b':
         need(2);
         stack_.pop_back();
-        return true;  // attributes of an object: notes on versions
+        return true;  // attributes of an object: version numbers
       default:
         bad("instruction 0x{:02x}, which a mapping from names to tensors does not need; it was not executed. If this "
             "is a "
@@ -153,13 +155,13 @@ class Machine {
   int byte() { return *take(1); }
   void skip(std::size_t count) { take(count); }
   const std::uint8_t* take(std::size_t count) {
-    if (static_cast<std::size_t>(end_ - next_) < count) fail_at(where_, "the pickle ends too early");
+    if (as_size(end_ - next_) < count) fail_at(where_, "the pickle ends too early");
     const std::uint8_t* at = next_;
     next_ += count;
     return at;
   }
   std::uint64_t unsigned_number(int count) {
-    const std::uint8_t* bytes = take(static_cast<std::size_t>(count));
+    const std::uint8_t* bytes = take(as_size(count));
     std::uint64_t value = 0;
     for (int i = 0; i < count; ++i) value |= static_cast<std::uint64_t>(bytes[i]) << (8 * i);
     return value;
@@ -192,7 +194,7 @@ class Machine {
     const std::string module = line(), name = line();
     arena_[push(Kind::function)].text = module + "." + name;
   }
-  /// Above the last mark at least so many values must lie. @return the number
+  /// Requires at least so many values above the last mark. @return their number
   std::size_t need(std::size_t count) const {
     const std::size_t floor = marks_.empty() ? 0 : marks_.back();
     if (stack_.size() < floor + count) bad("an instruction without the values it works on");
@@ -226,7 +228,8 @@ class Machine {
   void append(std::size_t first, Kind kind) {
     const std::vector<std::size_t> items = cut(first);
     Value& target = arena_[top_index()];
-    if (target.kind != kind || (kind == Kind::mapping && items.size() % 2 != 0)) bad("entries for what holds none");
+    if (target.kind != kind || (kind == Kind::mapping && items.size() % 2 != 0))
+      bad("entries for a value that is not a container");
     target.items.insert(target.items.end(), items.begin(), items.end());
   }
   void recall(std::uint64_t key) {
@@ -238,7 +241,7 @@ class Machine {
   // Tensors.
   const Value& item(const Value& sequence, std::size_t index, Kind kind) const {
     if (sequence.kind != Kind::sequence || index >= sequence.items.size() || at(sequence.items[index]).kind != kind)
-      bad("a tensor whose description is not the usual one");
+      bad("a tensor with an unknown description");
     return at(sequence.items[index]);
   }
   std::vector<std::int64_t> numbers(const Value& sequence) const {
@@ -249,7 +252,7 @@ class Machine {
   /// ('storage', torch.FloatStorage, key, device, size)
   void open_storage() {
     const Value& id = at(pop());
-    if (item(id, 0, Kind::text).text != "storage") bad("a reference to something else than a tensor's numbers");
+    if (item(id, 0, Kind::text).text != "storage") bad("a reference to something other than a tensor's numbers");
     const std::string type = item(id, 1, Kind::function).text, key = item(id, 2, Kind::text).text;
     Value& storage = arena_[push(Kind::storage)];
     storage.tensor.storage = type.rfind("torch.", 0) == 0 ? type.substr(6) : type;

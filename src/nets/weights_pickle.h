@@ -1,8 +1,7 @@
 #pragma once
 
-/// The pickle inside a `.pth`: a program for a stack machine. Here it runs on a machine that knows only the
-/// instructions and the three functions a mapping from names to tensors is written with; whatever else it asks for is
-/// an error.
+/// The pickle inside a `.pth` is a program for a stack machine. This interpreter supports only the instructions and the
+/// three functions that a mapping from names to tensors needs; everything else is an error.
 
 #include <cstdint>
 #include <string>
@@ -12,7 +11,7 @@
 
 namespace doppel {
 
-/// A tensor as the pickle describes it; its numbers are the record `data/<key>` of the archive.
+/// The description of a tensor in the pickle. Its numbers are the record `data/<key>` of the archive.
 struct PickledTensor {
   std::string name;
   std::string storage;  ///< type of the numbers: "FloatStorage", ...
@@ -21,8 +20,8 @@ struct PickledTensor {
   std::vector<std::int64_t> shape, stride;
 };
 
-/// @param where for messages
-/// @throws FileError: cut short, an instruction or function beyond those, or no mapping from names to tensors
+/// @param where location of the pickle, for messages
+/// @throws FileError: truncated, an unsupported instruction or function, or not a mapping from names to tensors
 std::vector<PickledTensor> read_pickled_tensors(const std::uint8_t* bytes, std::size_t size, const FileLocation& where);
 
 }  // namespace doppel

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 
@@ -17,7 +18,7 @@ namespace {
 using render::ViewPass;
 using torch::Tensor;
 
-/// The images of one view, used again for the next.
+/// The images of one view, reused for the next view.
 struct CoverageCanvas {
   ViewPass pass;
   std::vector<std::uint64_t> covered;  ///< [H, tiles_x] bit per pixel
@@ -29,20 +30,20 @@ struct CoverageCanvas {
   int width = 0, height = 0;
 
   bool bit(const std::vector<std::uint64_t>& image, int x, int y) const {
-    return (image[static_cast<std::size_t>(y * pass.tiles_x() + x / kernels::kTile)] >> (x % kernels::kTile)) & 1;
+    return (image[as_size(y * pass.tiles_x() + x / kernels::kTile)] >> (x % kernels::kTile)) & 1;
   }
 };
 
 void cover(CoverageCanvas& canvas) {
   const ViewPass& pass = canvas.pass;
-  canvas.covered.assign(static_cast<std::size_t>(canvas.height * pass.tiles_x()), 0);
+  canvas.covered.assign(as_size(canvas.height * pass.tiles_x()), 0);
   for (int tile = 0; tile < pass.num_tiles(); ++tile) {
     if (pass.tile_empty(tile)) continue;
     std::array<std::uint64_t, kernels::kTile> rows{};
     pass.cover_tile(tile, rows.data());
     const int column = tile % pass.tiles_x(), y = tile / pass.tiles_x() * kernels::kTile;
     for (int r = 0; r < std::min(kernels::kTile, canvas.height - y); ++r) {
-      canvas.covered[static_cast<std::size_t>((y + r) * pass.tiles_x() + column)] = rows[static_cast<std::size_t>(r)];
+      canvas.covered[as_size((y + r) * pass.tiles_x() + column)] = rows[as_size(r)];
     }
   }
 }
@@ -50,43 +51,40 @@ void cover(CoverageCanvas& canvas) {
 void draw_depth(CoverageCanvas& canvas) {
   const ViewPass& pass = canvas.pass;
   if (canvas.depth.empty()) {
-    canvas.depth.assign(static_cast<std::size_t>(canvas.width) * static_cast<std::size_t>(canvas.height),
-                        std::numeric_limits<float>::infinity());
-    canvas.dirty.assign(static_cast<std::size_t>(pass.num_tiles()), {});
+    canvas.depth.assign(as_size(canvas.width) * as_size(canvas.height), std::numeric_limits<float>::infinity());
+    canvas.dirty.assign(as_size(pass.num_tiles()), {});
     render::reset(canvas.buffer);
   }
   for (int tile = 0; tile < pass.num_tiles(); ++tile) {
-    pass.draw_tile(tile, canvas.buffer, canvas.dirty[static_cast<std::size_t>(tile)],
-                   {nullptr, canvas.depth.data(), nullptr});
+    pass.draw_tile(tile, canvas.buffer, canvas.dirty[as_size(tile)], {nullptr, canvas.depth.data(), nullptr});
   }
 }
 
-/// Marks the pixels whose whole 3x3 neighbourhood is covered, 64 at a time; the border has none.
+/// Marks the pixels whose whole 3x3 neighbourhood is covered, 64 at a time. Border pixels are never marked.
 void erode(CoverageCanvas& canvas) {
   const int words = canvas.pass.tiles_x();
   const std::vector<std::uint64_t>& in = canvas.covered;
   std::vector<std::uint64_t>& rows = canvas.rows;
   rows.resize(in.size());
   for (std::size_t i = 0; i < in.size(); ++i) {
-    const bool first = i % static_cast<std::size_t>(words) == 0, last = (i + 1) % static_cast<std::size_t>(words) == 0;
+    const bool first = i % as_size(words) == 0, last = (i + 1) % as_size(words) == 0;
     const std::uint64_t before = first ? 0 : in[i - 1] >> 63, after = last ? 0 : in[i + 1] << 63;
     rows[i] = in[i] & (in[i] << 1 | before) & (in[i] >> 1 | after);
   }
   canvas.inner.assign(in.size(), 0);
-  const auto row = static_cast<std::size_t>(words);
+  const auto row = as_size(words);
   for (std::size_t i = row; i + row < in.size(); ++i) canvas.inner[i] = rows[i - row] & rows[i] & rows[i + row];
 }
 
-/// Whether some surface seen in the 3x3 pixels is not nearer than the vertex. The outline is where surfaces turn away,
-/// so the vertex's own pixel alone would be too strict.
+/// Whether the surface in at least one of the 3x3 pixels is not nearer than the vertex. The vertex's own pixel alone
+/// would be too strict, because surfaces turn away from the camera at the outline.
 bool is_seen(const CoverageCanvas& canvas, int x, int y, float depth, float tolerance) {
   bool any = false;
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
       if (!canvas.bit(canvas.covered, x + dx, y + dy)) continue;
       any = true;
-      if (canvas.depth[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(canvas.width) +
-                       static_cast<std::size_t>(x + dx)] >= depth - tolerance) {
+      if (canvas.depth[as_size(y + dy) * as_size(canvas.width) + as_size(x + dx)] >= depth - tolerance) {
         return true;
       }
     }

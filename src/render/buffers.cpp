@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/shading/shading_terms.h"
@@ -18,7 +19,7 @@ namespace {
 
 constexpr std::array<const char*, 8> kNames{"colour", "albedo", "normal", "shading", "depth", "mask", "uv", "position"};
 
-/// The modes that `shade` draws.
+/// Images of the modes that `shade` draws.
 Tensor shaded(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
               RenderMode mode, ShadingOptions options) {
   if (mode == RenderMode::shading && !scene.lighting.defined()) {
@@ -30,7 +31,7 @@ Tensor shaded(const RenderScene& scene, const RenderMesh& mesh, std::int64_t hei
   return shade(scene.vertices, texture, scene.lighting, scene.projection, mesh, height, width, options).colour;
 }
 
-/// What the surface shows in each of the pixels that it covers. @return [P,channels]
+/// The values of the surface in the pixels that it covers. @return [P,channels]
 Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const shading::Pixels& pixels, RenderMode mode,
                       bool flip) {
   if (mode == RenderMode::mask) return torch::ones({pixels.place.size(0), 1}, scene.vertices.options());
@@ -59,7 +60,7 @@ RenderMode render_mode_from(const std::string& name) {
   fail<UsageError>("render mode '{}' is unknown; choose one of {}", name, fmt::join(kNames, ", "));
 }
 
-const char* name_of(RenderMode mode) { return kNames[static_cast<std::size_t>(mode)]; }
+const char* name_of(RenderMode mode) { return kNames[as_size(mode)]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {
@@ -70,7 +71,7 @@ Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_
   render::check_floats(scene.vertices, "render_mode", "vertices", {-1, mesh.num_vertices, 3});
   render::check_floats(scene.projection, "render_mode", "projection", {scene.vertices.size(0), -1, 3, 4});
   if (mode == RenderMode::uv && !mesh.has_uvs()) {
-    fail<UsageError>("render_mode: mode uv, and the mesh has no UVs; give it `vt` coordinates");
+    fail<UsageError>("render_mode: mode uv, but the mesh has no UVs; give it `vt` coordinates");
   }
   const shading::Pixels pixels =
       shading::visible_pixels(scene.vertices, scene.projection, mesh, height, width, options.z_near);
@@ -92,7 +93,7 @@ SupersampledImage render_supersampled(const RenderScene& scene, const RenderMesh
   const torch::NoGradGuard no_gradient;
   RenderScene fine = scene;
   fine.projection = scene.projection.clone();
-  fine.projection.slice(2, 0, 2).mul_(factor);  // pixel edges, not centres, scale
+  fine.projection.slice(2, 0, 2).mul_(factor);  // pixel edges scale, not pixel centres
   const auto average = [&](const Tensor& t) {
     return t.view({t.size(0), t.size(1), height, factor, width, factor, t.size(4)}).mean({3, 5});
   };

@@ -9,7 +9,7 @@
 
 namespace doppel {
 
-/// What to draw. Channels, and the value where nothing is seen (always 0).
+/// The kinds of images, with their channels. The value of the background is always 0.
 enum class RenderMode {
   colour,    ///< 3: texture under lighting
   albedo,    ///< 3: texture alone
@@ -25,7 +25,7 @@ enum class RenderMode {
 RenderMode render_mode_from(const std::string& name);
 const char* name_of(RenderMode mode);
 
-/// What a scene is drawn from; `texture` and `lighting` where the mode needs them, as for `shade`.
+/// The inputs of a drawing. `texture` and `lighting` are needed by some modes only, as in `shade`.
 struct RenderScene {
   torch::Tensor vertices;    ///< float32 [B,N,3], world, metres
   torch::Tensor projection;  ///< float32 [B,C,3,4], pixels from world metres
@@ -40,7 +40,7 @@ torch::Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std:
 
 struct SupersampledImage {
   torch::Tensor image;  ///< float32 [B,C,H,W,channels], area average with background 0 (premultiplied by alpha)
-  torch::Tensor alpha;  ///< float32 [B,C,H,W], the part of the pixel that is covered
+  torch::Tensor alpha;  ///< float32 [B,C,H,W], the covered fraction of the pixel
   /// image + (1 - alpha) * background. @param background broadcasts with [B,C,H,W,channels]
   torch::Tensor over(const torch::Tensor& background) const;
 };

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel::render {
 namespace {
 
@@ -14,8 +16,8 @@ using kernels::RasterView;
 /// A corner before the perspective division: (u w, v w, w).
 struct ClipPoint {
   double u, v, w;
-  bool on_screen;            ///< a vertex with a place on the screen ...
-  float screen_u, screen_v;  ///< ... which whole neighbours use, so the cut face must too
+  bool on_screen;            ///< a vertex with a screen position
+  float screen_u, screen_v;  ///< this position, which uncut neighbours also use
 };
 
 bool before(const ClipPoint& a, const ClipPoint& b) { return std::tie(a.w, a.u, a.v) < std::tie(b.w, b.u, b.v); }
@@ -36,8 +38,7 @@ double distance(const ClipPoint& p, int plane, double z_near) {
   }
 }
 
-/// Where the edge meets the plane. The ends are put in an order of their own, so that both faces of an edge compute
-/// alike.
+/// The intersection of an edge with a plane. The ends are sorted, so that both faces of an edge compute the same point.
 ClipPoint cross(ClipPoint a, ClipPoint b, int plane, double z_near) {
   if (before(b, a)) std::swap(a, b);
   const double da = distance(a, plane, z_near), db = distance(b, plane, z_near), t = da / (da - db);
@@ -47,8 +48,8 @@ ClipPoint cross(ClipPoint a, ClipPoint b, int plane, double z_near) {
 struct Polygon {
   std::array<ClipPoint, 8> points;
   int size = 0;
-  void add(const ClipPoint& p) { points[static_cast<std::size_t>(size++)] = p; }
-  const ClipPoint& operator[](int i) const { return points[static_cast<std::size_t>(i)]; }
+  void add(const ClipPoint& p) { points[as_size(size++)] = p; }
+  const ClipPoint& operator[](int i) const { return points[as_size(i)]; }
 };
 
 Polygon cut_by_plane(const Polygon& in, int plane, double z_near) {
@@ -74,7 +75,7 @@ bool inverse_depth_plane(const Polygon& face, CutTriangle& out) {
   out.izy = (bc[1] + ca[1] + ab[1]) / determinant;
   out.iz = (bc[2] + ca[2] + ab[2]) / determinant;
   if (std::isfinite(out.izx) && std::isfinite(out.izy) && std::isfinite(out.iz)) return true;
-  out.izx = out.izy = out.iz = 0;  // edge-on: the limits of the corners decide
+  out.izx = out.izy = out.iz = 0;  // edge-on: the limits of the corners apply
   return determinant == 0;
 }
 
@@ -107,13 +108,13 @@ void cut_face(const RasterView& view, std::int32_t face, std::vector<CutTriangle
   triangle.iz_min = triangle.iz_max = static_cast<float>(1 / polygon[0].w);
   for (int i = 0; i < polygon.size; ++i) {
     const ClipPoint& p = polygon[i];
-    const auto k = static_cast<std::size_t>(i);
+    const auto k = as_size(i);
     x[k] = snap(p.on_screen ? p.screen_u : static_cast<float>(p.u / p.w));
     y[k] = snap(p.on_screen ? p.screen_v : static_cast<float>(p.v / p.w));
     triangle.iz_min = std::min(triangle.iz_min, static_cast<float>(1 / p.w));
     triangle.iz_max = std::max(triangle.iz_max, static_cast<float>(1 / p.w));
   }
-  for (std::size_t i = 1; i + 1 < static_cast<std::size_t>(polygon.size); ++i) {
+  for (std::size_t i = 1; i + 1 < as_size(polygon.size); ++i) {
     const std::array<std::size_t, 3> corner{0, i, i + 1};
     for (std::size_t k = 0; k < 3; ++k) {
       triangle.x[k] = x[corner[k]];

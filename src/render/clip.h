@@ -6,8 +6,8 @@
 
 namespace doppel::render {
 
-/// Cuts a face by the near plane and the guard band and appends the triangles that are left (none, or up to six).
-/// Neighbouring faces get the same points on their common edge, bit for bit.
+/// Cuts a face by the near plane and the guard band and appends the remaining triangles (at most six). Neighbouring
+/// faces have the same points on their common edge, bit for bit.
 void cut_face(const kernels::RasterView& view, std::int32_t face, std::vector<kernels::CutTriangle>& out);
 
 }  // namespace doppel::render

@@ -8,7 +8,7 @@
 
 namespace doppel {
 
-/// Faces of a mesh as the rasterizer takes them: int32 [F,3].
+/// Faces of a mesh in the form that the rasterizer takes: int32 [F,3].
 inline torch::Tensor face_tensor(const TriangleMesh& mesh) {
   torch::Tensor faces = torch::empty({mesh.num_faces(), 3}, torch::kInt32);
   std::int32_t* out = faces.data_ptr<std::int32_t>();

@@ -15,10 +15,10 @@ using torch::Tensor;
 
 namespace {
 
-/// Sine of the angle between ray and face below which the place where they meet is left as drawn.
+/// Sine of the angle between ray and face below which their intersection has no gradient.
 constexpr double kGrazing = 0.01;
-/// A camera stands inside where at least this part of the covered pixels shows the inside of faces. From outside a
-/// closed surface shows none; one that cuts itself shows a few.
+/// A camera is inside the mesh if at least this fraction of the covered pixels shows the inside of faces. From outside,
+/// a closed surface shows none, and a surface that intersects itself shows a few.
 constexpr double kInsidePart = 0.5;
 
 void check_options(const GuideOptions& options) {
@@ -87,7 +87,7 @@ void check_cameras_outside(const Tensor& face_id, const Tensor& faces, const Ten
   }
 }
 
-/// The pixels with the least and the largest distance around a pixel; -1 without any.
+/// The pixels with the smallest and the largest distance around a pixel; -1 if there are none.
 struct Extremes {
   int64_t nearest = -1, farthest = -1;  ///< row * W + column
 };
@@ -103,7 +103,7 @@ Extremes extremes_around(const float* distance, int64_t height, int64_t width, i
   return found;
 }
 
-/// Distance at which the rays through the pixels `places` (row * W + column) meet the faces seen there. [R]
+/// Distances [R] at which the rays through the pixels `places` (row * W + column) meet the faces seen in these pixels.
 Tensor surface_distance(const Tensor& face_id, const Tensor& distance, const Tensor& places, const Tensor& faces,
                         const Tensor& vertices, const Tensor& projection) {
   const int64_t width = face_id.size(1);
@@ -180,7 +180,7 @@ Tensor draw_pixels(const GuideImages& guide, int64_t view, const Tensor& mask, i
     fail<UsageError>("draw_pixels: the mask is {}, the view {}", render::describe(mask), render::describe(reached));
   const Tensor anywhere = reached.nonzero().flip({1});
   if (anywhere.size(0) == 0)
-    fail("draw_pixels: the mesh is not seen in view {}, so no ray comes near it; leave such views out", view);
+    fail("draw_pixels: the mesh is not seen in view {}, so no ray passes near it; leave such views out", view);
   Tensor inside = (reached & (mask > 0.5)).nonzero().flip({1});
   if (inside.size(0) == 0) inside = anywhere;
   const auto pick = [&](const Tensor& from, int64_t how_many) {

@@ -1,12 +1,12 @@
 #pragma once
 
-/// Where along a ray a radiance field around a mesh is sampled (6.24): from t_mi before the nearest to t_ma behind the
-/// farthest surface seen around the ray's pixel.
+/// The interval of a ray in which a radiance field around a mesh is sampled (6.24): from t_mi before the nearest to
+/// t_ma behind the farthest surface around the ray's pixel.
 ///
 ///   near = er(depth) - t_mi,   far = di(depth) + t_ma
 ///
-/// er and di are the least and the largest depth of the stencil's pixels that show the mesh; pixels that do not are
-/// left out of both (as if the background were at infinity for er and at 0 for di).
+/// er and di are the smallest and the largest depth among the pixels of the stencil that show the mesh. Background
+/// pixels are left out of both, as if they had depth infinity in er and 0 in di.
 /// Letters: B batch, C cameras, V = B*C views, N vertices, F faces, R rays. Metres along unit rays from the camera.
 
 #include <torch/torch.h>
@@ -30,19 +30,19 @@ struct PixelRays {
 /// @return in the type of `projection`
 PixelRays pixel_rays(const torch::Tensor& projection, const torch::Tensor& pixels);
 
-/// Views of the mesh that say where its surface is.
+/// Drawn views of the mesh: the face and the distance of the surface in each pixel.
 struct GuideImages {
   torch::Tensor face_id;   ///< int32 [V,H,W] nearest face, -1 background
   torch::Tensor distance;  ///< float32 [V,H,W] of the surface along the pixel's ray, infinity background
-  torch::Tensor reached;   ///< bool [V,H,W]: the mesh is seen within the stencil, so the pixel's ray is sampled
+  torch::Tensor reached;   ///< bool [V,H,W]: the stencil contains the mesh, so the pixel's ray is sampled
 
   /// Pixels (column, row) of a view that are sampled: int64 [R,2], none where the mesh is out of view.
   torch::Tensor pixels(int64_t view) const;
 };
-/// @param rasterizer of the faces below @param faces int64 [F,3] @param vertices float32 [B,N,3] of a closed mesh,
-/// world
+/// @param rasterizer built from `faces` @param faces int64 [F,3]
+/// @param vertices float32 [B,N,3] of a closed mesh, world
 /// @param projection float32 [B,C,3,4] pixels from world metres
-/// @throws Error when a camera stands inside the mesh: most of what it sees is the inside of faces
+/// @throws Error when a camera is inside the mesh: most pixels then show the inside of faces
 /// @throws UsageError for an even stencil, or lengths that are not greater than 0
 GuideImages guide_images(Rasterizer& rasterizer, const torch::Tensor& faces, const torch::Tensor& vertices,
                          const torch::Tensor& projection, int64_t height, int64_t width,
@@ -54,14 +54,14 @@ struct RayInterval {
 /// The intervals of pixels of one view.
 /// @param pixels int64 [R,2] column, row, within the image
 /// @param faces int64 [F,3] @param vertices [N,3] that were drawn, any float type @param projection [3,4] of the view
-/// Gradient: to the vertices, exact but for what is visible: the face seen at the nearest and farthest pixel stays, the
-/// place where that pixel's ray meets its plane moves. Faces seen almost edge-on (below 0.6 degrees) pass none.
+/// Gradient: to the vertices, exact at fixed visibility: the nearest and farthest pixels keep their faces, and the
+/// intersections of their rays with the planes of the faces move. Faces at less than 0.6 degrees to the ray pass none.
 RayInterval guided_interval(const GuideImages& guide, int64_t view, const torch::Tensor& pixels,
                             const torch::Tensor& faces, const torch::Tensor& vertices, const torch::Tensor& projection,
                             const GuideOptions& options = {});
 
-/// Random pixels of a view for training: half of those that are reached, half of those also in the mask (all of the
-/// former where the mask holds none), with repetition.
+/// Random pixels of a view for training, with repetition: half are drawn from the reached pixels, half from the reached
+/// pixels inside the mask (all from the reached pixels if the mask contains none).
 /// @param mask [H,W], foreground above 0.5 @return int64 [count,2] column, row
 /// @throws Error when the mesh is out of view
 torch::Tensor draw_pixels(const GuideImages& guide, int64_t view, const torch::Tensor& mask, int64_t count,

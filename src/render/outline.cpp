@@ -7,6 +7,7 @@
 #include <atomic>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 
@@ -25,33 +26,28 @@ struct SurfacePoint {
   std::array<float, 3> barycentrics;
 };
 
-/// The images of one view, used again for the next.
+/// The images of one view, reused for the next view.
 struct OutlineCanvas {
   OutlineCanvas(int w, int h)
-      : width(w),
-        height(h),
-        face_id(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), -1),
-        barycentrics(3 * face_id.size(), 0.0f) {}
+      : width(w), height(h), face_id(as_size(w) * as_size(h), -1), barycentrics(3 * face_id.size(), 0.0f) {}
 
   void draw(const render::FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix) {
     pass.begin(faces, vertices, num_vertices, matrix, width, height, kNear, false);
     pass.prepare();
     if (dirty.empty()) {
-      dirty.assign(static_cast<std::size_t>(pass.num_tiles()), {});
+      dirty.assign(as_size(pass.num_tiles()), {});
       render::reset(buffer);
     }
     for (int tile = 0; tile < pass.num_tiles(); ++tile)
-      pass.draw_tile(tile, buffer, dirty[static_cast<std::size_t>(tile)],
-                     {face_id.data(), nullptr, barycentrics.data()});
+      pass.draw_tile(tile, buffer, dirty[as_size(tile)], {face_id.data(), nullptr, barycentrics.data()});
   }
 
   std::vector<SurfacePoint> points() const {
     std::vector<SurfacePoint> found;
     for (int y = kBorder; y < height - kBorder; ++y)
       for (int x = kBorder; x < width - kBorder; ++x) {
-        const std::size_t i =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-        const auto row = static_cast<std::size_t>(width);
+        const std::size_t i = as_size(y) * as_size(width) + as_size(x);
+        const auto row = as_size(width);
         if (face_id[i] < 0) continue;
         if (face_id[i - 1] >= 0 && face_id[i + 1] >= 0 && face_id[i - row] >= 0 && face_id[i + row] >= 0) continue;
         found.push_back({face_id[i], {barycentrics[3 * i], barycentrics[3 * i + 1], barycentrics[3 * i + 2]}});
@@ -78,7 +74,7 @@ OutlinePoints pack(const std::vector<std::vector<SurfacePoint>>& views, const re
     auto* barycentrics = out.barycentrics.data_ptr<float>() + 3 * longest * v;
     std::fill_n(out.used.data_ptr<bool>() + longest * v, views[v].size(), true);
     for (const SurfacePoint& point : views[v]) {
-      corners = std::copy_n(faces.corners.data() + 4 * static_cast<std::size_t>(point.face), 3, corners);
+      corners = std::copy_n(faces.corners.data() + 4 * as_size(point.face), 3, corners);
       barycentrics = std::copy_n(point.barycentrics.data(), 3, barycentrics);
     }
   }
@@ -103,7 +99,7 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
   const Tensor points = vertices.detach().contiguous(), matrices = projection.detach().contiguous();
   const Tensor use = valid.defined() ? valid.contiguous() : torch::ones({views}, torch::kBool);
 
-  std::vector<std::vector<SurfacePoint>> found(static_cast<std::size_t>(views));
+  std::vector<std::vector<SurfacePoint>> found(as_size(views));
   std::atomic<std::int64_t> next{0};
   const std::int64_t workers = std::min<std::int64_t>(views, at::get_num_threads());
   at::parallel_for(0, workers, 1, [&](std::int64_t first, std::int64_t last) {
@@ -113,7 +109,7 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
         if (!use.data_ptr<bool>()[v]) continue;
         canvas.draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras), num_vertices,
                     matrices.data_ptr<float>() + 12 * v);
-        found[static_cast<std::size_t>(v)] = canvas.points();
+        found[as_size(v)] = canvas.points();
       }
     }
   });

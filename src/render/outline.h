@@ -6,18 +6,17 @@
 
 namespace doppel {
 
-/// The points of a mesh that are seen at the edge of its drawing: one for each covered pixel with an uncovered
-/// neighbour (of four), what the surface shows at that pixel's centre. As a mask's contour pixels are chosen, so the
-/// two can be compared without a bias. Views have different numbers of points; rows beyond are not `used` and name
-/// vertex 0.
+/// The surface points on the outline of a drawn mesh: one point for each covered pixel with an uncovered neighbour (of
+/// four), at the pixel's centre. The contour pixels of a mask are chosen by the same rule, so a comparison of both has
+/// no bias. Views have different numbers of points. Surplus rows are not `used` and refer to vertex 0.
 struct OutlinePoints {
   torch::Tensor corners;       ///< int64 [V,P,3], vertices of the face that is seen
   torch::Tensor barycentrics;  ///< float32 [V,P,3], perspective-correct; 0 where not used
   torch::Tensor used;          ///< bool [V,P]
 };
 
-/// Draws B meshes into C cameras each. Points in the image's outermost two pixels are left out: there the body may be
-/// cut off. No gradient. The same bits with any number of threads.
+/// Draws B meshes into C cameras each. Points in the outermost two pixels of the image are left out, because the body
+/// may be cut off there. No gradient. The result has the same bits for any number of threads.
 /// @param vertices float32 [B,N,3], world, metres
 /// @param projection float32 [B,C,3,4], pixels from world metres
 /// @param faces int32 or int64 [F,3]

@@ -34,7 +34,7 @@ Tensor project(const Tensor& points, const Tensor& projection) {
   return h.index({Ellipsis, Slice(0, 2)}) / h.index({Ellipsis, Slice(2, 3)});
 }
 
-Tensor projection_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype) {
+Tensor projection_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype) {
   Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 3, 4}, torch::kFloat64);
   double* data = out.data_ptr<double>();
   for (const Camera& camera : cameras) {
@@ -51,12 +51,12 @@ CameraPlacement camera_placement(const Tensor& projection) {
   const Tensor M = p.index({Ellipsis, Slice(0, 3)}), offset = p.index({Ellipsis, Slice(3, 4)});
   const Tensor centre = -torch::matmul(torch::inverse(M), offset).squeeze(-1);
   const Tensor axis = M.select(-2, 2);
-  // A matrix scaled by a negative number is the same camera.
+  // A matrix multiplied by a negative number describes the same camera.
   const Tensor forward = axis * torch::det(M).sign().unsqueeze(-1) / axis.norm(2, {-1}, true);
   return {centre.to(projection.scalar_type()), forward.to(projection.scalar_type())};
 }
 
-Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype) {
+Tensor intrinsics_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype) {
   Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 4}, torch::kFloat64);
   double* data = out.data_ptr<double>();
   for (const Camera& camera : cameras) {
@@ -70,7 +70,7 @@ Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType d
   return out.to(dtype);
 }
 
-Tensor camera_from_world(const Tensor& points, const std::vector<Camera>& cameras) {
+Tensor camera_from_world(const Tensor& points, const std::vector<PinholeCamera>& cameras) {
   if (points.dim() != 2 || points.size(1) != 3)
     fail<UsageError>("camera_from_world: points are {}; they must be [N,3]", shape_of(points));
   std::vector<Tensor> out;

@@ -8,17 +8,17 @@
 
 namespace doppel {
 
-/// Pixels of points, differentiable in both arguments (plain tensor operations, any dtype and device).
+/// Projects points to pixels, differentiable in both arguments (plain tensor operations, any dtype and device).
 /// @param points [B,N,3], world, metres
 /// @param projection [B,C,3,4], pixels from world metres
 /// @return [B,C,N,2] pixels. A point with camera z = 0 gives infinity; behind the camera the result is mirrored.
 /// @throws Error for wrong shapes
 torch::Tensor project(const torch::Tensor& points, const torch::Tensor& projection);
 
-/// Projection matrices K [R|t] of pinhole cameras, distortion ignored. @return [C,3,4] of `dtype`
-torch::Tensor projection_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype = torch::kFloat32);
+/// Projection matrices K [R|t] of cameras. @return [C,3,4] of `dtype`
+torch::Tensor projection_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype = torch::kFloat32);
 
-/// Where cameras stand and what they look along, from their projection matrices alone.
+/// Centres and viewing directions of cameras, from their projection matrices alone.
 struct CameraPlacement {
   torch::Tensor centre;   ///< [...,3] world, metres
   torch::Tensor forward;  ///< [...,3] unit vector along the optical axis, world axes
@@ -26,11 +26,11 @@ struct CameraPlacement {
 /// @param projection [...,3,4] pixels from world metres, of any scale; plain tensor operations
 CameraPlacement camera_placement(const torch::Tensor& projection);
 
-/// fx fy cx cy of each camera, as Rasterizer takes them. @return [C,4] of `dtype`
+/// fx fy cx cy of each camera, in the form that Rasterizer takes. @return [C,4] of `dtype`
 /// @throws Error for a camera with skew
-torch::Tensor intrinsics_tensor(const std::vector<Camera>& cameras, torch::ScalarType dtype = torch::kFloat32);
+torch::Tensor intrinsics_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype = torch::kFloat32);
 
 /// World points in the axes of each camera. @param points [N,3], world, metres @return [C,N,3] metres
-torch::Tensor camera_from_world(const torch::Tensor& points, const std::vector<Camera>& cameras);
+torch::Tensor camera_from_world(const torch::Tensor& points, const std::vector<PinholeCamera>& cameras);
 
 }  // namespace doppel

@@ -8,7 +8,7 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-/// Beyond this extent (64 pixels) a face takes the 64-bit path.
+/// A face with a larger extent (64 pixels) uses the 64-bit path.
 constexpr int kSmallExtent = 64 * kSubpixels;
 constexpr int kHalf = kSubpixels / 2;
 
@@ -120,7 +120,7 @@ inline void set_up_plane(const Corners& c, Float centre_u, Float centre_v, Edges
   const Float u0 = c.u[0] - centre_u, v0 = c.v[0] - centre_v;
   const Float u10 = c.u[1] - c.u[0], v10 = c.v[1] - c.v[0], u20 = c.u[2] - c.u[0], v20 = c.v[2] - c.v[0];
   const Float z10 = c.iz[1] - c.iz[0], z20 = c.iz[2] - c.iz[0];
-  const Float scale = 1.0f / (u10 * v20 - u20 * v10);  // infinite edge-on: the limits below then decide
+  const Float scale = 1.0f / (u10 * v20 - u20 * v10);  // infinite if edge-on; the limits below apply
   const Float izx = (z10 * v20 - z20 * v10) * scale, izy = (u10 * z20 - u20 * z10) * scale;
   store(out.iz, c.iz[0] - u0 * izx - v0 * izy);
   store(out.izx, izx);
@@ -142,7 +142,7 @@ inline void set_up_batch(const RasterView& view, const FaceBatch& batch, Int liv
   const Int low_x = min(min(c.x[0], c.x[1]), c.x[2]), high_x = max(max(c.x[0], c.x[1]), c.x[2]);
   const Int low_y = min(min(c.y[0], c.y[1]), c.y[2]), high_y = max(max(c.y[0], c.y[1]), c.y[2]);
   const Int small = (high_x - low_x <= kSmallExtent) & (high_y - low_y <= kSmallExtent) & live;
-  // Lanes that are not drawn here must not overflow either.
+  // Lanes that are not drawn here must not overflow.
   for (int k = 0; k < 3; ++k) {
     c.x[k] = c.x[k] & small;
     c.y[k] = c.y[k] & small;
@@ -338,8 +338,7 @@ inline void grow(TileRect& r, const Edges& t) {
   if (t.y1 >= r.y1) r.y1 = static_cast<std::int16_t>(t.y1 + 1);
 }
 
-// --- finished pixels
-// ---------------------------------------------------------------------------------------------------
+// --- finished pixels -------------------------------------------------------------------------------------------------
 
 inline void write_pixels(const RasterOutput& out, std::int64_t pixel, int count, Int face, const Pixels& p) {
   if (count >= kLanes) {
@@ -425,7 +424,7 @@ void cover_tile(const RasterView& view, const TileWork& work, std::uint64_t* row
 
 void resolve_tile(const RasterView& view, int x0, int y0, TileRect rect, TileBuffer& tile, const RasterOutput& out) {
   const int width = view.width - x0 < kTile ? view.width - x0 : kTile;
-  const int first = rect.x0 / kLanes * kLanes;  // whole vectors: pixels around the rectangle are background anyway
+  const int first = rect.x0 / kLanes * kLanes;  // whole vectors, because pixels around the rectangle are background
   const Float lanes = to_float(lane_numbers());
   const Float far_away = splat(__builtin_inff());
   for (int y = rect.y0; y < rect.y1; ++y) {

@@ -7,25 +7,25 @@
 
 namespace doppel::kernels {
 
-/// Corners are rounded to this many parts of a pixel.
+/// Corners are rounded to 1 / 2^kSubpixelBits pixel.
 constexpr int kSubpixelBits = 8;
 constexpr int kSubpixels = 1 << kSubpixelBits;
 /// A tile is one 64-bit word of coverage wide.
 constexpr int kTile = 64;
-/// Rows of a tile buffer carry one vector more, so that the last vector of a row may overhang.
+/// Rows of a tile buffer are one vector longer than the tile, so that the last vector of a row may overhang.
 constexpr int kTileStride = kTile + 16;
-/// Vertices whose pixel lies outside [kGuardMin, kGuardMax] are cut like those behind the near plane; it keeps the
-/// edge functions of a tile within 32 bits for images up to kMaxImage.
+/// Faces with a vertex whose pixel lies outside [kGuardMin, kGuardMax] are cut like those behind the near plane. This
+/// keeps the edge functions of a tile within 32 bits for images up to kMaxImage.
 constexpr float kGuardMin = -8192, kGuardMax = 24576;
 constexpr int kMaxImage = 16384;
 
-/// Tiles that the bounding box of a face touches; x0 = -1: the face must be cut first.
+/// Tiles that the bounding box of a face overlaps; x0 = -1: the face must be cut first.
 struct FaceTiles {
   std::int32_t face;
   std::int16_t x0, y0, x1, y1;
 };
 
-/// A triangle left over from cutting a face; `inverse depth = iz + izx * u + izy * v` of the whole face.
+/// A triangle that remains after a face was cut; `inverse depth = iz + izx * u + izy * v` of the whole face.
 struct CutTriangle {
   std::int32_t x[3], y[3];  ///< in parts of a pixel
   double iz, izx, izy;
@@ -38,7 +38,7 @@ struct TileRect {
   std::int16_t x0 = kTile, y0 = kTile, x1 = 0, y1 = 0;
 };
 
-/// What a tile collects while faces are drawn. `inverse_depth` starts at 0, `face` at -1.
+/// Inverse depth and face of each pixel of a tile during drawing. `inverse_depth` starts at 0, `face` at -1.
 struct TileBuffer {
   alignas(64) float inverse_depth[kTile * kTileStride];
   alignas(64) std::int32_t face[kTile * kTileStride];
@@ -52,7 +52,7 @@ struct TileWork {
   int x0, y0;
 };
 
-/// Images of a view; null ones are left out.
+/// Output images of a view. Null images are not written.
 struct RasterOutput {
   std::int32_t* face_id = nullptr;
   float* depth = nullptr;
@@ -60,7 +60,7 @@ struct RasterOutput {
 };
 
 DOPPEL_DECLARE_KERNEL(void, project_vertices, (const RasterView& view, std::int64_t begin, std::int64_t end))
-/// Writes the faces of [begin, end) that can cover a pixel, ascending; `out` has room for all. @return how many
+/// Writes the faces of [begin, end) that can cover a pixel, ascending. `out` has room for all. @return their number
 DOPPEL_DECLARE_KERNEL(std::int64_t, bound_faces,
                       (const RasterView& view, std::int64_t begin, std::int64_t end, FaceTiles* out))
 DOPPEL_DECLARE_KERNEL(void, draw_tile,

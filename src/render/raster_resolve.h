@@ -1,7 +1,7 @@
 #pragma once
 
-// Depth and barycentrics of finished pixels. For kernel files only; static, because the files that include it are
-// compiled with different rules for rounding and must not share code.
+// Depth and barycentrics of finished pixels. For kernel files only. The functions are static, because the files that
+// include this header are compiled with different rounding rules and must not share code.
 
 #include "doppel/render/raster_view.h"
 #include "doppel/render/simd.h"
@@ -12,8 +12,8 @@ struct Pixels {
   Float b[3], z;
 };
 
-/// A pixel of a face with corners that have no place on the screen (behind the camera): solve for the point of the
-/// face's plane on the pixel's ray, p = M x homogeneous, b = M^-1 (u, v, 1).
+/// A pixel of a face with corners behind the camera, which have no screen position. Solves for the intersection of the
+/// face's plane with the pixel's ray, p = M x homogeneous, b = M^-1 (u, v, 1).
 static inline void resolve_cut_pixel(const RasterView& view, std::int32_t face, double u, double v, float* b,
                                      float& z) {
   double h[3][3];
@@ -49,7 +49,7 @@ static inline void resolve_cut_pixel(const RasterView& view, std::int32_t face, 
   z = static_cast<float>(depth > view.z_near ? depth : view.z_near);
 }
 
-/// @param corner receives the vertices of the faces; those of face 0 where there is none
+/// @param corner receives the vertices of the faces; those of face 0 where a pixel has no face
 static inline Pixels resolve_pixels(const RasterView& view, const std::int32_t* faces, Float centre_u, Float centre_v,
                                     std::int32_t (*corner)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -62,7 +62,7 @@ static inline Pixels resolve_pixels(const RasterView& view, const std::int32_t* 
     u[k] -= centre_u;
     v[k] -= centre_v;
   }
-  // Unrounded corners: rounding decides which pixels are drawn, not where on the face they lie. A pixel that only the
+  // Unrounded corners: rounding decides which pixels are drawn, not their positions on the face. A pixel that only the
   // rounded triangle covers is moved to the edge.
   Float s[3];
   for (int k = 0; k < 3; ++k) {

@@ -4,7 +4,7 @@
 
 namespace doppel::kernels {
 
-/// A mesh as one camera sees it.
+/// A mesh in one view.
 struct RasterView {
   const float* vertices = nullptr;      ///< [N,3]
   float matrix[12] = {};                ///< row-major [3,4]: (u w, v w, w) from (x,1); w = depth in metres

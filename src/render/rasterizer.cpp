@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/view_workers.h"
@@ -43,14 +44,14 @@ void check_views(const Tensor& vertices, const Tensor& intrinsics, const render:
   render::check_floats(intrinsics, "rasterize", "intrinsics", {-1, 4});
   if (intrinsics.size(0) != vertices.size(0) && intrinsics.size(0) != 1) {
     fail<UsageError>(
-        "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or one of intrinsics",
+        "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or intrinsics must be one",
         vertices.size(0), intrinsics.size(0));
   }
   check_faces(faces, vertices.size(1), "rasterize");
   render::check_image_size(height, width, "rasterize");
 }
 
-/// 64 bits to 64 bytes of 0 or 1, the first `count` of them.
+/// Expands the first `count` of 64 bits to bytes of 0 or 1.
 void expand_bits(std::uint64_t bits, int count, std::uint8_t* out) {
   for (int i = 0; i < count; ++i) out[i] = static_cast<std::uint8_t>((bits >> i) & 1);
 }
@@ -61,7 +62,7 @@ void write_cover(const ViewPass& pass, int tile, std::int64_t height, std::int64
   const std::int64_t x = tile % pass.tiles_x() * kernels::kTile, y = tile / pass.tiles_x() * kernels::kTile;
   const int columns = static_cast<int>(std::min<std::int64_t>(kernels::kTile, width - x));
   for (std::int64_t r = 0; r < std::min<std::int64_t>(kernels::kTile, height - y); ++r) {
-    expand_bits(rows[static_cast<std::size_t>(r)], columns, image + (y + r) * width + x);
+    expand_bits(rows[as_size(r)], columns, image + (y + r) * width + x);
   }
 }
 
@@ -71,7 +72,7 @@ struct Rasterizer::State {
   render::FaceTable faces;
   RasterizerOptions options;
   RasterImage image;
-  std::vector<std::vector<kernels::TileRect>> dirty;  ///< [V][tiles] what of the images is not background
+  std::vector<std::vector<kernels::TileRect>> dirty;  ///< [V][tiles] part of the images that is not background
   render::ViewWorkers workers;
 
   void shape_outputs(std::int64_t views, std::int64_t height, std::int64_t width);
@@ -88,7 +89,7 @@ void Rasterizer::State::shape_outputs(std::int64_t views, std::int64_t height, s
   image.barycentrics = torch::zeros({views, height, width, 3}, torch::kFloat32);
   const std::int64_t tiles =
       (height + kernels::kTile - 1) / kernels::kTile * ((width + kernels::kTile - 1) / kernels::kTile);
-  dirty.assign(static_cast<std::size_t>(views), std::vector<kernels::TileRect>(static_cast<std::size_t>(tiles)));
+  dirty.assign(as_size(views), std::vector<kernels::TileRect>(as_size(tiles)));
 }
 
 template <typename Begin>
@@ -99,8 +100,7 @@ void Rasterizer::State::draw(std::int64_t height, std::int64_t width, const Begi
   float* barycentrics = image.barycentrics.data_ptr<float>();
   workers.run(image.depth.size(0), begin, [&](const ViewPass& pass, std::int64_t v, int tile, std::int64_t thread) {
     const kernels::RasterOutput out{face_id + pixels * v, depth + pixels * v, barycentrics + 3 * pixels * v};
-    pass.draw_tile(tile, workers.buffer(thread), dirty[static_cast<std::size_t>(v)][static_cast<std::size_t>(tile)],
-                   out);
+    pass.draw_tile(tile, workers.buffer(thread), dirty[as_size(v)][as_size(tile)], out);
   });
 }
 
@@ -124,7 +124,7 @@ const RasterImage& Rasterizer::rasterize(const Tensor& vertices_in_camera, const
   s.shape_outputs(views, height, width);
   const float* points = vertices.data_ptr<float>();
   s.draw(height, width, [&](ViewPass& pass, std::int64_t v, int chunks) {
-    pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[static_cast<std::size_t>(v)].data(),
+    pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[as_size(v)].data(),
                static_cast<int>(width), static_cast<int>(height), s.options.z_near, s.options.cull, chunks);
   });
   return s.image;

@@ -8,11 +8,11 @@
 namespace doppel {
 
 struct RasterizerOptions {
-  float z_near = 0.01f;  ///< metres: what lies nearer to the camera plane is cut away
+  float z_near = 0.01f;  ///< metres; parts nearer to the camera plane are cut away
   bool cull = false;     ///< drop faces seen from their inside (clockwise in the image)
 };
 
-/// What is seen in each pixel of V views.
+/// The nearest face in each pixel of V views.
 struct RasterImage {
   torch::Tensor face_id;       ///< int32 [V,H,W], nearest face, -1 background; equal depth: the lower index
   torch::Tensor depth;         ///< float32 [V,H,W], metres along the camera's z axis, infinity background
@@ -21,7 +21,7 @@ struct RasterImage {
 
 /// Draws triangle meshes on the CPU: tiled, vectorised, parallel over views and tiles.
 ///
-/// A pixel is covered when its centre (integer + 0.5) lies in the triangle whose corners are rounded to 1/256 pixel; on
+/// A pixel is covered when its centre (integer + 0.5) lies in the triangle whose corners are rounded to 1/256 pixel. On
 /// an edge the top-left rule decides, so neighbouring faces leave no gap and never draw a pixel twice. Faces that
 /// cross the near plane are cut there; depth and barycentrics are those of the whole face. The result is the same
 /// bit for bit with any number of threads and on any instruction set.
@@ -37,13 +37,13 @@ class Rasterizer {
   /// @param vertices_in_camera float32 [V,N,3], metres, OpenCV axes
   /// @param intrinsics float32 [V,4] or [1,4]: fx fy cx cy, pixels
   /// @param height,width of the images, 1 to 16384
-  /// @return images that this object keeps and draws over at the next call: copy what must outlive it, and write
-  ///   nothing into them (only the parts drawn last time are cleared)
+  /// @return images that this object owns and overwrites at the next call. Copy what must outlive that call, and do not
+  ///   write into the images, because the next call clears only the parts that were drawn.
   /// @throws Error for wrong shapes, types or sizes, or a face index beyond N
   const RasterImage& rasterize(const torch::Tensor& vertices_in_camera, const torch::Tensor& intrinsics,
                                std::int64_t height, std::int64_t width);
 
-  /// The same for world vertices and projection matrices, the cameras of each batch item its own.
+  /// As above, for world vertices and projection matrices. Each batch item has its own cameras.
   /// @param vertices float32 [B,N,3], metres; @param projection float32 [B,C,3,4] pixels from world metres
   /// @return as `rasterize`, of V = B*C views
   const RasterImage& rasterize_projected(const torch::Tensor& vertices, const torch::Tensor& projection,
@@ -53,7 +53,7 @@ class Rasterizer {
   torch::Tensor coverage(const torch::Tensor& vertices_in_camera, const torch::Tensor& intrinsics, std::int64_t height,
                          std::int64_t width);
 
-  /// The same for world vertices and projection matrices, the cameras of each batch item its own.
+  /// As above, for world vertices and projection matrices. Each batch item has its own cameras.
   /// @param vertices float32 [B,N,3], metres; @param projection float32 [B,C,3,4] pixels from world metres
   /// @return uint8 [B,C,H,W]
   torch::Tensor coverage_projected(const torch::Tensor& vertices, const torch::Tensor& projection, std::int64_t height,
@@ -64,8 +64,8 @@ class Rasterizer {
   std::unique_ptr<State> state_;
 };
 
-/// One call of Rasterizer::rasterize with outputs of its own; also the dispatcher op `doppel::rasterize`. For repeated
-/// calls keep a Rasterizer: fresh images cost more in page faults than the drawing.
+/// One call of Rasterizer::rasterize with newly allocated outputs; also the dispatcher op `doppel::rasterize`. Keep a
+/// Rasterizer for repeated calls: the page faults of new images cost more than the drawing.
 RasterImage rasterize(const torch::Tensor& vertices_in_camera, const torch::Tensor& intrinsics,
                       const torch::Tensor& faces, std::int64_t height, std::int64_t width,
                       const RasterizerOptions& options = {});

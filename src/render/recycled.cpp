@@ -7,12 +7,14 @@
 #include <mutex>
 #include <new>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel::render {
 namespace {
 
 constexpr std::size_t kSmallest = std::size_t{1} << 18, kMostKept = std::size_t{1} << 28, kAlignment = 64;
 
-/// Blocks that nobody uses, the longest unused first.
+/// Unused blocks, the longest unused first.
 class Store {
  public:
   void* take(std::size_t size) {
@@ -62,7 +64,7 @@ Store& store() {
 
 torch::Tensor recycled_empty(torch::IntArrayRef sizes, torch::ScalarType dtype) {
   std::size_t bytes = torch::elementSize(dtype);
-  for (const std::int64_t size : sizes) bytes *= static_cast<std::size_t>(size);
+  for (const std::int64_t size : sizes) bytes *= as_size(size);
   if (bytes < kSmallest) return torch::empty(sizes, dtype);
   const std::size_t block = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   void* memory = store().take(block);

@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// A mesh without its positions, as the renderer wants it. Immutable; copies share memory.
+/// A mesh without its positions, in the form of the renderer. Immutable; copies share memory.
 struct RenderMesh {
   torch::Tensor faces;             ///< int32 [F,3]
   torch::Tensor corner_uvs;        ///< float32 [F,3,2] u right, v up; undefined without UVs

@@ -16,10 +16,11 @@ torch::Tensor sh_basis(const torch::Tensor& normals);
 /// The factors that make the basis orthonormal on the sphere, in the same order. @return float64 [9]
 torch::Tensor sh_constants();
 
-/// Lighting that changes nothing: 1 for the constant of each channel, 0 else. @return float32 [3,9]
+/// Lighting that leaves the albedo unchanged: 1 for the constant of each channel, 0 otherwise. @return float32 [3,9]
 torch::Tensor identity_lighting();
 
-/// Coefficients of the orthonormal basis from ours and back: ours = constant * orthonormal. @param lighting [...,9]
+/// Converts coefficients to those of the orthonormal basis, and back: ours = constant * orthonormal.
+/// @param lighting [...,9]
 torch::Tensor to_orthonormal(const torch::Tensor& lighting);
 torch::Tensor from_orthonormal(const torch::Tensor& lighting);
 

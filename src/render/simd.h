@@ -1,10 +1,10 @@
 #pragma once
 
-// Vectors of the width of the instruction set a kernel file is compiled for. For kernel files only (DOPPEL_ISA).
+// Vectors of the width of the instruction set that a kernel file is compiled for. For kernel files only (DOPPEL_ISA).
 //
-// Everything lives in the namespace of the instruction set, so that the linker never mixes variants. Arithmetic uses
-// GCC's vector types; only what they lack (rounding, masks, transposed loads) has intrinsics, with plain loops
-// elsewhere.
+// Everything is in the namespace of the instruction set, so that the linker never mixes variants. Arithmetic uses GCC's
+// vector types. Operations that they lack (rounding, masks, transposed loads) use intrinsics, or plain loops where an
+// instruction set has none.
 
 #include <cmath>
 #include <cstdint>
@@ -46,7 +46,7 @@ static inline void store(T* p, const V& v) {
 
 static inline Int min(Int a, Int b) { return a < b ? a : b; }
 static inline Int max(Int a, Int b) { return a > b ? a : b; }
-// Of a NaN and a number these give b, the number: limits stand on the right.
+// If a is NaN, these return b. Pass limits as b.
 static inline Float min(Float a, Float b) { return a < b ? a : b; }
 static inline Float max(Float a, Float b) { return a > b ? a : b; }
 static inline Float to_float(Int v) { return __builtin_convertvector(v, Float); }
@@ -98,7 +98,7 @@ static inline Int choose(Mask m, Int a, Int b) { return m ? a : b; }
 
 // --- gathers of records of four floats -------------------------------------------------------------------------------
 
-/// Four floats from each place `kStride * index[lane]`, one vector for each of the four.
+/// Loads four floats from `kStride * index[lane]` for each lane, one vector for each of the four.
 template <int kStride>
 static inline void load_quads(const float* records, const std::int32_t* index, Float& a, Float& b, Float& c, Float& d) {
 #if defined(__AVX512F__)
@@ -144,7 +144,7 @@ static inline void load_records(const float* records, const std::int32_t* index,
   load_quads<4>(records, index, a, b, c, d);
 }
 
-/// The way back: a..d of lane 0, of lane 1, ... `out` [kLanes,4].
+/// The reverse: stores a..d of lane 0, of lane 1, ... `out` [kLanes,4].
 static inline void store_quads(float* out, Float a, Float b, Float c, Float d) {
 #if defined(__AVX512F__)
   const __m512 ab01 = _mm512_unpacklo_ps((__m512)a, (__m512)b), ab23 = _mm512_unpackhi_ps((__m512)a, (__m512)b);

@@ -2,17 +2,19 @@
 
 #include <array>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kAmbient = 0.55, kKey = 0.5;    // shares of the light from everywhere and from the key
+constexpr double kAmbient = 0.55, kKey = 0.5;    // strength of the sky and of the key light
 const Vector3d kKeyDirection(0.4, -0.8, -0.45);  // in the camera's axes
 
-/// Adds `strength` * max(0, n . d) in its first three bands (1/4 + 1/2 c + 5/32 (3 c^2 - 1), c = n . d) to coefficients
-/// in the order of sh_basis.
+/// Adds the first three bands of `strength` * max(0, n . d) to coefficients in the order of sh_basis. They are
+/// 1/4 + 1/2 c + 5/32 (3 c^2 - 1) with c = n . d.
 void add_lambert(std::array<double, 9>& light, double strength, const Vector3d& d) {
   const double square = 5.0 / 32.0 * strength;
   light[0] += strength / 4;
@@ -35,7 +37,7 @@ torch::Tensor soft_light(const Camera& camera, double albedo) {
   add_lambert(light, kKey, camera.R.transpose() * kKeyDirection.normalized());
   torch::Tensor coefficients = torch::empty({1, 1, 3, 9});
   for (int channel = 0; channel < 3; ++channel)
-    for (int j = 0; j < 9; ++j) coefficients[0][0][channel][j] = albedo * light[static_cast<std::size_t>(j)];
+    for (int j = 0; j < 9; ++j) coefficients[0][0][channel][j] = albedo * light[as_size(j)];
   return coefficients;
 }
 

@@ -6,9 +6,9 @@
 
 namespace doppel {
 
-/// Light that shows a shape from wherever it is seen: a sky that is brighter above, and a key that goes with the
-/// camera, from above its right shoulder. @param albedo factor, for surfaces without texture
-/// @return [1,1,3,9] coefficients as `shade` takes them
+/// Lighting that shows the shape of a surface from any camera: a sky that is brighter above, and a key light at the
+/// upper right of the camera. @param albedo factor, for surfaces without texture
+/// @return [1,1,3,9] coefficients for `shade`
 torch::Tensor soft_light(const Camera& camera, double albedo);
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 
@@ -16,19 +17,16 @@ using torch::Tensor;
 
 namespace {
 
-/// What lies under each texel: a face (-1: none) and a place on it.
+/// The surface point of each texel: a face (-1: none) and its barycentric coordinates.
 struct TexelMap {
   int size;
   std::vector<std::int32_t> face;
   std::vector<std::array<double, 3>> weights;
 
-  explicit TexelMap(int texels)
-      : size(texels),
-        face(static_cast<std::size_t>(texels) * static_cast<std::size_t>(texels), -1),
-        weights(face.size()) {}
+  explicit TexelMap(int texels) : size(texels), face(as_size(texels) * as_size(texels), -1), weights(face.size()) {}
 };
 
-/// Assigns the texels whose centre lies in the triangle and that no earlier face has. @param corner [3] texels, y down
+/// Assigns the free texels whose centres lie in the triangle to a face. @param corner [3] texels, y down
 void fill_face(TexelMap& map, std::int32_t face, const std::array<std::array<double, 2>, 3>& corner) {
   constexpr double kOnEdge = 1e-12;
   const auto& [a, b, c] = corner;
@@ -43,7 +41,7 @@ void fill_face(TexelMap& map, std::int32_t face, const std::array<std::array<dou
   const int y1 = static_cast<int>(std::clamp(std::floor(high_y - 0.5), -1.0, last));
   for (int y = y0; y <= y1; ++y) {
     for (int x = x0; x <= x1; ++x) {
-      const auto texel = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.size) + static_cast<std::size_t>(x);
+      const auto texel = as_size(y) * as_size(map.size) + as_size(x);
       if (map.face[texel] >= 0) continue;
       const double px = x + 0.5 - a[0], py = y + 0.5 - a[1];
       const double w1 = (px * (c[1] - a[1]) - (c[0] - a[0]) * py) / area;
@@ -56,7 +54,7 @@ void fill_face(TexelMap& map, std::int32_t face, const std::array<std::array<dou
   }
 }
 
-/// The nearest texel with a face within `padding`, of equally near ones the first; -1 if there is none.
+/// The nearest texel with a face within `padding`, the first among equally near texels; -1 if there is none.
 std::int64_t nearest_covered(const TexelMap& map, int x, int y, int padding) {
   std::int64_t best = -1;
   int best_square = padding * padding + 1;
@@ -64,7 +62,7 @@ std::int64_t nearest_covered(const TexelMap& map, int x, int y, int padding) {
     for (int u = std::max(x - padding, 0); u <= std::min(x + padding, map.size - 1); ++u) {
       const std::int64_t texel = static_cast<std::int64_t>(v) * map.size + u;
       const int square = (u - x) * (u - x) + (v - y) * (v - y);
-      if (square >= best_square || map.face[static_cast<std::size_t>(texel)] < 0) continue;
+      if (square >= best_square || map.face[as_size(texel)] < 0) continue;
       best = texel;
       best_square = square;
     }
@@ -94,7 +92,7 @@ TextureSpace::TextureSpace(const TriangleMesh& mesh, int size, int padding)
 TextureSpace::TextureSpace(const RenderMesh& mesh, int size, int padding) : mesh_(mesh), size_(size) {
   if (size < 1 || size > kernels::kMaxImage || padding < 0 || padding > 64) {
     fail<UsageError>(
-        "TextureSpace: {} texels with a padding of {}; a map has 1 to {} texels to a side and a padding "
+        "TextureSpace: {} texels with a padding of {}; a map has 1 to {} texels per side and a padding "
         "of 0 to 64",
         size, padding, kernels::kMaxImage);
   }
@@ -113,7 +111,7 @@ void TextureSpace::assign_texels(int padding) {
   lookup_ = torch::empty({texels}, torch::kInt64);
   std::int64_t* lookup = lookup_.data_ptr<std::int64_t>();
   for (std::int64_t i = 0; i < texels; ++i) {
-    covered[i] = map.face[static_cast<std::size_t>(i)] >= 0;
+    covered[i] = map.face[as_size(i)] >= 0;
     const std::int64_t from =
         covered[i] ? i : nearest_covered(map, static_cast<int>(i % size_), static_cast<int>(i / size_), padding);
     lookup[i] = from < 0 ? -1 : static_cast<std::int64_t>(source.size());
@@ -129,10 +127,10 @@ void TextureSpace::assign_texels(int padding) {
   weights_ = torch::empty({3, count, 1}, torch::kFloat64);
   const std::int32_t* faces = mesh_.faces.data_ptr<std::int32_t>();
   for (std::int64_t i = 0; i < count; ++i) {
-    const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(i)]);
+    const auto from = as_size(source[as_size(i)]);
     for (std::int64_t k = 0; k < 3; ++k) {
       corners_.data_ptr<std::int64_t>()[k * count + i] = faces[3 * static_cast<std::int64_t>(map.face[from]) + k];
-      weights_.data_ptr<double>()[k * count + i] = map.weights[from][static_cast<std::size_t>(k)];
+      weights_.data_ptr<double>()[k * count + i] = map.weights[from][as_size(k)];
     }
   }
 }

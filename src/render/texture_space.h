@@ -6,11 +6,12 @@
 
 namespace doppel {
 
-/// Draws properties of the surface into the texture map. Which face lies under which texel is computed once; after that
-/// a map is an index and a weighted sum in plain tensor operations: differentiable, traceable, any dtype.
+/// Draws properties of the surface into the texture map. The face of each texel is computed once. A map is then an
+/// index and a weighted sum in plain tensor operations: differentiable, traceable, any dtype.
 ///
-/// A texel belongs to the face whose UV triangle holds its centre; of several the lowest. Texels up to `padding` away
-/// from a chart repeat the nearest texel of one, so that bilinear look-ups at the edge of a chart mix nothing else in.
+/// A texel belongs to the face whose UV triangle contains the texel's centre, to the lowest if there are several.
+/// Texels up to `padding` away from a chart repeat the nearest texel of the chart, so that bilinear look-ups at the
+/// edge of a chart use only values of that chart.
 class TextureSpace {
  public:
   /// @param size of the square map, texels, 1 to 16384
@@ -35,7 +36,7 @@ class TextureSpace {
   RenderMesh mesh_;
   int size_;
   torch::Tensor mask_;
-  torch::Tensor lookup_;   ///< int64 [T*T], which of the P texels with a value; P: none
+  torch::Tensor lookup_;   ///< int64 [T*T], index among the P texels with a value; P: none
   torch::Tensor corners_;  ///< int64 [3,P] vertices
   torch::Tensor weights_;  ///< float64 [3,P,1] barycentrics
 };

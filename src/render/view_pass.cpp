@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/clip.h"
 
 namespace doppel::render {
@@ -21,7 +22,7 @@ void ViewPass::begin(const std::int32_t* faces, std::int64_t num_faces, const fl
                      int num_chunks) {
   num_vertices_ = num_vertices;
   num_faces_ = num_faces;
-  screen_.resize(static_cast<std::size_t>(4 * std::max<std::int64_t>(num_vertices, 1)));
+  screen_.resize(as_size(4 * std::max<std::int64_t>(num_vertices, 1)));
   view_.vertices = vertices;
   std::memcpy(view_.matrix, matrix, sizeof view_.matrix);
   view_.faces = faces;
@@ -33,10 +34,10 @@ void ViewPass::begin(const std::int32_t* faces, std::int64_t num_faces, const fl
   tiles_x_ = (width + kTile - 1) / kTile;
   tiles_y_ = (height + kTile - 1) / kTile;
   num_chunks_ = num_chunks;
-  if (chunks_.size() < static_cast<std::size_t>(num_chunks)) chunks_.resize(static_cast<std::size_t>(num_chunks));
+  if (chunks_.size() < as_size(num_chunks)) chunks_.resize(as_size(num_chunks));
   for (int i = 0; i < num_chunks; ++i) {
-    chunks_[static_cast<std::size_t>(i)].begin = num_faces_ * i / num_chunks;
-    chunks_[static_cast<std::size_t>(i)].end = num_faces_ * (i + 1) / num_chunks;
+    chunks_[as_size(i)].begin = num_faces_ * i / num_chunks;
+    chunks_[as_size(i)].end = num_faces_ * (i + 1) / num_chunks;
   }
 }
 
@@ -46,8 +47,8 @@ void ViewPass::prepare() {
 }
 
 void ViewPass::bin(int chunk) {
-  bound(chunks_[static_cast<std::size_t>(chunk)]);
-  sort(chunks_[static_cast<std::size_t>(chunk)]);
+  bound(chunks_[as_size(chunk)]);
+  sort(chunks_[as_size(chunk)]);
 }
 
 bool ViewPass::tiles_of(const CutTriangle& t, FaceTiles& tiles) const {
@@ -64,11 +65,11 @@ bool ViewPass::tiles_of(const CutTriangle& t, FaceTiles& tiles) const {
   return true;
 }
 
-/// The tiles of each face; faces to be cut are replaced, in their place, by what is left of them.
+/// Finds the tiles of each face. A face that must be cut is replaced by the remaining triangles at the same position in
+/// the order.
 void ViewPass::bound(Chunk& chunk) {
-  chunk.bounds.resize(static_cast<std::size_t>(chunk.end - chunk.begin));
-  chunk.bounds.resize(
-      static_cast<std::size_t>(kernels::bound_faces(view_, chunk.begin, chunk.end, chunk.bounds.data())));
+  chunk.bounds.resize(as_size(chunk.end - chunk.begin));
+  chunk.bounds.resize(as_size(kernels::bound_faces(view_, chunk.begin, chunk.end, chunk.bounds.data())));
   chunk.cut.clear();
   chunk.codes.clear();
   const bool any_cut =
@@ -95,37 +96,37 @@ void ViewPass::bound(Chunk& chunk) {
 /// Counting sort by tile; it is stable, so each bin lists its faces in ascending order.
 void ViewPass::sort(Chunk& chunk) {
   std::vector<std::int32_t>& offsets = chunk.offsets;
-  offsets.assign(static_cast<std::size_t>(num_tiles() + 2), 0);
+  offsets.assign(as_size(num_tiles() + 2), 0);
   for (const FaceTiles& f : chunk.bounds) {
     for (int y = f.y0; y <= f.y1; ++y) {
-      for (int x = f.x0; x <= f.x1; ++x) ++offsets[static_cast<std::size_t>(y * tiles_x_ + x + 2)];
+      for (int x = f.x0; x <= f.x1; ++x) ++offsets[as_size(y * tiles_x_ + x + 2)];
     }
   }
   for (std::size_t i = 2; i < offsets.size(); ++i) offsets[i] += offsets[i - 1];
-  chunk.entries.resize(static_cast<std::size_t>(offsets.back()));
+  chunk.entries.resize(as_size(offsets.back()));
   const bool coded = !chunk.codes.empty();
   for (std::size_t i = 0; i < chunk.bounds.size(); ++i) {
     const FaceTiles& f = chunk.bounds[i];
     const std::int32_t code = coded ? chunk.codes[i] : f.face;
     for (int y = f.y0; y <= f.y1; ++y) {
       for (int x = f.x0; x <= f.x1; ++x) {
-        chunk.entries[static_cast<std::size_t>(offsets[static_cast<std::size_t>(y * tiles_x_ + x + 1)]++)] = code;
+        chunk.entries[as_size(offsets[as_size(y * tiles_x_ + x + 1)]++)] = code;
       }
     }
   }
 }
 
 bool ViewPass::tile_empty(int tile) const {
-  const auto t = static_cast<std::size_t>(tile);
+  const auto t = as_size(tile);
   return std::all_of(chunks_.begin(), chunks_.begin() + num_chunks_,
                      [t](const Chunk& chunk) { return chunk.offsets[t] == chunk.offsets[t + 1]; });
 }
 
 template <typename Draw>
 void ViewPass::for_each_bin(int tile, const Draw& draw) const {
-  const auto t = static_cast<std::size_t>(tile);
+  const auto t = as_size(tile);
   for (int i = 0; i < num_chunks_; ++i) {
-    const Chunk& chunk = chunks_[static_cast<std::size_t>(i)];
+    const Chunk& chunk = chunks_[as_size(i)];
     const std::int32_t first = chunk.offsets[t], count = chunk.offsets[t + 1] - first;
     if (count == 0) continue;
     draw(kernels::TileWork{chunk.entries.data() + first, count, chunk.cut.data(), tile % tiles_x_ * kTile,

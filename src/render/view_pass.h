@@ -7,22 +7,22 @@
 
 namespace doppel::render {
 
-/// Faces as the kernels want them, checked once.
+/// Faces in the form of the kernels, checked once.
 struct FaceTable {
   std::vector<std::int32_t> corners;  ///< [F,4], the fourth unused
   std::int64_t num_faces = 0;
   std::int64_t num_vertices = 0;  ///< largest index + 1
 };
 
-/// The steps of drawing one view, each of which may be shared out among threads: project, bin, then draw or cover tile
-/// by tile. The result does not depend on how the work was shared out. Holds only scratch: one per thread, used again
-/// for view after view.
+/// The steps of drawing one view: project, bin, then draw or cover tile by tile. Threads may share each step, and the
+/// result does not depend on the division of the work. A ViewPass holds only scratch memory. Each thread has one and
+/// reuses it for all its views.
 class ViewPass {
  public:
-  /// A new view. `vertices` [N,3] and `faces` must outlive the pass over it.
+  /// Starts a new view. `vertices` [N,3] and `faces` must outlive the pass over the view.
   void begin(const FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix, int width,
              int height, float z_near, bool cull, int num_chunks = 1);
-  /// The same for `faces` [F,4] as in FaceTable, already checked.
+  /// As above, for checked `faces` [F,4] as in FaceTable.
   void begin(const std::int32_t* faces, std::int64_t num_faces, const float* vertices, std::int64_t num_vertices,
              const float* matrix, int width, int height, float z_near, bool cull, int num_chunks = 1);
 
@@ -31,14 +31,14 @@ class ViewPass {
   /// Sorts the faces of a chunk into tiles, keeping their order.
   void bin(int chunk);
   int num_chunks() const { return num_chunks_; }
-  /// project and bin by the calling thread.
+  /// Runs `project` and `bin` on the calling thread.
   void prepare();
 
   int tiles_x() const { return tiles_x_; }
   int num_tiles() const { return tiles_x_ * tiles_y_; }
   bool tile_empty(int tile) const;
 
-  /// Draws a tile and writes it, and the part of it that was written last time (`dirty`), to the images.
+  /// Draws a tile and writes it to the images, together with the part that the previous drawing wrote (`dirty`).
   void draw_tile(int tile, kernels::TileBuffer& buffer, kernels::TileRect& dirty,
                  const kernels::RasterOutput& out) const;
   /// Draws a tile into the buffer alone; the caller resolves and resets it. @return the part that was drawn
@@ -47,7 +47,7 @@ class ViewPass {
   void cover_tile(int tile, std::uint64_t* rows) const;
 
   const kernels::RasterView& view() const { return view_; }
-  /// [N,4]: u, v, 1/w (0: nowhere on the screen), w.
+  /// [N,4]: u, v, 1/w (0: not on the screen), w.
   const float* screen() const { return screen_.data(); }
 
  private:

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "doppel/core/as_size.h"
 #include "doppel/solver/conjugate_gradients.h"
 
 namespace doppel {
@@ -17,14 +18,14 @@ void BlockResiduals::reset(int num_unknowns, int rows_per_group, const RobustKer
 Eigen::Index BlockResiduals::add_group(double weight) { return add_rows(weight); }
 
 std::size_t BlockResiduals::begin_of(Eigen::Index row) const {
-  const auto r = static_cast<std::size_t>(row);
+  const auto r = as_size(row);
   return r < begin_.size() ? begin_[r] : entries_.size();
 }
 
 std::size_t BlockResiduals::end_of(Eigen::Index row) const { return begin_of(row + 1); }
 
 Block& BlockResiduals::block(Eigen::Index row, int index) {
-  while (begin_.size() <= static_cast<std::size_t>(row)) begin_.push_back(entries_.size());
+  while (begin_.size() <= as_size(row)) begin_.push_back(entries_.size());
   for (std::size_t i = begin_of(row); i < entries_.size(); ++i)
     if (entries_[i].block == index) return entries_[i].jacobian;
   entries_.push_back({index, Block::Zero()});
@@ -41,7 +42,7 @@ double BlockResiduals::JacobianRow::operator[](Eigen::Index unknown) const {
 
 void BlockSystem::reset(Eigen::Index num_unknowns) {
   gradient_.setZero(num_unknowns);
-  blocks_.assign(static_cast<std::size_t>(num_unknowns / kBlockSize), SquareBlock::Zero());
+  blocks_.assign(as_size(num_unknowns / kBlockSize), SquareBlock::Zero());
   begin_.assign(1, 0);
   entries_.clear();
 }
@@ -53,7 +54,7 @@ void BlockSystem::add(const BlockResiduals& rows) {
       const int block = rows.entries_[i].block;
       const Block jacobian = factor * rows.entries_[i].jacobian;
       gradient_.segment<kBlockSize>(block * kBlockSize) += value * jacobian;
-      blocks_[static_cast<std::size_t>(block)].noalias() += jacobian * jacobian.transpose();
+      blocks_[as_size(block)].noalias() += jacobian * jacobian.transpose();
       entries_.push_back({block, jacobian});
     }
     begin_.push_back(entries_.size());
@@ -72,18 +73,18 @@ Eigen::VectorXd BlockSystem::product(const Eigen::VectorXd& x) const {
   return result;
 }
 
-/// What the damping adds; 1 where nothing else would stand on the diagonal.
+/// The diagonal that the damping adds; 1 where the diagonal of H is 0.
 Eigen::VectorXd BlockSystem::diagonal(double damping) const {
   Eigen::VectorXd result(gradient_.size());
   for (Eigen::Index i = 0; i < result.size(); ++i) {
-    const double entry = blocks_[static_cast<std::size_t>(i / kBlockSize)](i % kBlockSize, i % kBlockSize);
+    const double entry = blocks_[as_size(i / kBlockSize)](i % kBlockSize, i % kBlockSize);
     result[i] = entry > 0.0 ? damping * entry : 1.0;
   }
   return result;
 }
 
 std::vector<BlockSystem::SquareBlock> BlockSystem::inverse_blocks(double damping) const {
-  constexpr double kFloor = 1e-9;  // of the largest entry, so that a block of few rows has an inverse
+  constexpr double kFloor = 1e-9;  // relative to the largest entry, so that a block of few rows has an inverse
   const Eigen::VectorXd added = diagonal(damping);
   std::vector<SquareBlock> result;
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
@@ -95,7 +96,7 @@ std::vector<BlockSystem::SquareBlock> BlockSystem::inverse_blocks(double damping
   return result;
 }
 
-/// H + what the damping adds.
+/// H with damping.
 struct BlockSystem::Damped {
   const BlockSystem& system;
   Eigen::VectorXd added;

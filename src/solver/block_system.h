@@ -7,23 +7,23 @@
 
 namespace doppel {
 
-/// Unknowns that come in blocks of so many: the nodes of a graph with a rotation and a translation each.
+/// The number of unknowns in a block: the rotation and the translation of a graph node.
 constexpr int kBlockSize = 6;
 using Block = Eigen::Matrix<double, kBlockSize, 1>;
 
-/// Rows that depend on few blocks of thousands of unknowns. They are filled in one after the other.
+/// Rows that each depend on a few of thousands of blocks of unknowns. They are written one after the other.
 class BlockResiduals : public ResidualRows {
  public:
-  /// Empties it. @param num_unknowns a multiple of kBlockSize, @param jacobian as for `Residuals`
+  /// Removes all rows. @param num_unknowns a multiple of kBlockSize @param jacobian as for `Residuals`
   void reset(int num_unknowns, int rows_per_group, const RobustKernel& kernel, bool jacobian);
   /// Adds a group of zero rows. @return the index of its first row
   Eigen::Index add_group(double weight);
 
-  /// The jacobian of one row.
+  /// One row of the jacobian.
   class JacobianRow {
    public:
     JacobianRow(BlockResiduals& rows, Eigen::Index row) : rows_(rows), row_(row) {}
-    /// d value / d the unknowns of a block, to be added to; zero at first.
+    /// d value / d the unknowns of a block, zero at first. Callers add to it.
     Block& block(int index) { return rows_.block(row_, index); }
     double operator[](Eigen::Index unknown) const;
 
@@ -31,7 +31,7 @@ class BlockResiduals : public ResidualRows {
     BlockResiduals& rows_;
     Eigen::Index row_;
   };
-  /// Rows are written in ascending order: once a row has a block, those before it get no more.
+  /// Rows are written in ascending order: after a row has a block, earlier rows accept no further blocks.
   JacobianRow jacobian(Eigen::Index row) { return {*this, row}; }
 
  private:
@@ -43,18 +43,17 @@ class BlockResiduals : public ResidualRows {
   Block& block(Eigen::Index row, int index);
   std::size_t begin_of(Eigen::Index row) const;
   std::size_t end_of(Eigen::Index row) const;
-  std::vector<std::size_t> begin_;  ///< [rows that have been begun] into entries_
+  std::vector<std::size_t> begin_;  ///< [rows begun so far] into entries_
   std::vector<Entry> entries_;
 };
 
 struct BlockSystemOptions {
-  int iterations = 100;     ///< of conjugate gradients, at most
-  double tolerance = 1e-3;  ///< of the residual's length, relative to the gradient's
+  int iterations = 100;     ///< largest number of conjugate-gradient iterations
+  double tolerance = 1e-3;  ///< on the length of the residual, relative to the length of the gradient
 };
 
-/// Normal equations of thousands of unknowns that are never formed: products with J and J^T, conjugate gradients
-/// preconditioned with the blocks on the diagonal. Knows no character: another problem whose unknowns come in blocks of
-/// six may use it as it is.
+/// Normal equations of thousands of unknowns in blocks of six. The matrix is never formed: conjugate gradients,
+/// preconditioned with the diagonal blocks, multiply with J and J^T. The class does not depend on the character.
 class BlockSystem {
  public:
   explicit BlockSystem(const BlockSystemOptions& options = {}) : options_(options) {}
@@ -62,8 +61,8 @@ class BlockSystem {
   /// Adds the rows of a term, weighted under its kernel.
   void add(const BlockResiduals& residuals);
 
-  /// step of (H + damping diag(H)) step = -gradient, to within the tolerance. An unknown that no row depends on stays
-  /// where it is. However few iterations are allowed, the step leads downhill.
+  /// Solves (H + damping diag(H)) step = -gradient to within the tolerance. An unknown on which no row depends keeps
+  /// its value. The step is a descent direction after any number of iterations.
   /// @return false when a number is not finite
   bool solve(double damping, Eigen::VectorXd& step) const;
 

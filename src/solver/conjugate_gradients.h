@@ -4,12 +4,12 @@
 
 namespace doppel {
 
-/// Preconditioned conjugate gradients for A x = b with A symmetric and positive definite, from x = 0. However few
-/// iterations are allowed, x leads downhill from 0. `System` says what A is:
+/// Preconditioned conjugate gradients for A x = b with A symmetric and positive definite, from x = 0. After any number
+/// of iterations, x is a descent direction from 0. `System` defines A:
 ///   void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& image) const;        A x
 ///   void precondition(const Eigen::VectorXd& x, Eigen::VectorXd& result) const;   about A^-1 x
 ///   double dot(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
-/// @param tolerance of the residual's length, relative to that of b: smaller is good enough
+/// @param tolerance the iteration ends when the length of the residual, relative to that of b, is below it
 template <typename System>
 void conjugate_gradients(const System& system, const Eigen::VectorXd& b, int iterations, double tolerance,
                          Eigen::VectorXd& x) {

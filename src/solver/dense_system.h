@@ -10,7 +10,7 @@ namespace doppel {
 class DenseSystem {
  public:
   void reset(Eigen::Index num_unknowns);
-  /// Adds the rows of a term, which are used up.
+  /// Adds the rows of a term. It overwrites them: call `reset` before the next use.
   void add(Residuals& residuals) { residuals.add_to(hessian_, gradient_); }
   /// Adds the equations of another problem with the same unknowns.
   void add(const DenseSystem& other) {
@@ -18,7 +18,7 @@ class DenseSystem {
     gradient_ += other.gradient_;
   }
 
-  /// step of (H + damping diag(H)) step = -gradient. An unknown that no row depends on stays where it is.
+  /// Solves (H + damping diag(H)) step = -gradient. An unknown on which no row depends keeps its value.
   /// @return false when the system is not positive definite or not finite
   bool solve(double damping, Eigen::VectorXd& step) const;
 

@@ -9,8 +9,8 @@ namespace {
 
 constexpr double kLessDamping = 0.2, kMoreDamping = 10.0, kSmallestDamping = 1e-9;
 
-/// Raises the damping until a step gains.
-/// @return whether one did; then `state`, `cost` and `length` are those after it
+/// Raises the damping until a step lowers the cost.
+/// @return whether such a step was found; `state`, `cost` and `length` are then those after the step
 bool descend(LeastSquaresProblem& problem, Eigen::VectorXd& state, double& cost, double& length, double& damping,
              double max_damping) {
   Eigen::VectorXd step;
@@ -33,9 +33,9 @@ bool descend(LeastSquaresProblem& problem, Eigen::VectorXd& state, double& cost,
 std::string to_string(ConvergenceReason reason) {
   switch (reason) {
     case ConvergenceReason::function_tolerance:
-      return "small gain";
+      return "function tolerance";
     case ConvergenceReason::parameter_tolerance:
-      return "small step";
+      return "parameter tolerance";
     case ConvergenceReason::no_descent:
       return "no descent";
     case ConvergenceReason::iteration_limit:
@@ -49,7 +49,7 @@ std::string to_string(ConvergenceReason reason) {
 SolverSummary minimise(LeastSquaresProblem& problem, Eigen::VectorXd& state, const SolverOptions& options) {
   SolverSummary summary;
   double damping = options.initial_damping;
-  std::optional<double> reached;  // the cost of the state, where it was the last one asked for
+  std::optional<double> reached;  // the cost of the state, if it was the last cost computed
   while (summary.iterations < options.iterations) {
     double cost = problem.linearise(state);
     reached.reset();

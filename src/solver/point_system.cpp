@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 
+#include "doppel/core/as_size.h"
 #include "doppel/solver/conjugate_gradients.h"
 #include "doppel/solver/parallel.h"
 
@@ -16,7 +17,7 @@ namespace {
 auto point_of(const VectorXd& x, std::size_t p) { return x.segment<3>(3 * static_cast<Eigen::Index>(p)); }
 auto point_of(VectorXd& x, std::size_t p) { return x.segment<3>(3 * static_cast<Eigen::Index>(p)); }
 
-/// The inverse of a block, made regular where its rows leave a direction free.
+/// The inverse of a block, regularised if its rows leave a direction undetermined.
 Matrix3d inverse_of(const Matrix3d& block) {
   constexpr double kFloor = 1e-9;
   const double trace = block.trace();
@@ -28,21 +29,20 @@ Matrix3d inverse_of(const Matrix3d& block) {
 
 PointSystem::PointSystem(int num_points, std::vector<Link> links)
     : links_(std::move(links)),
-      first_neighbour_(static_cast<std::size_t>(num_points) + 1, 0),
-      at_point_(static_cast<std::size_t>(num_points)),
+      first_neighbour_(as_size(num_points) + 1, 0),
+      at_point_(as_size(num_points)),
       at_link_(links_.size()),
       own_(at_point_.size()),
       inverse_(at_point_.size()) {
   for (const Link& link : links_)
-    for (const int point : link) ++first_neighbour_[static_cast<std::size_t>(point) + 1];
+    for (const int point : link) ++first_neighbour_[as_size(point) + 1];
   for (std::size_t p = 0; p < at_point_.size(); ++p) first_neighbour_[p + 1] += first_neighbour_[p];
   std::vector<int> next(first_neighbour_.begin(), first_neighbour_.end() - 1);
   neighbours_.resize(2 * links_.size());
   for (std::size_t l = 0; l < links_.size(); ++l)
     for (const int end : {0, 1}) {
-      const auto slot =
-          static_cast<std::size_t>(next[static_cast<std::size_t>(links_[l][static_cast<std::size_t>(end)])]++);
-      neighbours_[slot] = {links_[l][static_cast<std::size_t>(1 - end)], static_cast<int>(l), end == 0 ? 1.0 : -1.0};
+      const auto slot = as_size(next[as_size(links_[l][as_size(end)])]++);
+      neighbours_[slot] = {links_[l][as_size(1 - end)], static_cast<int>(l), end == 0 ? 1.0 : -1.0};
     }
 }
 
@@ -65,8 +65,8 @@ VectorXd PointSystem::gradient() const {
     for (std::size_t p = first; p < last; ++p) {
       Vector3d sum = at_point_[p].gradient;
       for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n) {
-        const Neighbour& neighbour = neighbours_[static_cast<std::size_t>(n)];
-        sum += neighbour.sign * at_link_[static_cast<std::size_t>(neighbour.link)].gradient;
+        const Neighbour& neighbour = neighbours_[as_size(n)];
+        sum += neighbour.sign * at_link_[as_size(neighbour.link)].gradient;
       }
       point_of(result, p) = sum;
     }
@@ -79,7 +79,7 @@ void PointSystem::prepare(double damping) {
     for (std::size_t p = first; p < last; ++p) {
       Matrix3d sum = at_point_[p].hessian;
       for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n)
-        sum += at_link_[static_cast<std::size_t>(neighbours_[static_cast<std::size_t>(n)].link)].hessian;
+        sum += at_link_[as_size(neighbours_[as_size(n)].link)].hessian;
       sum.diagonal() *= 1.0 + damping;
       own_[p] = sum;
       inverse_[p] = inverse_of(sum);
@@ -93,9 +93,8 @@ void PointSystem::multiply(const VectorXd& x, VectorXd& image) const {
     for (std::size_t p = first; p < last; ++p) {
       Vector3d sum = own_[p] * point_of(x, p);
       for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n) {
-        const Neighbour& neighbour = neighbours_[static_cast<std::size_t>(n)];
-        sum.noalias() -= at_link_[static_cast<std::size_t>(neighbour.link)].hessian *
-                         point_of(x, static_cast<std::size_t>(neighbour.point));
+        const Neighbour& neighbour = neighbours_[as_size(n)];
+        sum.noalias() -= at_link_[as_size(neighbour.link)].hessian * point_of(x, as_size(neighbour.point));
       }
       point_of(image, p) = sum;
     }
@@ -110,7 +109,7 @@ void PointSystem::precondition(const VectorXd& x, VectorXd& result) const {
 }
 
 double PointSystem::dot(const VectorXd& a, const VectorXd& b) const {
-  return sum_in_order(static_cast<std::size_t>(a.size()), [&](std::size_t first, std::size_t last) {
+  return sum_in_order(as_size(a.size()), [&](std::size_t first, std::size_t last) {
     const auto begin = static_cast<Eigen::Index>(first), count = static_cast<Eigen::Index>(last - first);
     return a.segment(begin, count).dot(b.segment(begin, count));
   });

@@ -1,20 +1,21 @@
 #pragma once
 
-/// Normal equations of thousands of unknown points in space, of which some are linked to neighbours. Each residual
-/// depends on one point, or on the difference of two linked ones. The matrix is never formed: it is a symmetric 3x3
-/// block per point and per link, and is multiplied point by point, so that threads do not get in each other's way and
-/// the result has the same bits whatever their number. P points, L links.
+/// Normal equations of thousands of unknown points in space, some of which are linked to neighbours. Each residual
+/// depends on one point, or on the difference of two linked points. The matrix is never formed: it is a symmetric 3x3
+/// block per point and per link. The product is computed point by point, so threads write to separate memory and the
+/// result has the same bits for any number of threads. P points, L links.
 
 #include <Eigen/Core>
 #include <array>
 #include <vector>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
-/// What an energy has to say of one point, or of the difference of two linked ones: up to three residuals. Its energy
-/// is weight * |values|^2.
+/// Up to three residuals of one point, or of the difference of two linked points. Their energy is weight * |values|^2.
 struct PointRows {
-  int count = 0;  ///< of `values` and of rows of `jacobian`; 0: nothing
+  int count = 0;  ///< number of `values` and of rows of `jacobian`; 0: none
   double weight = 1.0;
   Eigen::Vector3d values = Eigen::Vector3d::Zero();
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Zero();  ///< row i: d values[i] / d the point, or the difference
@@ -34,22 +35,22 @@ class PointSystem {
   const std::vector<Link>& links() const { return links_; }
 
   void reset();
-  /// Different points, and different links, may be added to by different threads.
-  void add_at_point(int point, const PointRows& rows) { at_point_[static_cast<std::size_t>(point)].add(rows); }
-  void add_at_link(int link, const PointRows& rows) { at_link_[static_cast<std::size_t>(link)].add(rows); }
+  /// Different threads may add to different points and different links.
+  void add_at_point(int point, const PointRows& rows) { at_point_[as_size(point)].add(rows); }
+  void add_at_link(int link, const PointRows& rows) { at_link_[as_size(link)].add(rows); }
 
   /// Conjugate gradients for (H + damping diag(H)) step = -gradient, preconditioned with the inverse 3x3 blocks of the
-  /// diagonal. A point that no row depends on stays where it is.
+  /// diagonal. A point on which no row depends keeps its position.
   /// @return false when a number is not finite
   bool solve(double damping, int iterations, Eigen::VectorXd& step);
 
   Eigen::VectorXd gradient() const;                                       ///< [3P] J^T W r
-  void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& image) const;  ///< (H + damping diag(H)) x as last solved
+  void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& image) const;  ///< (H + damping diag(H)) x
   void precondition(const Eigen::VectorXd& x, Eigen::VectorXd& result) const;
   double dot(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 
  private:
-  /// J^T W J and J^T W r of one point or link.
+  /// J^T W J and J^T W r of one point or one link.
   struct Block {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
@@ -58,7 +59,7 @@ class PointSystem {
   /// The other end of a point's link.
   struct Neighbour {
     int point, link;
-    double sign;  ///< of the point in the link's difference
+    double sign;  ///< sign of the point in the difference of the link
   };
   void prepare(double damping);
 
@@ -66,8 +67,8 @@ class PointSystem {
   std::vector<int> first_neighbour_;  ///< [P+1] into neighbours_
   std::vector<Neighbour> neighbours_;
   std::vector<Block> at_point_, at_link_;
-  std::vector<Eigen::Matrix3d> own_;      ///< [P] what a point's own coordinates are multiplied with
-  std::vector<Eigen::Matrix3d> inverse_;  ///< [P] of the same
+  std::vector<Eigen::Matrix3d> own_;      ///< [P] damped diagonal block of each point
+  std::vector<Eigen::Matrix3d> inverse_;  ///< [P] inverse of own_
 };
 
 }  // namespace doppel

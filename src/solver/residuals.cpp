@@ -3,13 +3,14 @@
 #include <cmath>
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/solver/squared_rows_kernel.h"
 
 namespace doppel {
 namespace {
 
-/// Sums outer products of rows: they go to the kernel in panels that stay in the nearest cache, with their value as a
-/// further column, padded with zeros.
+/// Sums outer products of rows. The rows go to the kernel in panels that fit the first-level cache, with their value as
+/// an additional column, padded with zeros.
 class Sum {
  public:
   explicit Sum(Eigen::Index unknowns)
@@ -40,7 +41,7 @@ class Sum {
   Rows panel_, sum_;
 };
 
-/// The unknown that a row depends on, if it is just one, as rows of single DoFs do.
+/// The only unknown that a row depends on, if there is just one, as in rows of single DoFs.
 std::optional<Eigen::Index> only_unknown(const Residuals::JacobianRow& jacobian) {
   std::optional<Eigen::Index> found;
   for (Eigen::Index u = 0; u < jacobian.size(); ++u) {
@@ -91,7 +92,7 @@ void ResidualRows::reset_rows(int num_unknowns, int rows_per_group, const Robust
 Eigen::Index ResidualRows::add_rows(double weight) {
   const Eigen::Index first = num_rows();
   weights_.push_back(weight);
-  values_.resize(values_.size() + static_cast<std::size_t>(rows_per_group_), 0.0);
+  values_.resize(values_.size() + as_size(rows_per_group_), 0.0);
   return first;
 }
 
@@ -120,7 +121,7 @@ void Residuals::reset(int num_unknowns, int rows_per_group, const RobustKernel& 
 
 Eigen::Index Residuals::add_group(double weight) {
   const Eigen::Index first = add_rows(weight);
-  if (has_jacobian()) jacobian_.resize(values_.size() * static_cast<std::size_t>(num_unknowns()), 0.0);
+  if (has_jacobian()) jacobian_.resize(values_.size() * as_size(num_unknowns()), 0.0);
   return first;
 }
 

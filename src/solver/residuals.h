@@ -4,40 +4,42 @@
 #include <cstddef>
 #include <vector>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
-/// How much a residual counts that is larger than it should be. s is the squared length of a group of rows.
+/// A robust kernel: it limits the influence of outliers. s is the squared length of a group of rows.
 struct RobustKernel {
   enum class Kind {
     none,           ///< s
     huber,          ///< s up to scale^2, then growing with sqrt(s)
-    geman_mcclure,  ///< scale^2 s / (scale^2 + s): never more than scale^2, so gross outliers lose their pull
+    geman_mcclure,  ///< scale^2 s / (scale^2 + s): at most scale^2, so gross outliers have almost no influence
   };
   Kind kind = Kind::none;
   double scale = 1.0;  ///< in the unit of the residuals
 
   double cost(double s) const;
-  /// d cost / d s: what a row is weighted with in the normal equations.
+  /// d cost / d s: the weight of a row in the normal equations.
   double weight(double s) const;
 };
 
-/// The rows of one energy term: groups of equally many residuals (two for a pixel, three for a point) that share a
-/// weight. Its energy is the sum over groups of weight * kernel(|rows|^2). How the jacobian of the rows with respect to
-/// the unknowns are kept is the affair of those below.
+/// The rows of one energy term: groups with the same number of residuals (two for a pixel, three for a point). The rows
+/// of a group share a weight. The energy is the sum over groups of weight * kernel(|rows|^2). Derived classes store the
+/// jacobian of the rows with respect to the unknowns.
 class ResidualRows {
  public:
-  double& value(Eigen::Index row) { return values_[static_cast<std::size_t>(row)]; }
-  double value(Eigen::Index row) const { return values_[static_cast<std::size_t>(row)]; }
+  double& value(Eigen::Index row) { return values_[as_size(row)]; }
+  double value(Eigen::Index row) const { return values_[as_size(row)]; }
   bool has_jacobian() const { return has_jacobian_; }
   int rows_per_group() const { return rows_per_group_; }
   Eigen::Index num_rows() const { return static_cast<Eigen::Index>(values_.size()); }
   Eigen::Index num_groups() const { return static_cast<Eigen::Index>(weights_.size()); }
-  double weight(Eigen::Index group) const { return weights_[static_cast<std::size_t>(group)]; }
+  double weight(Eigen::Index group) const { return weights_[as_size(group)]; }
   int num_unknowns() const { return num_unknowns_; }
   const RobustKernel& kernel() const { return kernel_; }
 
   double cost() const;
-  /// Square root of weight * kernel's weight: what the rows of a group are multiplied with in the normal equations.
+  /// Square root of weight * kernel's weight: the factor of the rows of a group in the normal equations.
   double factor(Eigen::Index group) const;
 
  protected:
@@ -55,20 +57,20 @@ class ResidualRows {
   std::vector<double> weights_;
 };
 
-/// Rows that may depend on any of some hundred unknowns.
+/// Rows that may depend on all of some hundred unknowns: the jacobian is dense.
 class Residuals : public ResidualRows {
  public:
-  /// Empties it. @param jacobian whether rows carry jacobian this time; without, `jacobian` must not be asked for
+  /// Removes all rows. @param jacobian whether rows have a jacobian; if not, `jacobian` must not be called
   void reset(int num_unknowns, int rows_per_group, const RobustKernel& kernel, bool jacobian);
   /// Adds a group of zero rows. @return the index of its first row
   Eigen::Index add_group(double weight);
 
   using JacobianRow = Eigen::Map<Eigen::RowVectorXd>;
-  /// [n] d value / d unknowns
+  /// [n] d value / d unknowns.
   JacobianRow jacobian(Eigen::Index row) { return {jacobian_.data() + row * num_unknowns(), num_unknowns()}; }
 
   /// Adds J^T W J to the lower half of `hessian` and J^T W r to `gradient`, with W = weight * kernel's weight. The
-  /// rows are used up: `reset` before the next use.
+  /// function overwrites the rows: call `reset` before the next use.
   void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
 
  private:

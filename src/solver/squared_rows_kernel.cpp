@@ -1,4 +1,4 @@
-// Normal equations of dense rows: sums of outer products, a tile of the sum in registers at a time.
+// Normal equations of dense rows: sums of outer products, computed one register tile of the sum at a time.
 
 #include "doppel/solver/squared_rows_kernel.h"
 

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <string>
 
+#include "doppel/geometry/topology.h"
 #include "doppel/synth/atlas.h"
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/isosurface.h"
 #include "doppel/synth/paint.h"
-#include "doppel/geometry/topology.h"
 
 namespace doppel::synth {
 
@@ -19,10 +19,10 @@ using Eigen::Vector3d;
 
 constexpr int kMaximumInfluences = 5;
 
-/// Adds joints whose rest positions are known, and DoFs of the same names that drive them one to one.
+/// Adds joints with known rest positions, and DoFs of the same names that drive the joints one to one.
 class SkeletonBuilder {
  public:
-  /// @param place where the joint is in the zero pose, world metres
+  /// @param place position of the joint in the zero pose, world metres
   int joint(const std::string& name, int parent, const Vector3d& place, const Vector3d& axis,
             Joint::Type type = Joint::Type::revolute) {
     const Vector3d offset = parent < 0 ? place : Vector3d(place - places_[parent]);
@@ -39,7 +39,7 @@ class SkeletonBuilder {
   }
 
   int free(const std::string& name, int parent, const Vector3d& axis, bool translation) {
-    // A translation moves 1 mm per unit of the joint; the weight makes the DoF metres, as Captury's skeletons have it.
+    // A joint translation is in millimetres; the weight makes the unit of the DoF metres, as in Captury's skeletons.
     const int j = joint(name, parent, Vector3d::Zero(), translation ? Vector3d(0.001 * axis) : axis,
                         translation ? Joint::Type::prismatic : Joint::Type::revolute);
     skeleton.dofs.push_back({name, {{j, translation ? 1000.0 : 1.0}}, std::nullopt});
@@ -57,7 +57,7 @@ class SkeletonBuilder {
   std::vector<Vector3d> places_;
 };
 
-/// Places are relative to the root, which the rest pose lifts to where it belongs.
+/// Positions are relative to the root. The rest pose moves the root to its height.
 Vector3d placed(const Vector3d& rest) { return rest - BodyPlan::root(); }
 
 int add_root(SkeletonBuilder& b) {
@@ -77,7 +77,7 @@ void add_head(SkeletonBuilder& b, int root) {
   b.joint("HeadEE", j, placed(BodyPlan::head_top()), Vector3d::UnitX());
 }
 
-/// Rotations about y and z change their sense on the right, so that a positive angle means the same on both sides.
+/// Rotations about y and z have the opposite sign on the right, so that a positive angle means the same on both sides.
 void add_limbs(SkeletonBuilder& b, int root, bool left) {
   const std::string side = left ? "Left" : "Right";
   const double sign = left ? 1 : -1;
@@ -142,10 +142,10 @@ using BoneWeights = std::array<double, kNumBones>;
 
 int of_side(int bone, bool left) { return left ? bone : bone + kSideBones; }
 
-/// How much of the trunk's surface follows the collar bone.
+/// The weight of the collar bone on the surface of the trunk.
 double clavicle_share(const Vector3d& q) { return smooth_step(0.04, 0.17, q.x()) * smooth_step(1.24, 1.38, q.y()); }
 
-/// The weights a vertex would have if it belonged to `part` alone.
+/// The weights of a vertex that belongs to `part` only.
 BoneWeights part_weights(int part, const Vector3d& p) {
   BoneWeights w{};
   const bool left = part >= kRightArm ? false : part >= kLeftArm ? true : p.x() > 0;
@@ -155,7 +155,7 @@ BoneWeights part_weights(int part, const Vector3d& p) {
     w[of_side(kClavicle, left)] = clavicle_share(q);
     w[kRoot] = 1 - clavicle_share(q);
   } else if (part == kSkirt) {
-    // The hem swings with both thighs; across the middle one hands over to the other.
+    // Both thighs move the hem; their weights are blended across the middle.
     const double thighs = 0.62 * smooth_step(BodyPlan::kWaist - 0.03, BodyPlan::kHem + 0.1, p.y());
     const double to_left = smooth_step(-0.2, 0.2, p.x());
     w[kRoot] = 1 - thighs;
@@ -177,7 +177,7 @@ BoneWeights part_weights(int part, const Vector3d& p) {
   return w;
 }
 
-/// Mixes the parts near a point: those about as near as the nearest share it.
+/// Blends the weights of the parts near a point: all parts that are about as near as the nearest one.
 BoneWeights point_weights(const BodyField& field, const Vector3d& p) {
   const auto distance = field.part_distances(p);
   const double nearest = *std::min_element(distance.begin(), distance.end());
@@ -186,7 +186,7 @@ BoneWeights point_weights(const BodyField& field, const Vector3d& p) {
     constexpr double kReach = 0.03;
     const double away = (distance[part] - nearest) / kReach;
     double share = std::exp(-away * away);
-    // A leg never pulls at the skin of the other one.
+    // A leg has no weight on the skin of the other leg.
     if (part >= kLeftThigh && part <= kLeftFoot) share *= smooth_step(-0.03, 0.03, p.x());
     if (part >= kRightThigh) share *= smooth_step(-0.03, 0.03, -p.x());
     if (share < 1e-4) continue;
@@ -199,7 +199,7 @@ BoneWeights point_weights(const BodyField& field, const Vector3d& p) {
   return sum;
 }
 
-/// Replaces every value by the mean of itself and its neighbours' mean, `rounds` times.
+/// Replaces every value by the mean of the value and the mean of its neighbours, `rounds` times.
 template <typename Value>
 void smooth(std::vector<Value>& values, const MeshTopology& topology, int rounds) {
   const IndexRows& ring = topology.one_ring();
@@ -230,7 +230,7 @@ void append_row(SkinningWeights& skin, const WeightVector& w) {
   skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));
 }
 
-/// Edges may be shorter where the shape is fine: face, head, hands, feet.
+/// Edges are shorter where the shape has fine detail: face, head, hands, feet.
 double relative_edge(const Vector3d& p) {
   if (p.y() > 1.5) return p.z() > 0.02 ? 0.5 : 0.75;
   if (std::abs(p.x()) > 0.5) return 0.65;
@@ -242,7 +242,7 @@ double skirt_drop(const BodyField& field, const Vector3d& p) {
   if (material_at(field, p) != Material::skirt) return 0;
   const auto d = field.part_distances(p);
   const double leg = std::min(std::min(d[kLeftThigh], d[kRightThigh]), std::min(d[kLeftShin], d[kRightShin]));
-  // The lining that touches the legs stays with them.
+  // The lining that touches the legs follows the legs.
   return smooth_step(BodyPlan::kWaist - 0.04, BodyPlan::kHem, p.y()) * smooth_step(0.0, 0.05, leg);
 }
 
@@ -265,7 +265,7 @@ void dress(Actor& actor, const BodyField& field) {
     actor.looseness.push_back(loose);
     actor.hang.push_back(hang);
   }
-  const double edge = std::sqrt(2.9 / mesh.num_vertices());  // about one edge; smoothing reaches as far on any mesh
+  const double edge = std::sqrt(2.9 / mesh.num_vertices());  // about one edge; equal reach on any mesh
   const int rounds = std::max(2, static_cast<int>(std::lround(0.0045 / (edge * edge))));
   smooth(actor.looseness, topology, rounds);
   smooth(actor.hang, topology, rounds);
@@ -276,7 +276,7 @@ void dress(Actor& actor, const BodyField& field) {
 Skeleton make_skeleton() {
   SkeletonBuilder builder;
   const int root = add_root(builder);
-  // Hips, knees, ankles, neck, collar bones, shoulders, elbows: 6 + 2 + 4 + 3 + 4 + 4 + 4 = 27 behind the root's six.
+  // Hips, knees, ankles, neck, collar bones, shoulders, elbows: 6 + 2 + 4 + 3 + 4 + 4 + 4 = 27 after the root's six.
   add_head(builder, root);
   add_limbs(builder, root, true);
   add_limbs(builder, root, false);

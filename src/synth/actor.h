@@ -13,12 +13,12 @@ struct ActorOptions {
   double grid_cell = 0.016;  ///< metres; must resolve the hands
 };
 
-/// The synthetic actor: an ordinary character, and what only its maker knows about it.
+/// The synthetic actor: an ordinary character, and data that is known only because the actor is synthetic.
 struct Actor {
   Character character;
-  std::vector<double> openness;       ///< [N] share of the surroundings a vertex sees in the rest pose, for shading
+  std::vector<double> openness;       ///< [N] unoccluded share of a vertex's surroundings in the rest pose, for shading
   std::vector<double> looseness;      ///< [N] 0 skin-tight .. 1 free hem
-  std::vector<Eigen::Vector3d> hang;  ///< [N] how the worn clothes differ from the template, rest-pose metres
+  std::vector<Eigen::Vector3d> hang;  ///< [N] offset of the worn clothes from the template, metres in the rest pose
 };
 
 /// Builds the actor: a woman of 1.75 m in a pullover and a wide skirt, 33 DoFs (6 root, 27 joints, the trunk rigid), 21
@@ -26,7 +26,7 @@ struct Actor {
 /// @throws Error when the counts cannot be reached
 Actor make_actor(const ActorOptions& options);
 
-/// The parts of it that tests look at on their own.
+/// The parts of `make_actor` that have their own tests.
 Skeleton make_skeleton();
 SkinningWeights make_weights(const TriangleMesh& mesh);
 

@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// Direction d = 0..5: +x -x +y -y +z -z. Projects so that a face looking that way keeps its orientation.
+/// Direction d = 0..5: +x -x +y -y +z -z. The projection keeps the orientation of a face that faces direction d.
 Vector2d flatten(const Vector3d& p, int direction) {
   const int axis = direction / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
   const double sign = direction % 2 == 0 ? 1 : -1;
@@ -28,7 +28,7 @@ Vector2d flatten(const Vector3d& p, int direction) {
 double along(const Vector3d& normal, int direction) { return (direction % 2 == 0 ? 1 : -1) * normal[direction / 2]; }
 
 struct FaceGraph {
-  std::vector<std::array<int, 3>> neighbour;  ///< [F] the face behind edge c -> c+1
+  std::vector<std::array<int, 3>> neighbour;  ///< [F] the face across edge c -> c+1
   std::vector<Vector3d> normal;               ///< [F] unit
 
   explicit FaceGraph(const TriangleMesh& mesh) : neighbour(mesh.faces.size(), {-1, -1, -1}) {
@@ -48,7 +48,8 @@ struct FaceGraph {
   }
 };
 
-/// The direction each face looks in, evened out so that lone faces go with their neighbours where their normal allows.
+/// The direction of each face, smoothed so that single faces take the direction of their neighbours if their normals
+/// allow it.
 std::vector<int> choose_directions(const FaceGraph& graph) {
   const int faces = static_cast<int>(graph.normal.size());
   std::vector<int> direction(faces);
@@ -75,7 +76,7 @@ bool separated(const Vector2d* a, const Vector2d* b) {
   for (int c = 0; c < 3; ++c) {
     const Vector2d edge = a[(c + 1) % 3] - a[c];
     const Vector2d out(edge.y(), -edge.x());
-    // Triangles are counter-clockwise: everything of b on the outer side of one edge of a means no overlap.
+    // Triangles are counter-clockwise. If all of b is on the outer side of one edge of a, they do not overlap.
     double nearest = std::numeric_limits<double>::infinity();
     for (int k = 0; k < 3; ++k) nearest = std::min(nearest, out.dot(b[k] - a[c]) / edge.norm());
     if (nearest > -1e-9) return true;
@@ -83,7 +84,7 @@ bool separated(const Vector2d* a, const Vector2d* b) {
   return false;
 }
 
-/// Triangles of one chart, found by place.
+/// The triangles of one chart, with search by position.
 class Occupancy {
  public:
   explicit Occupancy(double cell) : cell_(cell) {}
@@ -161,7 +162,7 @@ std::vector<Chart> grow_charts(const TriangleMesh& mesh) {
   return charts;
 }
 
-/// Places charts of `scale` times their size on shelves. False when the unit square is too small.
+/// Packs charts of `scale` times their size in rows. False when the unit square is too small.
 bool pack(std::vector<Chart>& charts, double scale, double gutter) {
   double x = 0, y = 0, shelf = 0;
   for (Chart& chart : charts) {

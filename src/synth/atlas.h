@@ -4,9 +4,9 @@
 
 namespace doppel::synth {
 
-/// Gives the mesh UVs per corner: charts of triangles that look in one of the six axis directions, each projected
-/// along its axis, scaled alike and packed into the unit square. No two triangles overlap: a chart takes a triangle
-/// only while its projection is free.
+/// Computes UVs per corner of the mesh. Triangles that face one of the six axis directions form charts. Each chart is
+/// projected along its axis; all charts have one scale and are packed into the unit square. No two triangles overlap: a
+/// chart takes a triangle only if the area of its projection is free.
 /// @param gutter free space around every chart, in units of the square
 void unwrap(TriangleMesh& mesh, double gutter);
 

@@ -54,7 +54,7 @@ double head(const Vector3d& p) {
 double hair(const Vector3d& p) {
   double d = ellipsoid(p, {0, 1.655, -0.008}, {0.088, 0.105, 0.101});
   d = smooth_min(d, ellipsoid(p, {0, 1.60, -0.045}, {0.072, 0.09, 0.06}), 0.03);
-  // A hairline: the cap is cut away in front of a slanted plane, so that the face stays free.
+  // The hairline: the cap of hair is cut off in front of an inclined plane, so that the face is free.
   const double face = Vector3d(0, -0.66, 0.75).dot(p - Vector3d(0, 1.683, 0.06));
   d = smooth_max(d, face, 0.015);
   return smooth_min(d, ellipsoid(p, {0, 1.685, -0.125}, {0.05, 0.046, 0.043}), 0.02);
@@ -104,7 +104,7 @@ double skirt(const Vector3d& p) {
   const double rho = std::hypot(p.x() / 1.13, p.z() + 0.008 * down);
   const double outer = (rho - radius) * 0.9;
   const double inner = (rho - (radius - 0.034)) * 0.9;
-  // The cavity reaches only a part of the way up: above it the garment is one with the body.
+  // The cavity ends below the waist; above it the garment and the body are one solid.
   const double cavity = smooth_max(inner, p.y() - (BodyPlan::kHem + 0.17), 0.04);
   double d = smooth_max(outer, -cavity, 0.02);
   d = smooth_max(d, BodyPlan::kHem - p.y(), 0.018);
@@ -157,7 +157,7 @@ Vector3d BodyField::gradient(const Vector3d& p) const {
 
 Part BodyField::part(const Vector3d& p) const {
   auto d = part_distances(p);
-  d[kHair] -= 0.002;  // where cap and skull coincide it is hair that shows
+  d[kHair] -= 0.002;  // where hair and skull coincide, the surface is hair
   return static_cast<Part>(std::min_element(d.begin(), d.end()) - d.begin());
 }
 

@@ -5,7 +5,7 @@
 
 namespace doppel::synth {
 
-/// What a point of the actor belongs to. The limbs of the right side follow those of the left in the same order.
+/// The body parts of the actor. The right limbs follow the left limbs in the same order.
 enum Part : int {
   kTorso,
   kSkirt,
@@ -27,8 +27,8 @@ enum Part : int {
 };
 constexpr int kLimbParts = kRightArm - kLeftArm;
 
-/// Where the actor's joints are in the rest pose (an A-pose, facing +z, feet on y = 0), metres. The left side has x >
-/// 0; the right one is its mirror image.
+/// The positions of the actor's joints in the rest pose (an A-pose, facing +z, feet on y = 0), metres. The left side
+/// has x > 0; the right side is its mirror image.
 struct BodyPlan {
   static Eigen::Vector3d root() { return {0, 0.95, 0}; }
   static Eigen::Vector3d neck() { return {0, 1.455, -0.012}; }
@@ -43,17 +43,17 @@ struct BodyPlan {
   static Eigen::Vector3d knee() { return {0.1, 0.495, 0.012}; }
   static Eigen::Vector3d ankle() { return {0.107, 0.085, -0.025}; }
   static Eigen::Vector3d toe() { return {0.125, 0.03, 0.165}; }
-  static constexpr double kWaist = 1.035, kHem = 0.50;  ///< height of the garment's ends
+  static constexpr double kWaist = 1.035, kHem = 0.50;  ///< heights of the upper and lower end of the skirt
 };
 
 /// The point or vector on the other side of the body.
 inline Eigen::Vector3d mirrored(const Eigen::Vector3d& p) { return {-p.x(), p.y(), p.z()}; }
 
 /// The actor as a signed distance field: smooth unions of round cones, ellipsoids and a hollow, folded skirt. The
-/// values are true distances only near the surface, which is all that meshing and projecting need.
+/// values are true distances only near the surface. This suffices for meshing and projection.
 class BodyField {
  public:
-  /// Distances to the single parts, metres, negative inside.
+  /// Distances to the individual parts, metres, negative inside.
   std::array<double, kNumParts> part_distances(const Eigen::Vector3d& p) const;
   /// Distance to the whole body.
   double distance(const Eigen::Vector3d& p) const;
@@ -61,13 +61,13 @@ class BodyField {
   Eigen::Vector3d gradient(const Eigen::Vector3d& p) const;
   /// The part nearest to p.
   Part part(const Eigen::Vector3d& p) const;
-  /// The point of the surface reached by a few Newton steps from a point near it.
+  /// Projects a point near the surface onto the surface by a few Newton steps.
   Eigen::Vector3d project(const Eigen::Vector3d& p) const;
-  /// How much of the sky a surface point sees, 0..1, from the field along its normal.
+  /// Unoccluded share of the surroundings of a surface point, 0..1, from the field along its normal.
   double openness(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const;
 };
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// 0 below `low`, 1 above `high`, smooth in between.
 double smooth_step(double low, double high, double x);
 
 }  // namespace doppel::synth

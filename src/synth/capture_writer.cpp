@@ -3,9 +3,10 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "doppel/character/motion.h"
-#include "doppel/core/error.h"
 #include "doppel/capture/keypoint_map.h"
+#include "doppel/character/motion.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 
 namespace doppel::synth {
 
@@ -56,15 +57,15 @@ void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<do
   const nlohmann::json file = {{"version", 1.3}, {"people", {person}}};
   const std::string name = fmt::format("stream{}_{:012}_keypoints.json", three_digits(camera), frame);
   const fs::path path = folder_ / "keypoints" / three_digits(camera) / name;
-  // Written plainly: the capture's folder as a whole is put in place at the end, and flushing thousands of small files
-  // to the disk one by one takes longer than making them.
+  // The files are not written atomically one by one: the whole folder is renamed at the end, and flushing thousands of
+  // small files takes longer than computing them.
   std::ofstream stream(path, std::ios::binary);
   stream << file.dump() << '\n';
   if (!stream.flush()) fail("writing {}: the disk may be full", path.string());
 }
 
 void SequenceWriter::write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points) {
-  std::ofstream& table = joints_[static_cast<std::size_t>(camera)];
+  std::ofstream& table = joints_[as_size(camera)];
   for (std::size_t i = 0; i < points.size(); ++i)
     if (points[i].allFinite())
       table << fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, names_[i], 1e3 * points[i].x(),
@@ -150,7 +151,7 @@ std::string capture_yaml(const SynthOptions& options, const std::string& name) {
 
 std::string readme_text(const SynthOptions& options) {
   return fmt::format(
-      "A synthetic capture, made by `doppel synth`: nobody was filmed, everything here is computed.\n"
+      "A synthetic capture, made by `doppel synth`: nobody was filmed, all files are computed.\n"
       "\n"
       "character/                      the actor: template, texture, skeleton (33 DoFs), skin, graph, labels; "
       "millimetres\n"
@@ -161,10 +162,10 @@ std::string readme_text(const SynthOptions& options) {
       "  videos/streamNNN.mp4          images of camera NNN, {} x {} pixels\n"
       "  foregroundSegmentation/       masks, 0 or 255, lossless\n"
       "  keypoints/NNN/                landmarks as OpenPose BODY_25 files, noisier where hidden\n"
-      "  joints3d/NNN.csv              the same in space, as a network would place them, seen from camera NNN\n"
+      "  joints3d/NNN.csv              the same in 3D, as a network would estimate them from camera NNN\n"
       "  skeletoolToGTPose/            the poses\n"
       "ground_truth/<sequence>/        vertices.npy: the true surface, float32 [frames, vertices, 3], world metres\n"
-      "capture.yaml                    describes all this to `doppel prepare`\n"
+      "capture.yaml                    the description that `doppel prepare` reads\n"
       "\n"
       "World: right-handed, y up, floor at y = 0. Cameras: x right, y down, z forward; the centre of the first pixel "
       "is\n"

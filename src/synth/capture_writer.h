@@ -11,7 +11,7 @@
 
 namespace doppel::synth {
 
-/// Writes the sequences of a capture folder as the public datasets lay them out.
+/// Writes the sequences of a capture folder in the layout of the public datasets.
 class SequenceWriter {
  public:
   /// @param folder of the sequence, e.g. `<capture>/training`
@@ -20,8 +20,8 @@ class SequenceWriter {
   void write_shot(int camera, const Studio::Shot& shot);
   /// Landmarks as an OpenPose BODY_25 file. @param body25 x, y, confidence of the 25 points
   void write_keypoints(int camera, int frame, const std::vector<double>& body25);
-  /// The same landmarks as a network places them in space: a row each of the camera's table. @param points [25] from
-  /// the root, camera axes, metres; not finite: none
+  /// The same landmarks as 3D estimates of a network, one row each in the camera's table.
+  /// @param points [25] relative to the root, camera axes, metres; not finite: no estimate
   void write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points);
   void write_motion_rows(const Motion& motion);
   /// Completes the videos.
@@ -30,7 +30,7 @@ class SequenceWriter {
  private:
   std::filesystem::path folder_;
   std::vector<cv::VideoWriter> images_, masks_;
-  std::vector<std::ofstream> joints_;  ///< a table a camera
+  std::vector<std::ofstream> joints_;  ///< one table per camera
   std::vector<std::string> names_;     ///< [25] of the points
 };
 

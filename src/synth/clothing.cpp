@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel::synth {
@@ -23,13 +24,13 @@ struct Path {
 
 Path path_of(const std::vector<Points>& frames, std::size_t f, std::size_t v) {
   const auto at = [&](long k) -> const Vector3d& {
-    return frames[static_cast<std::size_t>(std::clamp<long>(k, 0, static_cast<long>(frames.size()) - 1))][v];
+    return frames[as_size(std::clamp<long>(k, 0, static_cast<long>(frames.size()) - 1))][v];
   };
   const long k = static_cast<long>(f);
   return {at(k), at(k + 1), 0.5 * (at(k + 1) - at(k - 1)), 0.5 * (at(k + 2) - at(k))};
 }
 
-/// Displacements and velocities of all vertices, stepped together.
+/// Displacements and velocities of all vertices, integrated together.
 class Cloth {
  public:
   Cloth(const Actor& actor, double fps, const ClothingOptions& options)
@@ -40,7 +41,8 @@ class Cloth {
         u_(looseness_.size(), Vector3d::Zero()),
         velocity_(u_),
         next_(u_) {
-    // Waves shall run equally fast on any mesh: the pull of neighbours goes with the inverse square of the edge length.
+    // Waves must have the same speed on any mesh, so the coupling is proportional to the inverse square of the edge
+    // length.
     coupling_ = options.coupling * looseness_.size() / 5000.0;
   }
 
@@ -55,7 +57,7 @@ class Cloth {
   Points surface(const Points& worn) const {
     Points result = worn;
     for (std::size_t v = 0; v < u_.size(); ++v) {
-      // A soft stop, so that no movement tears the cloth away.
+      // A soft limit of the displacement.
       const double reach = options_.reach * std::max(looseness_[v], 1e-6);
       result[v] += u_[v] / std::sqrt(1 + u_[v].squaredNorm() / (reach * reach));
     }
@@ -73,7 +75,7 @@ class Cloth {
       for (const int* w = ring.begin(static_cast<int>(v)); w != ring.end(static_cast<int>(v)); ++w)
         pull += u_[*w] - u_[v];
       const Vector3d body = paths[v].velocity(s) * fps_, body_acceleration = paths[v].acceleration(s) * (fps_ * fps_);
-      // Tighter cloth is held by stiffer springs, so it both moves less and rings faster.
+      // Tighter cloth has stiffer springs, so it moves less and oscillates faster.
       const double held = options_.stiffness / std::max(looseness_[v], 0.05);
       const Vector3d force = -held * u_[v] - options_.damping * velocity_[v] - options_.air * (body + velocity_[v]) -
                              options_.inertia * body_acceleration + coupling_ / ring.size(static_cast<int>(v)) * pull;

@@ -10,6 +10,7 @@
 #include <set>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 
@@ -26,13 +27,13 @@ struct Grid {
   std::array<int, 3> size;  ///< corners along x, y, z
   std::vector<float> values;
 
-  std::size_t index(int x, int y, int z) const { return (static_cast<std::size_t>(z) * size[1] + y) * size[0] + x; }
+  std::size_t index(int x, int y, int z) const { return (as_size(z) * size[1] + y) * size[0] + x; }
   Vector3d corner(int x, int y, int z) const { return origin + cell * Vector3d(x, y, z); }
 };
 
 constexpr int kBlock = 6;
 
-/// Fills one block of corners; far from the surface one value at its middle stands for all of them.
+/// Fills one block of corners. Far from the surface, the value at the centre of the block is used for all corners.
 void sample_block(const BodyField& field, Grid& grid, int bx, int by, int bz) {
   const std::array<int, 3> begin{bx * kBlock, by * kBlock, bz * kBlock};
   std::array<int, 3> end;
@@ -40,7 +41,7 @@ void sample_block(const BodyField& field, Grid& grid, int bx, int by, int bz) {
   const Vector3d middle =
       0.5 * (grid.corner(begin[0], begin[1], begin[2]) + grid.corner(end[0] - 1, end[1] - 1, end[2] - 1));
   const double at_middle = field.distance(middle);
-  // Twice the half diagonal, because the field of a stretched ellipsoid is no true distance.
+  // Twice the half diagonal, because the field of an ellipsoid is not a true distance.
   const bool far = std::abs(at_middle) > kBlock * grid.cell * std::sqrt(3.0);
   for (int z = begin[2]; z < end[2]; ++z)
     for (int y = begin[1]; y < end[1]; ++y)
@@ -62,7 +63,7 @@ Grid sample(const BodyField& field, double cell) {
   return grid;
 }
 
-/// Whether the corners of a cell whose bit is set hang together along the cell's edges.
+/// Whether the corners of a cell whose bit is set are connected along the cell's edges.
 bool is_connected(unsigned corners) {
   if (corners == 0) return true;
   unsigned reached = corners & (~corners + 1);
@@ -75,7 +76,7 @@ bool is_connected(unsigned corners) {
   return reached == corners;
 }
 
-/// Fills the corners at which the surface would pass a cell twice, which would give a vertex where four sheets meet.
+/// Fills corners where the surface would cross a cell twice, which would give a non-manifold vertex.
 void make_unambiguous(Grid& grid) {
   for (bool changed = true; changed;) {
     changed = false;
@@ -93,14 +94,14 @@ void make_unambiguous(Grid& grid) {
               least = grid.values[i], nearest = i;
           }
           if (inside == 0 || inside == 255 || (is_connected(inside) && is_connected(~inside & 255u))) continue;
-          // Filling only ever adds to the inside, so this ends.
+          // Filling only adds to the inside, so the loop terminates.
           grid.values[nearest] = static_cast<float>(-0.05 * grid.cell);
           changed = true;
         }
   }
 }
 
-/// The vertex of a cell: the mean of the crossings of its edges. False when the surface does not pass it.
+/// The vertex of a cell: the mean of the crossings of its edges. False when the surface does not cross the cell.
 bool cell_vertex(const Grid& grid, int x, int y, int z, Vector3d& vertex) {
   float value[8];
   int inside = 0;
@@ -246,7 +247,7 @@ class Collapser {
     queue_.push({(v_[a] - v_[b]).norm() / size, a, b, stamp_[a], stamp_[b]});
   }
 
-  /// Whether moving `v` to `to` keeps its faces, but for those with `other`, from turning over or degenerating.
+  /// Whether the faces of `v`, except those with `other`, neither flip nor degenerate when `v` moves to `to`.
   bool keeps_shape(int v, int other, const Vector3d& to) const {
     for (const int i : faces_of_[v]) {
       const Triangle& f = f_[i];
@@ -266,7 +267,7 @@ class Collapser {
     const std::set<int> ring_a = neighbours(a), ring_b = neighbours(b);
     std::vector<int> common;
     std::set_intersection(ring_a.begin(), ring_a.end(), ring_b.begin(), ring_b.end(), std::back_inserter(common));
-    // The link condition: anything but two common neighbours would pinch the surface.
+    // The link condition: without exactly two common neighbours the result is not a manifold.
     if (common.size() != 2 || ring_a.size() + ring_b.size() > 13) return;
     for (const int c : common)
       if (neighbours(c).size() <= 4) return;
@@ -301,7 +302,7 @@ class Collapser {
   int alive_;
 };
 
-/// Moves every vertex towards the mean of its neighbours and back onto the surface, unless a face would turn over.
+/// Moves every vertex towards the mean of its neighbours and projects it onto the surface, unless a face would flip.
 void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
   const MeshTopology topology(mesh);
   std::vector<std::vector<int>> faces_of(mesh.num_vertices());
@@ -334,9 +335,9 @@ TriangleMesh mesh_body(const BodyField& field, double cell) {
   const MeshReport report = inspect_mesh(mesh);
   if (!report.closed() || report.components != 1 || report.euler_characteristic != 2)
     fail(
-        "meshing the synthetic actor: a grid of {} mm gives {} pieces and an Euler characteristic of {} where one "
+        "meshing the synthetic actor: a grid of {} mm gives {} components and Euler characteristic {}, but one "
         "closed "
-        "surface without holes is wanted; use a finer one",
+        "surface without holes is needed; use a finer grid",
         cell * 1e3, report.components, report.euler_characteristic);
   for (Vector3d& v : mesh.vertices) v = field.project(v);
   return mesh;

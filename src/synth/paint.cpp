@@ -61,7 +61,7 @@ Vector3d shirt_colour(const BodyField& field, const Vector3d& p) {
   const bool sleeve = part != kTorso && part != kSkirt;
   const double on_arm = (q - BodyPlan::shoulder()).dot(BodyPlan::arm_direction());
   const Vector3d blue(0.16, 0.30, 0.55), cream(0.93, 0.89, 0.80), yoke(0.95, 0.72, 0.22);
-  // The sleeve's rings fade in behind the shoulder seam, where they would run askew to those of the trunk.
+  // The sleeve's rings fade in beyond the shoulder seam, where they would not line up with those of the trunk.
   const double rings =
       sleeve ? stripe(on_arm, 0.052, 0.5, 0.003) * smooth_step(0.035, 0.045, on_arm) : stripe(p.y(), 0.052, 0.5, 0.003);
   Vector3d c = mix(blue, cream, rings);
@@ -100,7 +100,7 @@ Vector3d shoe_colour(const Vector3d& p) {
   return c;
 }
 
-/// Paints one triangle: its own texels (`inside`), or the margin around it where nothing else has painted.
+/// Paints one triangle: its texels (`inside`), or the margin around it where no other triangle has painted.
 class TrianglePainter {
  public:
   TrianglePainter(const TriangleMesh& mesh, const BodyField& field, cv::Mat& texture, cv::Mat& distance)
@@ -136,7 +136,7 @@ class TrianglePainter {
                                     cv::saturate_cast<uchar>(c.x())};
   }
 
-  /// How far a texel lies from the triangle, in texels; 0 inside.
+  /// Distance of a texel from the triangle, in texels; 0 inside.
   static double distance_outside(const Vector2d& p, const Vector2d& b, const Vector2d* t) {
     if (b.x() >= 0 && b.y() >= 0 && b.x() + b.y() <= 1) return 0;
     double nearest = std::numeric_limits<double>::infinity();

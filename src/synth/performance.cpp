@@ -60,7 +60,7 @@ class Pose {
   std::vector<double> dofs;
 };
 
-/// What the legs do for a while, faded in and out.
+/// A movement of the legs over some time, faded in and out.
 struct Step {
   enum Kind { walk, squat, jump, sway, kinds } kind;
   double begin, end, strength, phase;
@@ -99,7 +99,7 @@ void walk(Pose& pose, double phase, double amount) {
   pose["Root_ry"] += 0.10 * amount * std::sin(phase);
 }
 
-/// One stretch of made-up motion as a function of time.
+/// A generated motion as a function of time.
 class Performance {
  public:
   Performance(const Skeleton& skeleton, double seconds, std::uint64_t seed)
@@ -211,7 +211,7 @@ void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double he
   const int lift = *skeleton.find_dof("Root_ty");
   dofs[lift] = 0;
   const auto world_from_joint = skeleton.pose(dofs);
-  // A soft minimum: where the weight passes from one foot to the other the root must not be jerked.
+  // A soft minimum, so that the root does not jump when the weight shifts from one foot to the other.
   constexpr double kSoftness = 0.008;
   double sum = 0;
   for (int s = 0; s < 2; ++s)

@@ -5,7 +5,7 @@
 
 namespace doppel::synth {
 
-/// Random numbers that are the same with every standard library (whose distributions are not).
+/// Random numbers that are the same with every standard library, unlike the standard distributions.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : generator_(seed) {}
@@ -28,7 +28,7 @@ inline std::uint64_t hash_bits(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// About normally distributed, mean 0, deviation 1: eight bytes of a hash added up.
+/// Approximately normally distributed, mean 0, standard deviation 1: the sum of eight bytes of a hash.
 inline float hash_normal(std::uint64_t key) {
   const std::uint64_t bits = hash_bits(key);
   int sum = 0;

@@ -8,10 +8,11 @@
 #include <array>
 #include <cmath>
 
-#include "doppel/synth/body_field.h"
-#include "doppel/synth/random.h"
+#include "doppel/core/as_size.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
+#include "doppel/synth/body_field.h"
+#include "doppel/synth/random.h"
 
 namespace doppel::synth {
 
@@ -21,7 +22,7 @@ using Eigen::Array3f;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-/// An image's worth of light is worked out in linear RGB; display values are its square root.
+/// Light is computed in linear RGB; the values of an image are its square root.
 using Light = Array3f;
 
 const Light kKeyColour(1.08f, 1.0f, 0.88f), kSkyColour(0.36f, 0.39f, 0.44f), kGroundColour(0.17f, 0.21f, 0.15f),
@@ -61,7 +62,7 @@ std::array<float, 256> linear_table() {
   return table;
 }
 
-/// What the empty studio looks like in one camera, and where its floor is.
+/// The image of the empty studio in one camera, and the positions of its floor.
 struct Backdrop {
   std::vector<Light> lit;    ///< [H*W]
   std::vector<float> floor;  ///< [H*W*2] x, z of the floor seen there; NaN: the wall, or too far to be shaded
@@ -119,7 +120,7 @@ Backdrop Studio::State::make_backdrop(const Camera& camera) const {
       const double reach = ray.y() < -1e-3 ? -centre.y() / ray.y() : 1e3;
       const Vector3d ground = centre + reach * ray;
       const double away = std::hypot(ground.x(), ground.z());
-      // The floor runs into the wall through a soft bend at about 3.5 m from the middle.
+      // The floor passes smoothly into the wall at about 3.5 m from the centre.
       const double wall = smooth_step(2.6, 4.2, away);
       const double glow = 0.9 + 0.16 * ray.y() + 0.07 * std::sin(1.7 * std::atan2(ray.x(), ray.z()) + 0.6);
       const Light floor_colour = Light(0.040f, 0.255f, 0.072f) * static_cast<float>(1.16 - 0.10 * away);
@@ -131,7 +132,7 @@ Backdrop Studio::State::make_backdrop(const Camera& camera) const {
   return backdrop;
 }
 
-/// How much of the key light reaches a point: 25 comparisons with the shadow map around it.
+/// The share of the key light that reaches a point: 25 comparisons with the shadow map around it.
 float Studio::State::key_share(const Vector3f& point) const {
   const Vector3d p = shadow_camera.camera_from_world(point.cast<double>());
   const int size = options.shadow_size;
@@ -144,10 +145,10 @@ float Studio::State::key_share(const Vector3f& point) const {
   float lit = 0;
   for (int dy = -2; dy <= 2; ++dy)
     for (int dx = -2; dx <= 2; ++dx) {
-      // A tent around the point itself, so that the penumbra has no steps.
+      // A tent filter around the point, so that the penumbra has no steps.
       const float weight =
           std::max(0.0f, 2.5f - std::abs(dx + 0.5f - fu)) * std::max(0.0f, 2.5f - std::abs(dy + 0.5f - fv));
-      lit += weight * (shadow_depth[static_cast<std::size_t>(row + dy) * size + column + dx] > limit ? 1.0f : 0.0f);
+      lit += weight * (shadow_depth[as_size(row + dy) * size + column + dx] > limit ? 1.0f : 0.0f);
     }
   float total = 0;
   for (int dy = -2; dy <= 2; ++dy)
@@ -179,7 +180,7 @@ Light Studio::State::albedo(float u, float v) const {
   return (texel(0, 0) * (1 - fx) + texel(0, 1) * fx) * (1 - fy) + (texel(1, 0) * (1 - fx) + texel(1, 1) * fx) * fy;
 }
 
-/// Light on the floor relative to the empty studio: the actor's shadow, and the dark where the feet stand.
+/// Light on the floor relative to the empty studio: the actor's shadow, and ambient occlusion at the feet.
 float Studio::State::floor_shade(float x, float z) const {
   if (std::isnan(x)) return 1;
   const float dx = x - eye.x(), dz = z - eye.z(), near = dx * dx + dz * dz;
@@ -188,7 +189,7 @@ float Studio::State::floor_shade(float x, float z) const {
   return (0.5f + 0.5f * key) * (1 - 0.28f * std::exp(-near / 0.12f));
 }
 
-/// Adds the light of one sample. False where nothing covers it.
+/// Adds the light of one sample. False if the actor does not cover the sample.
 bool Studio::State::light_sample(std::size_t sample, Light& sum) const {
   const int face = face_id[sample];
   if (face < 0) return false;
@@ -218,9 +219,8 @@ void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int be
       int covered = 0;
       for (int dy = 0; dy < s; ++dy)
         for (int dx = 0; dx < s; ++dx)
-          covered += light_sample(
-              (static_cast<std::size_t>(y) * s + dy) * (static_cast<std::size_t>(size_x) * s) + x * s + dx, sum);
-      const std::size_t pixel = static_cast<std::size_t>(y) * size_x + x;
+          covered += light_sample((as_size(y) * s + dy) * (as_size(size_x) * s) + x * s + dx, sum);
+      const std::size_t pixel = as_size(y) * size_x + x;
       if (covered < s * s) {
         const float shade = floor_shade(backdrop.floor[2 * pixel], backdrop.floor[2 * pixel + 1]);
         sum += backdrop.lit[pixel] * (shade * static_cast<float>(s * s - covered));
@@ -228,8 +228,7 @@ void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int be
       const Light display = 255 * (sum / static_cast<float>(s * s)).max(0).min(1).sqrt();
       uchar* bgr = shot.image.ptr<uchar>(y) + 3 * x;
       for (int c = 0; c < 3; ++c)
-        bgr[c] = cv::saturate_cast<uchar>(display[2 - c] +
-                                          noise * hash_normal(key + 3 * pixel + static_cast<std::size_t>(c)));
+        bgr[c] = cv::saturate_cast<uchar>(display[2 - c] + noise * hash_normal(key + 3 * pixel + as_size(c)));
       shot.mask.at<uchar>(y, x) = 2 * covered > s * s ? 255 : 0;
     }
 }
@@ -307,7 +306,7 @@ bool Studio::sees(int camera, const Vector3d& point, double depth) const {
   const Eigen::Vector2d pixel = scale * c.project(point);
   const int x = static_cast<int>(std::floor(pixel.x())), y = static_cast<int>(std::floor(pixel.y()));
   if (s.depth == nullptr || x < 0 || y < 0 || x >= c.width * scale || y >= c.height * scale) return false;
-  return c.camera_from_world(point).z() < s.depth[static_cast<std::size_t>(y) * (c.width * scale) + x] + depth;
+  return c.camera_from_world(point).z() < s.depth[as_size(y) * (c.width * scale) + x] + depth;
 }
 
 cv::Mat Studio::background(int camera) const {
@@ -315,8 +314,7 @@ cv::Mat Studio::background(int camera) const {
   cv::Mat image(c.height, c.width, CV_8UC3);
   for (int y = 0; y < c.height; ++y)
     for (int x = 0; x < c.width; ++x) {
-      const Light display =
-          255 * state_->backdrops[camera].lit[static_cast<std::size_t>(y) * c.width + x].max(0).min(1).sqrt();
+      const Light display = 255 * state_->backdrops[camera].lit[as_size(y) * c.width + x].max(0).min(1).sqrt();
       image.at<cv::Vec3b>(y, x) = {cv::saturate_cast<uchar>(display[2]), cv::saturate_cast<uchar>(display[1]),
                                    cv::saturate_cast<uchar>(display[0])};
     }

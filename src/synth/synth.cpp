@@ -9,20 +9,21 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
-#include "doppel/synth/capture_writer.h"
-#include "doppel/synth/performance.h"
-#include "doppel/synth/random.h"
-#include "doppel/synth/studio.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
+#include "doppel/synth/capture_writer.h"
+#include "doppel/synth/performance.h"
+#include "doppel/synth/random.h"
+#include "doppel/synth/studio.h"
 
 namespace doppel::synth {
 
@@ -32,22 +33,22 @@ namespace fs = std::filesystem;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kLeadIn = 1.2;  ///< seconds before a take in which the clothes come to follow the body
+constexpr double kLeadIn = 1.2;  ///< seconds before a take, in which the simulation of the clothes settles
 
 void check(const SynthOptions& o) {
   const auto within = [](const char* what, long value, long low, long high) {
     if (value < low || value > high)
-      fail<UsageError>("doppel synth: {} is {}; allowed are {} to {}", what, value, low, high);
+      fail<UsageError>("doppel synth: {} is {}; it must be {} to {}", what, value, low, high);
   };
   within("the number of cameras", o.cameras, 1, 64);
   within("the image size", o.size, 64, 2048);
   within("the number of training frames", o.frames, 4, 100000);
   within("the number of test frames", o.test_frames, 2, 100000);
   if (o.size % 2 != 0)
-    fail<UsageError>("doppel synth: the image size is {}; video encoders want an even number", o.size);
+    fail<UsageError>("doppel synth: the image size is {}; video encoders need an even number", o.size);
 }
 
-/// A folder that vanishes with this object unless it was put in its place.
+/// A temporary folder that the destructor removes unless it was renamed to its final name.
 class FolderInTheMaking {
  public:
   FolderInTheMaking(const fs::path& target, bool force) : target_(fs::absolute(target).lexically_normal()) {
@@ -56,10 +57,10 @@ class FolderInTheMaking {
       if (!force)
         fail<UsageError>("doppel synth: {} exists and is not empty; name another folder, or give --force",
                          target.string());
-      // Never delete what this program did not make.
+      // Only folders that `doppel synth` made are deleted.
       if (!fs::exists(target_ / "capture.yaml") || !fs::exists(target_ / "ground_truth"))
         fail<UsageError>(
-            "doppel synth: {} is no synthetic capture, so --force does not replace it; name another folder",
+            "doppel synth: {} is not a synthetic capture, so --force does not replace it; name another folder",
             target.string());
     }
     making_ = target_.parent_path() / fmt::format(".{}.making-{}", target_.filename().string(), getpid());
@@ -96,7 +97,7 @@ std::vector<float> flat(const Points& points) {
   return values;
 }
 
-/// What a detector would say of the actor's landmarks in the image just taken.
+/// The output of a simulated detector for the actor's landmarks in the last image.
 std::vector<double> detect(const Studio& studio, int camera_index, const Camera& camera, const Points& markers,
                            const std::vector<int>& body25, std::uint64_t key) {
   std::vector<double> result;
@@ -106,7 +107,7 @@ std::vector<double> detect(const Studio& studio, int camera_index, const Camera&
       continue;
     }
     const Vector3d& p = markers[body25[k]];
-    // Landmarks are inside the limbs: what hides them by less than this is the limb itself.
+    // Landmarks are inside the limbs: an occluder at less than this distance is the limb itself.
     const bool seen = studio.sees(camera_index, p, 0.11);
     const double sigma = (seen ? 0.0025 : 0.008) * camera.width;
     const Vector2d pixel = camera.project(p) + sigma * Vector2d(hash_normal(key + 4 * k), hash_normal(key + 4 * k + 1));
@@ -118,8 +119,8 @@ std::vector<double> detect(const Studio& studio, int camera_index, const Camera&
   return result;
 }
 
-/// What a network would say of where they are in space: from the root, too near or too far for a while (farther off in
-/// depth), and anew uncertain in every frame.
+/// The simulated 3D estimates of a network: relative to the root, with an error that changes slowly (larger in depth)
+/// and noise in every frame.
 Points place(const Camera& camera, const Points& markers, const std::vector<int>& body25, int frame,
              std::uint64_t key) {
   constexpr double kNoise = 0.025, kBias = 0.01, kPeriod = 40.0;  // metres, metres, frames
@@ -133,7 +134,7 @@ Points place(const Camera& camera, const Points& markers, const std::vector<int>
     for (int axis = 0; axis < 3; ++axis) {
       const double phase = 1.7 * static_cast<double>(3 * k + axis), depth = axis == 2 ? 2.0 : 1.0;
       result[k][axis] += depth * kBias * std::sin(2.0 * M_PI * frame / kPeriod + phase) +
-                         kNoise * hash_normal(key + 4 * k + static_cast<std::size_t>(axis));
+                         kNoise * hash_normal(key + 4 * k + as_size(axis));
     }
   }
   return result;
@@ -146,7 +147,7 @@ Points marker_positions(const Skeleton& skeleton, const std::vector<double>& dof
   return points;
 }
 
-/// Everything that is needed to film a sequence.
+/// The data for filming a sequence.
 struct Set {
   const Actor& actor;
   const std::vector<Camera>& cameras;
@@ -162,7 +163,7 @@ void film(const Set& set, const std::string& name, int sequence, const std::vect
   Motion motion;
   for (const Take& take : takes)
     for (std::size_t f = 0; f < take.truth.size(); ++f) {
-      if (stop_requested()) fail("doppel synth: stopped; nothing was kept");
+      if (stop_requested()) fail("doppel synth: stopped; nothing was saved");
       const int frame = motion.num_frames();
       motion.frames.push_back(take.motion.frames[f]);
       motion.ids.push_back(frame);
@@ -272,7 +273,7 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
   constexpr int kChunk = 16;
   const torch::NoGradGuard no_grad;
   const int64_t n = character.num_vertices();
-  // In double precision, because this is the truth that others are measured by.
+  // In double precision, because this is the ground truth for evaluation.
   torch::Tensor points = torch::empty({n, 3}, torch::kFloat64);
   for (int64_t v = 0; v < n; ++v) {
     const Vector3d p = character.mesh.vertices[v] + (offset.empty() ? Vector3d(Vector3d::Zero()) : offset[v]);

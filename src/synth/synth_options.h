@@ -17,7 +17,7 @@ struct SynthOptions {
   int test_frames = 40;
   double fps = 25;
   std::uint64_t seed = 1;  ///< of motions, cameras and noise; the actor is always the same
-  bool force = false;      ///< replace a capture that stands in the folder
+  bool force = false;      ///< replace a synthetic capture in the folder
 
   /// `tiny` (seconds to make) or `small` (a minute or two). @throws UsageError for another word
   static SynthOptions preset(const std::string& name);

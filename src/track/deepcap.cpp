@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/energy/root_rotation.h"
@@ -20,7 +21,7 @@ using torch::Tensor;
 
 namespace {
 
-/// A sequence from its images to its files.
+/// Tracks one sequence, from its images to its files.
 class DeepcapRun {
  public:
   DeepcapRun(const Footage& footage, TrainedPose& trained, const DeepcapOptions& options,
@@ -32,11 +33,10 @@ class DeepcapRun {
         tracker_(make_deepcap_tracker(trained, footage.character(), footage.landmarks(), footage.cameras().front(),
                                       LostFrames::report)) {}
 
-  /// Both passes: networks, then, on the smoothed poses and graphs, surfaces and film.
+  /// Runs both passes: first the networks; then surfaces and film, from the smoothed poses and graphs.
   SequenceReport run(Progress& progress) {
     SequenceRunner runner(footage_, *tracker_, {});
-    runner.on_frame(
-        [this](long, const FootageFrame&, const FrameResult& found) { graphs_.push_back(found.graph); });
+    runner.on_frame([this](long, const FootageFrame&, const FrameResult& found) { graphs_.push_back(found.graph); });
     result_ = runner.run(sequence_, progress);
     make_motion(result_, RootRotation::of(footage_.character().skeleton), options_.smoothing);
     smooth_graphs();
@@ -79,8 +79,8 @@ class DeepcapRun {
     const auto reader = options_.film ? footage_.read(sequence_.index) : nullptr;
     for (long frame = sequence_.first_frame; frame <= sequence_.last_frame; ++frame) {
       check_not_stopped(sequence_, frame);
-      const Tensor surface = surfaces_.surface(result_.motion.frames[static_cast<std::size_t>(frame)],
-                                              graphs_[static_cast<std::size_t>(frame - sequence_.first_frame)]);
+      const Tensor surface =
+          surfaces_.surface(result_.motion.frames[as_size(frame)], graphs_[as_size(frame - sequence_.first_frame)]);
       if (vertices) vertices->append(surface.data_ptr<float>());
       if (film) film->add(reader->image(frame, 0), surface);
       progress.advance(1, sequence_.name);

@@ -1,6 +1,6 @@
 #pragma once
 
-/// DeepCap on footage (5.8): what trained networks make of the images of one camera.
+/// DeepCap (5.8): pose and surface from the images of one camera, by trained networks.
 
 #include <filesystem>
 
@@ -12,23 +12,22 @@
 namespace doppel {
 
 struct DeepcapOptions : TrackTask {
-  std::filesystem::path run;  ///< of posenet, or of the chain deepcap
+  std::filesystem::path run;  ///< of the stage posenet, or of the chain deepcap
   double smoothing = 1.0;     ///< sigma of the Gaussian over five frames; 0: none (5.8)
   bool film = true;           ///< `<sequence>.mp4`
-  TrackViewOptions view;      ///< how it is drawn
+  TrackViewOptions view;      ///< how the film is drawn
 };
 
-/// Captures sequences from one camera and writes into `options.out`:
+/// Tracks sequences of one camera and writes into `options.out`:
 /// - `<sequence>.motion`, `<sequence>.bvh`
-/// - `<sequence>_graph.npy` float32 [frames, K, 6] (A, T of 5.9) with DefNet; `<sequence>_vertices.npy` float32
-///   [frames, N, 3], world metres, where asked for
+/// - `<sequence>_graph.npy` float32 [frames, K, 6] (A, T of 5.9) with DefNet; with `vertices`,
+///   `<sequence>_vertices.npy` float32 [frames, N, 3], world metres
 /// - `<sequence>.mp4`: the surface over the images, and from the side
 /// - `capture.yaml`, `track.json`: as `track_capture`
-/// Poses and deformations are smoothed over five frames; frames whose place could not be determined are listed, and
-/// bridged from their neighbours.
+/// Poses and deformations are smoothed over five frames. Lost frames are reported, and bridged from their neighbours.
 /// @param footage of one camera
-/// @throws UsageError for several cameras; Error when no frame of a sequence shows the person, or the run is of another
-/// character
+/// @throws UsageError for several cameras; Error when all frames of a sequence are lost, or the run was trained for
+/// another character
 TrackReport track_deepcap(const Footage& footage, const DeepcapOptions& options);
 
 }  // namespace doppel

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/energy/inliers.h"
 #include "doppel/fit/pose_fit_options.h"
@@ -28,7 +29,7 @@ std::vector<double> values_of(const Tensor& tensor) {
 
 }  // namespace
 
-DeepcapTracker::DeepcapTracker(TrainedPose& trained, const Camera& camera, const std::vector<Marker>& landmarks)
+DeepcapTracker::DeepcapTracker(TrainedPose& trained, const PinholeCamera& camera, const std::vector<Marker>& landmarks)
     : trained_(trained), camera_(camera), model_(trained.character, landmarks, {}) {
   for (const Marker& wanted : trained.landmarks) {
     const auto found =
@@ -43,7 +44,7 @@ DeepcapTracker::DeepcapTracker(TrainedPose& trained, const Camera& camera, const
 PersonView DeepcapTracker::view_of(const PersonInput& input, const std::vector<Keypoint>& keypoints) const {
   Tensor seen = torch::zeros({1, 1, static_cast<std::int64_t>(source_.size()), 3});
   for (std::size_t m = 0; m < source_.size(); ++m) {
-    const Keypoint& keypoint = keypoints[static_cast<std::size_t>(source_[m])];
+    const Keypoint& keypoint = keypoints[as_size(source_[m])];
     const auto row = seen[0][0][static_cast<std::int64_t>(m)];
     row[0] = keypoint.x;
     row[1] = keypoint.y;
@@ -54,8 +55,7 @@ PersonView DeepcapTracker::view_of(const PersonInput& input, const std::vector<K
   return {input.image.unsqueeze(0), tensor_of_matrix(camera_.R), keypoint_rays(seen, projection, centre), Tensor()};
 }
 
-FrameResult DeepcapTracker::capture(const cv::Mat& image, const cv::Mat& mask,
-                                    const std::vector<Keypoint>& keypoints) {
+FrameResult DeepcapTracker::capture(const cv::Mat& image, const cv::Mat& mask, const std::vector<Keypoint>& keypoints) {
   const torch::NoGradGuard no_grad;
   const PersonInput input = person_input(image, mask, keypoints, camera_, trained_.input_size());
   const PersonView view = view_of(input, keypoints);
@@ -68,7 +68,7 @@ FrameResult DeepcapTracker::capture(const cv::Mat& image, const cv::Mat& mask,
   if (!(input.valid && captured.valid.item<bool>() && dofs.isfinite().all().item<bool>())) return frame;
   frame.pose.state = FrameState::tracked;
   const Inliers inliers = count_inliers(model_, model_.pose(frame.pose.dofs, false), {camera_},
-                                           {{keypoints, OutlineField()}}, PoseFitOptions().inlier_threshold);
+                                        {{keypoints, OutlineField()}}, PoseFitOptions().inlier_threshold);
   frame.pose.keypoints = inliers.keypoints;
   frame.pose.inlier_ratio = inliers.ratio;
   frame.pose.keypoint_error = inliers.error;

@@ -5,15 +5,16 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "doppel/core/error.h"
-#include "doppel/core/log.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
-#include "doppel/data/dataset.h"
 #include "doppel/capture/evidence.h"
 #include "doppel/capture/mask_source.h"
-#include "doppel/capture/video.h"
 #include "doppel/capture/path_pattern.h"
+#include "doppel/capture/video.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/data/dataset.h"
 
 namespace doppel {
 
@@ -21,7 +22,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// ---- a prepared folder ----
+// ---- a prepared capture ----
 
 class PreparedReader : public FootageReader {
  public:
@@ -39,11 +40,11 @@ class PreparedReader : public FootageReader {
     return result;
   }
 
-  /// The stored window in its place; the rest of the image is not stored.
+  /// Puts the stored window at its position in the image; the rest is not stored.
   cv::Mat image(long frame, int camera) override {
     const SampleId sample{sequence_, frame};
     const CropBox box = dataset_.crop_box(sample, camera);
-    const Camera& seen = dataset_.camera(camera);
+    const PinholeCamera& seen = dataset_.camera(camera);
     cv::Mat whole(seen.height, seen.width, CV_8UC3, cv::Scalar::all(0));
     const cv::Mat crop = box.empty() ? cv::Mat() : dataset_.crop_image(sample, camera);
     if (crop.empty()) return whole;
@@ -76,7 +77,7 @@ class PreparedFootage : public Footage {
 
   const Capture& capture() const override { return dataset_.capture(); }
   const Character& character() const override { return character_; }
-  const std::vector<Camera>& cameras() const override { return dataset_.cameras(); }
+  const std::vector<PinholeCamera>& cameras() const override { return dataset_.cameras(); }
   const std::vector<Marker>& landmarks() const override { return dataset_.landmarks(); }
   const std::vector<FootageSequence>& sequences() const override { return sequences_; }
   std::unique_ptr<FootageReader> read(int sequence) const override {
@@ -92,7 +93,7 @@ class PreparedFootage : public Footage {
 
 // ---- a capture's own files ----
 
-/// A camera of a capture and the files of one sequence that belong to it.
+/// A camera of a capture and its files of one sequence.
 struct View {
   const SequenceEntry& entry;
   const Capture& capture;
@@ -104,7 +105,7 @@ struct View {
   MaskSource open_masks() const { return MaskSource(capture, entry, camera, file_index); }
 };
 
-/// Keypoints and masks of one camera, frame after frame.
+/// Reads keypoints and masks of one camera, frame by frame.
 class ViewReader {
  public:
   ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
@@ -115,8 +116,7 @@ class ViewReader {
         picker_(plan.map, plan.landmarks) {
     if (!view.entry.joints3d.empty())
       joints_ = read_joint_detections(view.source(view.entry.joints3d), plan.map.layout);
-    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) ||
-        masks_.needs_image())
+    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) || masks_.needs_image())
       videos_ = view.open_images();
     follow(view, plan, sequence);
   }
@@ -124,7 +124,7 @@ class ViewReader {
   void read(long frame, bool images, int outline_pixels, FootageFrame& result) {
     const cv::Mat filmed = images || masks_.needs_image() ? filmed_image(frame) : cv::Mat();
     const cv::Mat mask = masks_.read(frame + offset_, filmed);
-    const auto row = static_cast<std::size_t>(frame - first_frame_);
+    const auto row = as_size(frame - first_frame_);
     result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
     result.masks.push_back(mask);
     if (images) result.images.push_back(undistorted(filmed));
@@ -137,7 +137,7 @@ class ViewReader {
   cv::Mat filmed_image(long frame) { return videos_ ? videos_->read(frame + offset_) : cv::Mat(); }
   cv::Mat undistorted(const cv::Mat& filmed) { return filmed.empty() ? filmed : undistort_.apply(filmed); }
 
-  /// Of several people in an image the mask says which one is followed; those masks are read on a way of their own.
+  /// The mask selects one of several people in an image. These masks are read separately.
   void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
     const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
     std::optional<MaskSource> masks;
@@ -177,7 +177,7 @@ class CaptureReader : public FootageReader {
     for (const auto& view : views_) view->read(frame, images, outline_pixels_, result);
     return result;
   }
-  cv::Mat image(long frame, int camera) override { return views_[static_cast<std::size_t>(camera)]->image(frame); }
+  cv::Mat image(long frame, int camera) override { return views_[as_size(camera)]->image(frame); }
 
  private:
   std::vector<std::unique_ptr<ViewReader>> views_;
@@ -202,11 +202,11 @@ class CaptureFootage : public Footage {
 
   const Capture& capture() const override { return capture_; }
   const Character& character() const override { return character_; }
-  const std::vector<Camera>& cameras() const override { return cameras_; }
+  const std::vector<PinholeCamera>& cameras() const override { return cameras_; }
   const std::vector<Marker>& landmarks() const override { return plan_.landmarks; }
   const std::vector<FootageSequence>& sequences() const override { return sequences_; }
   std::unique_ptr<FootageReader> read(int sequence) const override {
-    const auto s = static_cast<std::size_t>(sequence);
+    const auto s = as_size(sequence);
     std::vector<std::unique_ptr<ViewReader>> views;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
       views.push_back(std::make_unique<ViewReader>(view(capture_.sequences[s], c), plan_, sequences_[s]));
@@ -230,22 +230,22 @@ class CaptureFootage : public Footage {
     }
   }
 
-  /// The calibration at the resolution of the video, which keypoints count in. Without videos it is taken as it is.
+  /// The calibration at the resolution of the video, in whose pixels keypoints are given. Without videos it is
+  /// unchanged.
   static Camera as_filmed(const View& view) {
     const std::string source = view.source(view.entry.videos);
     if (has_frame_placeholder(source) || fs::exists(source))
       return fit_to_images(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
     log::info(
-        "camera {}: there is no video {}; its calibration is taken to be for the images that the keypoints were "
-        "found in",
+        "camera {}: there is no video {}; its calibration is assumed to be at the resolution of the keypoints' images",
         view.camera.name, source);
     return view.camera;
   }
 
-  /// As many frames as all cameras have, unless the capture says how many belong together.
+  /// Adds a sequence. Its last frame is the last one that all cameras have, unless the capture states it.
   void add_sequence(const SequenceEntry& entry) {
     if (entry.keypoints.empty())
-      fail("sequence {} of {} names no `keypoints`; nothing can be tracked without{}", entry.name, capture_.name,
+      fail("sequence {} of {} names no `keypoints`, which tracking needs{}", entry.name, capture_.name,
            capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder" : "");
     long frames = std::numeric_limits<long>::max();
     long expected = entry.last_frame.value_or(-1) + 1;
@@ -260,7 +260,7 @@ class CaptureFootage : public Footage {
     FootageSequence sequence{static_cast<int>(sequences_.size()),   entry.name, entry.first_frame,
                              entry.last_frame.value_or(frames - 1), {},         {}};
     if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
-      fail("sequence {}: frames {} to {} are asked for, but all cameras together have frames 0 to {}", entry.name,
+      fail("sequence {}: frames {} to {} are requested, but all cameras together have frames 0 to {}", entry.name,
            sequence.first_frame, sequence.last_frame, frames - 1);
     sequence.cuts = entry.cuts;
     if (!entry.motion.empty() && fs::exists(capture_.resolve(entry.motion)))
@@ -272,8 +272,9 @@ class CaptureFootage : public Footage {
   Character character_;
   EvidencePlan plan_;
   int outline_pixels_;
-  std::vector<Camera> filmed_, cameras_;  ///< [C] with and without distortion
-  std::vector<int> file_index_;           ///< [C]
+  std::vector<Camera> filmed_;          ///< [C] with distortion
+  std::vector<PinholeCamera> cameras_;  ///< [C] without
+  std::vector<int> file_index_;         ///< [C]
   std::vector<FootageSequence> sequences_;
 };
 

@@ -8,7 +8,7 @@
 
 namespace doppel {
 
-/// Numbers of one frame after the other, in a file: float32 [frames, rows, columns].
+/// Writes arrays of consecutive frames into one file: float32 [frames, rows, columns].
 class FrameFile {
  public:
   FrameFile(const std::filesystem::path& path, int rows, int columns) : stream_(path, {rows, columns}) {}
@@ -18,7 +18,7 @@ class FrameFile {
     const std::vector<float> floats(numbers.begin(), numbers.end());
     append(floats.data());
   }
-  /// @param points [rows], of three columns
+  /// @param points [rows]; the file must have three columns
   void append(const std::vector<Eigen::Vector3d>& points) {
     std::vector<float> floats;
     for (const Eigen::Vector3d& point : points)
@@ -27,7 +27,7 @@ class FrameFile {
   }
   void append(const Eigen::Matrix3Xd& points) { append(Eigen::Matrix3Xf(points.cast<float>()).data()); }
   void append(const float* numbers) { stream_.append(numbers); }
-  /// Puts the file in its place; without it nothing is left behind.
+  /// Completes the file. Without this call no file remains.
   void close() { stream_.close(); }
 
  private:

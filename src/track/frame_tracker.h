@@ -6,15 +6,15 @@
 
 namespace doppel {
 
-/// Tracks frame after frame, whatever the method. Each frame follows the one before: the tracker starts from the last
-/// poses, judges the result by its inliers, and starts once more from the evidence alone where the frame is lost.
+/// Tracks frame by frame; the interface of all methods. The tracker starts from the last poses and judges the result by
+/// its inliers. When the frame is lost, it starts again from the evidence alone.
 class FrameTracker {
  public:
   virtual ~FrameTracker() = default;
 
   /// Tracks the next frame. @param seen with images where `needs_images`
   virtual FrameResult track(const FootageFrame& seen) = 0;
-  /// The next frame does not follow the last one: a new segment begins.
+  /// The next frame begins a new segment.
   virtual void cut() = 0;
   /// Frames are missing before the next one. The person is the same and is `recovered` rather than `initialised`.
   virtual void pause() = 0;

@@ -1,5 +1,6 @@
 #include "doppel/track/method_trackers.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
 #include "doppel/core/error.h"
 #include "doppel/track/livecap/livecap_input.h"
@@ -33,8 +34,8 @@ class MultiviewFrames : public FrameTracker {
 
 class FrameResults : public FrameTracker {
  public:
-  FrameResults(const Character& character, const std::vector<Marker>& landmarks, const Camera& camera,
-                const LivecapConfig& config)
+  FrameResults(const Character& character, const std::vector<Marker>& landmarks, const PinholeCamera& camera,
+               const LivecapConfig& config)
       : tracker_(character, landmarks, chosen_dofs(config.dofs, character.skeleton, landmarks), camera, config.fit) {}
 
   FrameResult track(const FootageFrame& seen) override { return tracker_.track(livecap_input(seen)); }
@@ -50,17 +51,16 @@ class FrameResults : public FrameTracker {
 class DeepcapFrames : public FrameTracker {
  public:
   DeepcapFrames(TrainedPose& trained, const Character& character, const std::vector<Marker>& landmarks,
-                const Camera& camera, LostFrames lost)
+                const PinholeCamera& camera, LostFrames lost)
       : tracker_(trained, camera, landmarks),
         lost_frames_(lost),
         history_(character.rest_dofs),
-        graph_(6 * static_cast<std::size_t>(character.num_nodes()), 0.0) {}
+        graph_(6 * as_size(character.num_nodes()), 0.0) {}
 
   FrameResult track(const FootageFrame& seen) override {
     if (seen.images.front().empty()) fail("the camera has no images, which PoseNet needs");
     const auto start = Clock::now();
-    FrameResult result =
-        tracker_.capture(seen.images.front(), seen.masks.front(), seen.evidence.front().keypoints);
+    FrameResult result = tracker_.capture(seen.images.front(), seen.masks.front(), seen.evidence.front().keypoints);
     result.pose_seconds = seconds_since(start);
     if (lost_frames_ == LostFrames::report) return result;
     hold(result);
@@ -75,7 +75,7 @@ class DeepcapFrames : public FrameTracker {
   const PoseModel& model() const override { return tracker_.model(); }
 
  private:
-  /// The networks do not know the frame before: what follows a lost frame counts as found anew.
+  /// The networks do not use the last frame. A frame that is found after a lost one therefore counts as recovered.
   void hold(FrameResult& result) {
     TrackedFrame& pose = result.pose;
     if (pose.found()) {
@@ -90,7 +90,7 @@ class DeepcapFrames : public FrameTracker {
   DeepcapTracker tracker_;
   LostFrames lost_frames_;
   PoseHistory history_;
-  std::vector<double> graph_;  ///< of the last frame that was found
+  std::vector<double> graph_;  ///< of the last found frame
 };
 
 }  // namespace
@@ -101,12 +101,12 @@ std::unique_ptr<FrameTracker> make_multiview_tracker(const Footage& footage, con
 }
 
 std::unique_ptr<FrameTracker> make_livecap_tracker(const Character& character, const std::vector<Marker>& landmarks,
-                                                   const Camera& camera, const LivecapConfig& config) {
+                                                   const PinholeCamera& camera, const LivecapConfig& config) {
   return std::make_unique<FrameResults>(character, landmarks, camera, config);
 }
 
 std::unique_ptr<FrameTracker> make_deepcap_tracker(TrainedPose& trained, const Character& character,
-                                                   const std::vector<Marker>& landmarks, const Camera& camera,
+                                                   const std::vector<Marker>& landmarks, const PinholeCamera& camera,
                                                    LostFrames lost) {
   if (trained.character.fingerprint() != character.fingerprint())
     fail("the run was trained for another character than the capture's");

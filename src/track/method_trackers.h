@@ -17,18 +17,18 @@ std::unique_ptr<FrameTracker> make_multiview_tracker(const Footage& footage, con
 /// The one-camera tracker of chapter 4. @param camera without distortion @param character must outlive the tracker
 /// @throws as LivecapTracker
 std::unique_ptr<FrameTracker> make_livecap_tracker(const Character& character, const std::vector<Marker>& landmarks,
-                                                   const Camera& camera, const LivecapConfig& config);
+                                                   const PinholeCamera& camera, const LivecapConfig& config);
 
-/// What happens to a frame in which the networks of chapter 5 lose the person.
+/// What the DeepCap tracker returns for a lost frame.
 enum class LostFrames {
-  report,  ///< the result is lost; the caller bridges it when all frames are known
-  hold     ///< the last tracked pose is kept, with its surface: for live images
+  report,  ///< a lost frame; the caller bridges it when all frames are known
+  hold     ///< the last tracked pose with its surface, for live images
 };
-/// Trained networks (chapter 5). With `hold` every result has vertices.
+/// DeepCap, the trained networks of chapter 5. With `hold` every result has vertices.
 /// @param trained must outlive the tracker
 /// @throws Error as DeepcapTracker, or when the run was trained for another character
 std::unique_ptr<FrameTracker> make_deepcap_tracker(TrainedPose& trained, const Character& character,
-                                                   const std::vector<Marker>& landmarks, const Camera& camera,
+                                                   const std::vector<Marker>& landmarks, const PinholeCamera& camera,
                                                    LostFrames lost);
 
 }  // namespace doppel

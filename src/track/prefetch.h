@@ -12,27 +12,27 @@
 
 namespace doppel {
 
-/// What a stage does that has made as much as it may keep.
+/// What a stage does when its queue is full.
 enum class WhenFull {
-  wait,         ///< until something is taken: none is dropped, and what comes out does not depend on who is fast
-  drop_oldest,  ///< goes on, and what was made first is lost: whoever takes gets the newest
+  wait,         ///< waits until an item is taken: no item is dropped, and results do not depend on timing
+  drop_oldest,  ///< drops the oldest item and continues: the consumer gets the newest items
 };
 
-/// Makes things on a thread of its own, in order and a few ahead of whoever takes them: one stage of a pipeline
-/// (4.7.3). Of two that feed each other, the one that takes must go first.
+/// One stage of a pipeline (4.7.3): produces items in order on its own thread, a few ahead of the consumer. When one
+/// stage feeds another, the consumer must be destroyed first.
 template <typename T>
 class Prefetch {
  public:
-  /// @param make the next thing, or nothing at the end; called on one thread only @param ahead made and not yet taken,
-  /// at most
+  /// @param make produces the next item, or nothing at the end; called on one thread only
+  /// @param ahead largest number of items in the queue
   Prefetch(std::function<std::optional<T>()> make, std::size_t ahead, WhenFull when_full = WhenFull::wait)
       : make_(std::move(make)), ahead_(ahead), when_full_(when_full), thread_([this] { work(); }) {}
-  /// Waits for the thing that is being made.
+  /// Waits for the item that is being produced.
   ~Prefetch() { finish(); }
   Prefetch(const Prefetch&) = delete;
   Prefetch& operator=(const Prefetch&) = delete;
 
-  /// The next thing, or nothing at the end. @throws what `make` threw, in its place
+  /// The next item, or nothing at the end. @throws the exception of `make`, after the items before it
   std::optional<T> next() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return !made_.empty() || ended_; });
@@ -41,9 +41,9 @@ class Prefetch {
 
   struct Arrival {
     std::optional<T> thing;
-    bool ended = false;  ///< there will be no more
+    bool ended = false;  ///< no more items will follow
   };
-  /// As `next`, but comes back without a thing when there is none after so many seconds.
+  /// Like `next`, but returns without an item after this time.
   Arrival next_within(double seconds) {
     std::unique_lock lock(mutex_);
     const auto there = [&] { return !made_.empty() || ended_; };
@@ -53,8 +53,7 @@ class Prefetch {
     return arrival;
   }
 
-  /// Makes no more. What was made can still be taken, and then comes the end, even while the last thing is being made:
-  /// that one is lost.
+  /// Stops production. Items in the queue can still be taken. The item that is being produced is dropped.
   void stop() {
     {
       const std::lock_guard lock(mutex_);
@@ -62,12 +61,12 @@ class Prefetch {
     }
     changed_.notify_all();
   }
-  /// Stops, and waits until `make` is no longer at work.
+  /// Stops, and waits until `make` has returned.
   void finish() {
     stop();
     if (thread_.joinable()) thread_.join();
   }
-  /// How many were made and lost.
+  /// The number of items that were produced and dropped.
   long num_dropped() const {
     const std::lock_guard lock(mutex_);
     return dropped_;
@@ -112,7 +111,7 @@ class Prefetch {
     ended_ = true;
     changed_.notify_all();
   }
-  /// @return false when nobody wants more
+  /// @return false when production was stopped
   bool wait_for_room() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return stopped_ || made_.size() < ahead_ || when_full_ == WhenFull::drop_oldest; });
@@ -128,7 +127,7 @@ class Prefetch {
   long dropped_ = 0;
   bool stopped_ = false, ended_ = false;
   std::exception_ptr error_;
-  std::thread thread_;  ///< last, so that all else is there when it begins
+  std::thread thread_;  ///< last, so that all other members exist when it begins
 };
 
 }  // namespace doppel

@@ -6,8 +6,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/video_file.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr char kTitle[] = "doppel track";
-constexpr double kTurn = 10.0;  // degrees a key
+constexpr double kTurn = 10.0;  // degrees per key press
 
 void write_caption(cv::Mat& image, const std::string& caption) {
   const cv::Point place(10, image.rows - 12);
@@ -46,7 +46,7 @@ class FilmPreview : public Preview {
 class WindowPreview : public Preview {
  public:
   explicit WindowPreview(TrackView view) : view_(std::move(view)) {
-    // The window system may end the process where there is none, so it is not asked.
+    // The window library may end the process when there is no screen, so the screen is checked first.
     const bool screen = std::getenv("DISPLAY") || std::getenv("WAYLAND_DISPLAY");
     try {
       if (screen) cv::namedWindow(kTitle, cv::WINDOW_NORMAL | cv::WINDOW_KEEPRATIO);
@@ -79,7 +79,7 @@ class WindowPreview : public Preview {
 
 }  // namespace
 
-std::unique_ptr<Preview> open_preview(const std::string& target, const Camera& camera, const TriangleMesh& mesh,
+std::unique_ptr<Preview> open_preview(const std::string& target, const PinholeCamera& camera, const TriangleMesh& mesh,
                                       double frames_per_second, const TrackViewOptions& options) {
   TrackView view(camera, mesh, options);
   if (target == "window") return std::make_unique<WindowPreview>(std::move(view));

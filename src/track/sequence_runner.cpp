@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/track_sheet.h"
@@ -42,7 +43,7 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
   };
   const auto start = Clock::now();
   if (options_.frames_ahead > 0) {
-    Prefetch<Read> frames(read, static_cast<std::size_t>(options_.frames_ahead));
+    Prefetch<Read> frames(read, as_size(options_.frames_ahead));
     while (const std::optional<Read> one = frames.next()) take(*one);
   } else {
     auto next = read;

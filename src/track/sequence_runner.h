@@ -10,14 +10,14 @@
 namespace doppel {
 
 struct SequenceRunOptions {
-  int sheet_frames = 0;                  ///< rows of `sheet`; 0: none
-  std::filesystem::path sheet = {};      ///< the JPEG file of outlines of masks and surface in some frames
-  int sheet_pixels = 256;                ///< side of the windows in which the sheet finds outlines
-  int frames_ahead = 0;                  ///< frames that a second thread reads ahead; 0: no second thread
+  int sheet_frames = 0;              ///< rows of `sheet`; 0: none
+  std::filesystem::path sheet = {};  ///< JPEG file with outlines of masks and surface in some frames
+  int sheet_pixels = 256;            ///< side of the windows in which the sheet finds outlines
+  int frames_ahead = 0;              ///< frames that a second thread reads ahead; 0: no second thread
 };
 
-/// Reads the frames of a sequence in order and hands them to a tracker: what all methods have in common. A method adds
-/// its own work by the hook.
+/// Reads the frames of a sequence in order and passes them to a tracker. All methods share this class; a method adds
+/// its own work with the hook.
 class SequenceRunner {
  public:
   /// Called after each frame, on the calling thread.
@@ -29,8 +29,8 @@ class SequenceRunner {
 
   void on_frame(FrameHook hook) { hook_ = std::move(hook); }
 
-  /// Tracks all frames. @return states, poses and times; no motion yet (`make_motion`)
-  /// @throws Error when a stop was asked for
+  /// Tracks all frames. @return states, poses and times; the motion is still empty (`make_motion`)
+  /// @throws Error when a stop was requested (`stop_requested`)
   TrackedSequence run(const FootageSequence& sequence, Progress& progress);
 
  private:

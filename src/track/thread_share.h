@@ -6,7 +6,8 @@
 
 namespace doppel {
 
-/// Leaves one of the process's threads to whoever reads images: two that share a core wait for each other.
+/// Reduces the process's threads by one in its scope, to leave a core to the thread that reads images. Two threads on
+/// one core would wait for each other.
 class OneThreadFewer {
  public:
   OneThreadFewer() : before_(at::get_num_threads()) { at::set_num_threads(std::max(1, before_ - 1)); }

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/progress.h"
 #include "doppel/energy/outline.h"
 #include "doppel/fit/shared_dofs_fit.h"
@@ -17,21 +18,21 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kSmoothingDegree = 2;  // a mean would lag where limbs swing
+constexpr int kSmoothingDegree = 2;  // a weighted mean would flatten fast motions of limbs
 
-/// One sequence, from its frames to its motion. @param character with the template to fit
+/// Tracks one sequence, from its frames to its motion. @param character with the template to fit
 TrackedSequence track_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
                                const FootageSequence& sequence, Progress& progress) {
   const auto tracker = make_multiview_tracker(footage, character, options.config);
-  SequenceRunner runner(footage, *tracker,
-                        {options.sheet_frames, options.out / (sequence.name + ".jpg"),
-                         options.config.fit.outline_pixels});
+  SequenceRunner runner(
+      footage, *tracker,
+      {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels});
   TrackedSequence tracked = runner.run(sequence, progress);
   make_motion(tracked, tracker->model().root(), options.config.smoothing, kSmoothingDegree);
   return tracked;
 }
 
-/// Tracks everything once to fit the shared DoFs, which no landmark shows, and the template.
+/// The first pass: tracks all sequences once to fit the shared DoFs and the template.
 class FirstPass {
  public:
   FirstPass(const Footage& footage, const TrackOptions& options, const std::vector<FootageSequence>& chosen,
@@ -57,18 +58,17 @@ class FirstPass {
     if (shared_.dofs.empty()) return;
     if (frames_.empty()) read_frames();
     shared_.values = fit_shared_dofs(character_, footage_.landmarks(), footage_.cameras(), shared_.dofs, frames_,
-                                      options_.config.fit);
+                                     options_.config.fit);
     for (TrackedSequence& tracked : tracked_)
       for (std::vector<double>& dofs : tracked.motion.frames) shared_.put_into(dofs);
   }
-  /// Once for both fits, which replace the values of the shared DoFs in the poses by their own.
+  /// Runs once for both fits; each replaces the shared DoFs in the poses by its own values.
   void read_frames() {
     for (const TrackedSequence& tracked : tracked_) {
       const auto reader = footage_.read(tracked.sequence.index);
       for (const long frame : spread_frames(tracked.sequence, options_.config.shared_frames)) {
         check_not_stopped(tracked.sequence, frame);
-        frames_.push_back(
-            {reader->read(frame, false).evidence, tracked.motion.frames[static_cast<std::size_t>(frame)]});
+        frames_.push_back({reader->read(frame, false).evidence, tracked.motion.frames[as_size(frame)]});
       }
     }
   }
@@ -85,7 +85,7 @@ class FirstPass {
   Progress& progress_;
   Character character_;
   std::vector<TrackedSequence> tracked_;
-  std::vector<PosedEvidence> frames_;  ///< that the shared DoFs are fitted to
+  std::vector<PosedEvidence> frames_;  ///< to which the shared DoFs are fitted
   SharedDofs shared_;
 };
 
@@ -93,14 +93,14 @@ void write_vertices(const fs::path& path, const Footage& footage, const TrackedS
   const PoseModel model(footage.character(), {}, {});
   FrameFile file(path, footage.character().num_vertices(), 3);
   for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row)
-    file.append(posed_vertices(model, model.pose(tracked.motion.frames[static_cast<std::size_t>(row)], false)));
+    file.append(posed_vertices(model, model.pose(tracked.motion.frames[as_size(row)], false)));
   file.close();
 }
 
 std::vector<std::pair<std::string, double>> named_values(const Character& character, const SharedDofs& shared) {
   std::vector<std::pair<std::string, double>> values;
   for (std::size_t i = 0; i < shared.dofs.size(); ++i)
-    values.emplace_back(character.skeleton.dofs[static_cast<std::size_t>(shared.dofs[i])].name, shared.values[i]);
+    values.emplace_back(character.skeleton.dofs[as_size(shared.dofs[i])].name, shared.values[i]);
   return values;
 }
 

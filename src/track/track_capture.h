@@ -1,7 +1,7 @@
 #pragma once
 
-#include "doppel/track/footage.h"
 #include "doppel/fit/track_config.h"
+#include "doppel/track/footage.h"
 #include "doppel/track/track_report.h"
 #include "doppel/track/track_task.h"
 
@@ -9,15 +9,15 @@ namespace doppel {
 
 struct TrackOptions : TrackTask {
   TrackConfig config;
-  bool surface = false;  ///< bend the surface to the masks: `<sequence>_graph.npy`
+  bool surface = false;  ///< deform the surface to the masks: `<sequence>_graph.npy`
   int sheet_frames = 6;  ///< rows of `<sequence>.jpg`; 0: none
 };
 
 /// Tracks sequences of a capture and writes into `options.out`:
 /// - `<sequence>.motion`, `<sequence>.bvh`, and `<sequence>_vertices.npy` float32 [frames, N, 3] (world metres;
-///   skinned, or bent to the masks with `surface`, which also writes `<sequence>_graph.npy`)
+///   skinned, or deformed to the masks with `surface`, which also writes `<sequence>_graph.npy`)
 /// - `<sequence>.jpg`: outlines of masks and of the fitted surface in some frames and cameras
-/// - `capture.yaml`: the capture with these motions in it, ready for `doppel prepare`
+/// - `capture.yaml`: the capture with these motions, ready for `doppel prepare`
 /// - `track.json`: the report that is returned; `track.html`: its curves
 /// @throws Error when no frame of a sequence can be tracked; UsageError for an unknown sequence
 TrackReport track_capture(const Footage& footage, const TrackOptions& options);

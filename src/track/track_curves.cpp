@@ -52,8 +52,8 @@ std::string charts_of(const SequenceReport& report) {
 std::string track_curves(const TrackReport& report) {
   std::string body;
   for (const SequenceReport& sequence : report.sequences)
-    body += "<h2>" + escape_html(sequence.tracked.sequence.name) + "</h2><div class=\"charts\">" +
-            charts_of(sequence) + "</div>";
+    body += "<h2>" + escape_html(sequence.tracked.sequence.name) + "</h2><div class=\"charts\">" + charts_of(sequence) +
+            "</div>";
   return html_page("Tracking", body);
 }
 

@@ -6,8 +6,8 @@
 
 namespace doppel {
 
-/// A page of curves over the frames of every sequence: overlap with the mask, distance from keypoints, and, where they
-/// are known, distances from true joints and vertices.
+/// An HTML page of curves over the frames of every sequence: overlap with the mask, distance from keypoints, and, where
+/// the capture has ground truth, distances from its joints and vertices.
 std::string track_curves(const TrackReport& report);
 
 }  // namespace doppel

@@ -10,12 +10,12 @@
 
 namespace doppel {
 
-/// A film of what was captured, as `TrackView` draws it.
+/// A film of tracked surfaces, drawn by `TrackView`.
 class TrackFilm {
  public:
   /// @param camera without distortion
-  TrackFilm(const std::filesystem::path& path, const Camera& camera, const TriangleMesh& mesh, double frames_per_second,
-            const TrackViewOptions& options = {})
+  TrackFilm(const std::filesystem::path& path, const PinholeCamera& camera, const TriangleMesh& mesh,
+            double frames_per_second, const TrackViewOptions& options = {})
       : view_(camera, mesh, options), video_(path, view_.size(), frames_per_second) {}
 
   /// @param image and @param vertices as for `TrackView::draw`

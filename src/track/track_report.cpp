@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "doppel/character/landmarks.h"
+#include "doppel/core/as_size.h"
 #include "doppel/eval/pose_metrics.h"
 
 namespace doppel {
@@ -25,7 +26,7 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-/// Nothing where the capture names no motion of these frames.
+/// @return nothing where the capture has no motion of these frames
 std::optional<MotionDifference> difference_from_given(const Footage& footage, const TrackedSequence& tracked) {
   const FootageSequence& sequence = tracked.sequence;
   if (sequence.motion.empty()) return std::nullopt;
@@ -55,7 +56,7 @@ ordered_json frame_json(long frame, const TrackedFrame& found) {
           {"costs", costs_json(found.terms)}};
 }
 
-/// Gives each frame its number.
+/// Adds one value to the entry of each frame.
 void add_curve(ordered_json& frames, const char* key, const std::vector<double>& values) {
   for (std::size_t i = 0; i < values.size(); ++i) frames[i][key] = values[i];
 }
@@ -143,8 +144,7 @@ ordered_json to_json(const SequenceReport& report) {
                                     {"3DPCK", 100.0 * report.difference->within_150mm}};
   if (report.errors) {
     json["against_true_surface"]["vertex_error_pose_mm"] = mean(report.errors->skinned);
-    if (!report.errors->tracked.empty())
-      json["against_true_surface"]["vertex_error_mm"] = mean(report.errors->tracked);
+    if (!report.errors->tracked.empty()) json["against_true_surface"]["vertex_error_mm"] = mean(report.errors->tracked);
   }
   if (report.live) {
     json["live"] = live_json(*report.live);
@@ -163,7 +163,7 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
   MotionDifference result;
   double count = 0.0;
   for (long row = first_frame; row <= last_frame; ++row) {
-    const auto f = static_cast<std::size_t>(row);
+    const auto f = as_size(row);
     const auto in_a = landmark_positions(skeleton, landmarks, a.frames[f]);
     const auto in_b = landmark_positions(skeleton, landmarks, b.frames[f]);
     Eigen::Vector3d shift = Eigen::Vector3d::Zero();

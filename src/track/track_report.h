@@ -1,6 +1,6 @@
 #pragma once
 
-/// What is reported of tracking. `to_json` gives the content of `track.json`.
+/// The report of tracking. `to_json` gives the content of `track.json`.
 
 #include <cstdint>
 #include <map>
@@ -15,11 +15,11 @@
 
 namespace doppel {
 
-/// How far tracked landmarks are from those of another motion of the same frames.
+/// Distances of tracked landmarks from those of another motion of the same frames.
 struct MotionDifference {
   double mean_mm = 0.0;       ///< over landmarks and frames
-  double aligned_mm = 0.0;    ///< the same after the similarity transform of each frame that fits best
-  double within_150mm = 0.0;  ///< share, relative to the mean of all landmarks
+  double aligned_mm = 0.0;    ///< the same after the best similarity transform of each frame
+  double within_150mm = 0.0;  ///< share of landmarks within 150 mm, after alignment of the landmarks' means
   std::vector<double> frame_mm, frame_aligned_mm;  ///< [frames] means over landmarks
 };
 MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
@@ -27,35 +27,35 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
 
 /// Overlap of LiveCap's surface with the mask, in the frames that were found and have a mask.
 struct LivecapOverlap {
-  std::size_t frame = 0;              ///< counted from the first
+  std::size_t frame = 0;             ///< counted from the first
   double pose = 0.0, surface = 0.0;  ///< IoU of the skinned and of the deformed template
 };
 
-/// What is measured of a live run.
+/// Measurements of a live run.
 struct LiveFigures {
   std::string source;
   long images = 0, dropped = 0;
-  long behind = 0;  ///< images that came while a frame was under way, at most
+  long behind = 0;  ///< largest number of images that arrived while a frame was processed
   double frames_per_second = 0.0;
   double latency_ms = 0.0, largest_latency_ms = 0.0;
   double capture_ms = 0.0, preprocess_ms = 0.0, detect_ms = 0.0, pose_ms = 0.0, surface_ms = 0.0;  ///< of a frame
-  double settled_megabytes = 0.0, final_megabytes = 0.0;  ///< of main memory after 100 frames, and at the end
-  std::vector<std::pair<long, std::string>> changes;      ///< image, and the state from there on
+  double settled_megabytes = 0.0, final_megabytes = 0.0;  ///< main memory after 100 frames, and at the end
+  std::vector<std::pair<long, std::string>> changes;      ///< image, and the state from this image on
 };
 
 struct SequenceReport {
   TrackedSequence tracked;
   std::optional<MotionDifference> difference;  ///< from the motion that the capture names
-  std::optional<SurfaceErrors> errors;         ///< where the capture has true surfaces
+  std::optional<SurfaceErrors> errors;         ///< where the capture has ground truth surfaces
   std::optional<std::vector<LivecapOverlap>> livecap;
-  std::optional<LiveFigures> live;  ///< a live run reports no single frames
+  std::optional<LiveFigures> live;  ///< of a live run, which reports no single frames
 
   std::vector<long> lost_frames() const;
   double keypoint_error() const;     ///< mean over frames, reference pixels
   double steps_per_frame() const;    ///< Gauss-Newton steps
-  double frames_per_second() const;  ///< of fitting; 0 where no time was taken
+  double frames_per_second() const;  ///< of fitting; 0 where no time was measured
 };
-/// The sequence, compared with the motion and the true surfaces that the capture has.
+/// Compares a sequence with the motion and the ground truth surfaces of the capture, where it has them.
 SequenceReport report_of(const Footage& footage, TrackedSequence tracked);
 
 /// Means over the frames of a surface that the multi-view fit deformed.
@@ -68,7 +68,7 @@ SurfaceSummary summarise(const TrackedSurface& surface);
 /// Means over the frames of LiveCap.
 struct LivecapSummary {
   double posed_overlap = 0.0, overlap = 0.0;  ///< IoU with the masks, skinned and deformed
-  double frames_per_second = 0.0;             ///< with reading
+  double frames_per_second = 0.0;             ///< including reading
   double read_ms = 0.0, pose_ms = 0.0, surface_ms = 0.0, frame_ms = 0.0;
 };
 /// @pre report.livecap

@@ -11,7 +11,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The capture with the tracked motions in the place of its own.
+/// The capture with the tracked motions instead of its own.
 Capture tracked_capture(const Footage& footage, const fs::path& out, const TrackReport& report) {
   Capture capture = footage.capture();
   for (SequenceEntry& entry : capture.sequences)

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
@@ -13,7 +15,7 @@ constexpr int kMaxColumns = 4, kManyVertices = 100000;
 const cv::Scalar kMaskColour(80, 220, 80), kSurfaceColour(60, 60, 255), kLandmarkColour(60, 230, 255),
     kSeenColour(255, 160, 60);
 
-/// A window of a camera's image that drawings in image coordinates go into.
+/// A window of a camera's image; drawings use the coordinates of the whole image.
 class Cell {
  public:
   Cell(const cv::Mat& image, const cv::Mat& mask, const CropBox& box) : box_(box) {
@@ -38,7 +40,7 @@ class Cell {
 
 }  // namespace
 
-TrackSheet::TrackSheet(const std::vector<Camera>& cameras, const PoseModel& model, int outline_pixels)
+TrackSheet::TrackSheet(const std::vector<PinholeCamera>& cameras, const PoseModel& model, int outline_pixels)
     : cameras_(cameras), model_(model), outlines_(model.character(), cameras, outline_pixels, kManyVertices) {
   const int available = static_cast<int>(cameras.size()), columns = std::min(available, kMaxColumns);
   for (int i = 0; i < columns; ++i) shown_.push_back(i * available / columns);
@@ -49,16 +51,16 @@ void TrackSheet::add(long frame, const FootageFrame& seen, const TrackedFrame& f
   const std::vector<OutlineVertex> outline = outlines_.find(seen.evidence, posed_vertices(model_, body));
   cv::Mat row(kCell, 0, CV_8UC3);
   for (const int camera : shown_) {
-    const auto c = static_cast<std::size_t>(camera);
+    const auto c = as_size(camera);
     const ViewEvidence& view = seen.evidence[c];
-    const Camera& lens = cameras_[c];
+    const PinholeCamera& lens = cameras_[c];
     CropBox box = view.outline.box();
     if (box.empty()) box = {0, 0, std::max(lens.width, lens.height)};
     Cell cell(seen.images.empty() ? cv::Mat() : seen.images[c], seen.masks[c], box);
     for (const OutlineVertex& vertex : outline)
       if (vertex.camera == camera) cell.dot(lens.project(model_.vertex(body, vertex.vertex)), kSurfaceColour, 1);
     for (int m = 0; m < model_.num_landmarks(); ++m) {
-      const Keypoint& point = view.keypoints[static_cast<std::size_t>(m)];
+      const Keypoint& point = view.keypoints[as_size(m)];
       if (point.confidence >= kSeenConfidence) cell.dot({point.x, point.y}, kSeenColour, 2);
       cell.dot(lens.project(model_.landmark(body, m)), kLandmarkColour, 2);
     }

@@ -4,8 +4,9 @@
 
 #include <optional>
 
-#include "doppel/core/error.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
+#include "doppel/core/error.h"
 #include "doppel/track/frame_file.h"
 #include "doppel/track/track_task.h"
 
@@ -25,7 +26,7 @@ TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequ
     if (sequence.begins_segment(frame)) tracker.cut();
     const FootageFrame seen = reader->read(frame, false);
     const auto start = Clock::now();
-    SurfaceFrame found = tracker.track(seen.evidence, motion.frames[static_cast<std::size_t>(frame)]);
+    SurfaceFrame found = tracker.track(seen.evidence, motion.frames[as_size(frame)]);
     result.seconds += seconds_since(start);
     graph.append(found.parameters);
     if (surface) surface->append(deformed_vertices(tracker.model(), tracker.model().pose(found.parameters, false)));
@@ -41,16 +42,16 @@ TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequ
 TemplateFit::TemplateFit(const Footage& footage, const SurfaceOptions& options)
     : footage_(footage),
       tracker_(footage.character(), footage.landmarks(), footage.cameras(), options),
-      sum_(static_cast<std::size_t>(footage.character().num_vertices()), Eigen::Vector3d::Zero()) {}
+      sum_(as_size(footage.character().num_vertices()), Eigen::Vector3d::Zero()) {}
 
 void TemplateFit::add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion,
-                       Progress& progress) {
+                      Progress& progress) {
   const auto reader = footage_.read(sequence.index);
   for (const long frame : frames) {
     check_not_stopped(sequence, frame);
     const FootageFrame seen = reader->read(frame, false);
     tracker_.cut();
-    const SurfaceFrame found = tracker_.track(seen.evidence, motion.frames[static_cast<std::size_t>(frame)]);
+    const SurfaceFrame found = tracker_.track(seen.evidence, motion.frames[as_size(frame)]);
     const DeformedGraph graph = tracker_.model().pose(found.parameters, false);
     for (std::size_t v = 0; v < sum_.size(); ++v)
       sum_[v] += tracker_.model().canonical_vertex(graph, static_cast<int>(v));
@@ -60,7 +61,7 @@ void TemplateFit::add(const FootageSequence& sequence, const std::vector<long>& 
 }
 
 Character TemplateFit::character() const {
-  if (count_ == 0) fail("there is no frame to find the template from");
+  if (count_ == 0) fail("there is no frame for the template fit");
   Character fitted = footage_.character();
   for (std::size_t v = 0; v < sum_.size(); ++v) fitted.mesh.vertices[v] = sum_[v] / count_;
   return fitted;

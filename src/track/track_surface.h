@@ -5,31 +5,31 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/core/progress.h"
-#include "doppel/track/footage.h"
 #include "doppel/fit/surface_tracker.h"
+#include "doppel/track/footage.h"
 
 namespace doppel {
 
 /// The surface of a tracked sequence.
 struct TrackedSurface {
   std::vector<SurfaceFrame> frames;  ///< without their parameters, which are in the file
-  double seconds = 0.0;              ///< of fitting, without reading
+  double seconds = 0.0;              ///< time of fitting, without reading
 };
 
-/// Bends the surface in every frame of a motion, each frame from where the last one ended.
-/// @param stem `<stem>_graph.npy` float32 [frames, K, 6] (A, T of 6.2) is written, and, where asked for,
+/// Deforms the surface in every frame of a motion, each frame starting from the result of the last one.
+/// @param stem of the files: `<stem>_graph.npy` float32 [frames, K, 6] (A, T of 6.2) and, with `vertices`,
 ///   `<stem>_vertices.npy` float32 [frames, N, 3], world metres
 TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequence, const Motion& motion,
                              const SurfaceOptions& options, const std::filesystem::path& stem, bool vertices,
                              Progress& progress);
 
-/// Fits the template to the clothes as worn in the capture: the mean over frames of the surface deformed to the masks,
-/// taken back to the rest pose. Clothes hang differently in motion than in the scan. Poses that are fitted to outlines
-/// with this template are not biased by the difference.
+/// Fits the template to the clothes as worn in the capture: it deforms the surface to the masks in some frames and
+/// takes the mean in the rest pose. Clothes hang differently in motion than in the scan. Poses that are fitted to
+/// outlines with this template are not biased by the difference.
 class TemplateFit {
  public:
   TemplateFit(const Footage& footage, const SurfaceOptions& options);
-  /// @param frames of a sequence, ascending, @param motion as it was tracked
+  /// @param frames of a sequence, ascending @param motion the tracked motion
   void add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion, Progress& progress);
   /// The character with this template. @throws Error before any frame
   Character character() const;

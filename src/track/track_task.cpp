@@ -44,23 +44,23 @@ std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
 }
 
 void open_out_folder(const Footage& footage, const fs::path& out) {
-  if (out.empty()) fail<UsageError>("no folder to write into was given");
+  if (out.empty()) fail<UsageError>("no output folder was given");
   const fs::path& file = footage.capture().file;
   if (!file.empty() && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
-    fail<UsageError>("{} holds the capture itself; write into a folder of its own with --out", out.string());
+    fail<UsageError>("{} holds the capture itself; choose another folder with --out", out.string());
   fs::create_directories(out);
 }
 
 void check_one_camera(const Footage& footage) {
   if (footage.cameras().size() == 1) return;
   std::vector<std::string> names;
-  for (const Camera& camera : footage.cameras()) names.push_back(camera.name);
-  fail<UsageError>("this method looks through one camera, and the capture has {}; choose one of {} with --camera",
-                   names.size(), fmt::join(names, ", "));
+  for (const PinholeCamera& camera : footage.cameras()) names.push_back(camera.name);
+  fail<UsageError>("this method uses one camera, and the capture has {}; choose one of {} with --camera", names.size(),
+                   fmt::join(names, ", "));
 }
 
 void check_not_stopped(const FootageSequence& sequence, long frame) {
-  if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was kept", frame, sequence.name);
+  if (stop_requested()) fail("stopped at frame {} of sequence {}; nothing of it was written", frame, sequence.name);
 }
 
 }  // namespace doppel

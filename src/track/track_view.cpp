@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
-#include "doppel/render/image_tensor.h"
 #include "doppel/render/buffers.h"
+#include "doppel/render/image_tensor.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/soft_light.h"
 
@@ -17,20 +17,19 @@ namespace doppel {
 namespace {
 
 constexpr double kAlbedo = 0.75;
-constexpr double kSurfaceShare = 0.8;  // of the overlay: the image shines through, but not through clothes to try on
+constexpr double kSurfaceShare = 0.8;  // opacity of the surface over the image; a try-on texture is opaque
 const cv::Scalar kGrey(60, 54, 52);
 
 int even(double length) { return 2 * static_cast<int>(length / 2.0); }
 
-Camera smaller_camera(const Camera& camera, int highest) {
+Camera smaller_camera(const PinholeCamera& camera, int highest) {
   const double scale = std::min(1.0, static_cast<double>(highest) / camera.height);
   return camera.cropped(0.0, 0.0, scale, even(camera.width * scale), even(camera.height * scale));
 }
 
 torch::Tensor texture_for(const TriangleMesh& mesh, const RenderMesh& drawn, const cv::Mat& texture) {
   if (texture.empty()) return {};
-  if (!drawn.has_uvs())
-    fail<UsageError>("the template has no texture coordinates, so that no texture can be drawn on it");
+  if (!drawn.has_uvs()) fail<UsageError>("the template has no texture coordinates, so no texture can be drawn on it");
   TriangleMesh dressed = mesh;
   dressed.texture = texture;
   return texture_tensor(dressed);
@@ -49,15 +48,15 @@ torch::Tensor tensor_of_vertices(const Eigen::Matrix3Xd& vertices) {
   return tensor;
 }
 
-Camera turned_about(const Camera& camera, const Eigen::Vector3d& centre, double angle) {
+PinholeCamera turned_about(const PinholeCamera& camera, const Eigen::Vector3d& centre, double angle) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  Camera turned = camera;
+  PinholeCamera turned = camera;
   turned.R = camera.R * turn.transpose();
   turned.t = -turned.R * (centre + turn * (camera.centre() - centre));
   return turned;
 }
 
-TrackView::TrackView(const Camera& camera, const TriangleMesh& mesh, const TrackViewOptions& options)
+TrackView::TrackView(const PinholeCamera& camera, const TriangleMesh& mesh, const TrackViewOptions& options)
     : camera_(smaller_camera(camera, options.highest)),
       mesh_(mesh),
       options_(options),
@@ -83,7 +82,8 @@ cv::Mat TrackView::draw(const cv::Mat& image, const torch::Tensor& vertices) con
   return both;
 }
 
-cv::Mat TrackView::draw_surface(const torch::Tensor& vertices, const Camera& camera, const cv::Mat& behind) const {
+cv::Mat TrackView::draw_surface(const torch::Tensor& vertices, const PinholeCamera& camera,
+                                const cv::Mat& behind) const {
   const torch::NoGradGuard no_grad;
   RenderScene scene;
   scene.vertices = vertices.unsqueeze(0);

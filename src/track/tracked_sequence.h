@@ -1,6 +1,6 @@
 #pragma once
 
-/// A tracked sequence, and the motion and files that every method makes of it.
+/// A tracked sequence, and the motion and files that every method makes from it.
 
 #include <filesystem>
 #include <optional>
@@ -16,18 +16,18 @@ namespace doppel {
 /// Seconds, summed over the frames of a sequence.
 struct TrackTimes {
   double reading = 0.0, pose = 0.0, surface = 0.0;
-  double total = 0.0;  ///< from the first frame to the last; less than the sum where reading runs beside the rest
+  double total = 0.0;  ///< from the first frame to the last; less than the sum where reading runs in parallel
 
   double fitting() const { return pose + surface; }
 };
 
 struct TrackedSequence {
   FootageSequence sequence;
-  std::vector<TrackedFrame> frames;  ///< as they were fitted
+  std::vector<TrackedFrame> frames;  ///< the fitted frames
   TrackTimes times;
   Motion motion;  ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
   std::optional<TrackedSurface> surface;
-  std::filesystem::path vertices;  ///< the file of its surfaces, float32 [frames,N,3]; empty: none was written
+  std::filesystem::path vertices;  ///< file of the surfaces, float32 [frames,N,3]; empty: none was written
 
   int count(FrameState state) const;
 };
@@ -36,7 +36,7 @@ struct TrackedSequence {
 /// @param smoothing, degree as for `smooth_poses` @throws Error when all frames are lost
 void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& root, double smoothing, int degree = 0);
 
-/// `<sequence>.motion` and `<sequence>.bvh` in the folder `out`.
+/// Writes `<sequence>.motion` and `<sequence>.bvh` into the folder `out`.
 void write_poses(const Character& character, double frames_per_second, const std::filesystem::path& out,
                  const TrackedSequence& tracked);
 

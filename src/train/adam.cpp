@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/actor/checkpoint.h"
 #include "doppel/core/error.h"
 #include "doppel/train/adam_kernel.h"
-#include "doppel/actor/checkpoint.h"
 
 namespace doppel {
 
@@ -16,8 +16,9 @@ namespace {
 /// Fixed, so that partial sums do not depend on the number of threads.
 constexpr std::int64_t kChunk = 1 << 16;
 
-/// Biases and the scales of normalisation layers say where outputs lie, not how they depend on inputs. What has one
-/// dimension is one of them under any name (ResNet's `bn1`); those of a graph's nodes have two, and tell by name.
+/// Whether weight decay applies. Biases and the parameters of normalisation layers are exempt, because they shift and
+/// scale outputs only. Parameters of one dimension are always of this kind (ResNet's `bn1`). Those of graph layers have
+/// two dimensions and are recognised by name.
 bool is_kernel(const std::string& name, const torch::Tensor& parameter) {
   return parameter.dim() >= 2 && name.find("bias") == std::string::npos && name.find("norm") == std::string::npos;
 }
@@ -52,7 +53,7 @@ Adam::Adam(const torch::nn::Module& module, const AdamOptions& options) : option
 void Adam::add(const Group& group) {
   for (const auto& [name, parameter] : group.parameters) {
     if (parameter.scalar_type() != torch::kFloat32 || !parameter.is_contiguous() || !parameter.device().is_cpu())
-      fail("parameter {} cannot be optimised: Adam wants contiguous float32 tensors in main memory", name);
+      fail("parameter {} cannot be optimised: Adam needs contiguous float32 tensors in main memory", name);
     if (!parameter.requires_grad()) continue;
     const auto zeros = [&] { return torch::zeros_like(parameter, torch::MemoryFormat::Contiguous).detach(); };
     Slot slot{name, parameter, zeros(), zeros(), {}, group.learning_rate_scale, group.weight_decay_scale};
@@ -100,7 +101,7 @@ void Adam::step(double learning_rate, double norm) {
     if (!slot.parameter.grad().defined()) continue;
     gradients[i] = slot.parameter.grad().contiguous();
     const double t = static_cast<double>(++slot.steps);
-    // The first steps average plainly, so that the mean never remembers the initial weights for long.
+    // The first steps use a plain average, so that the initial weights soon have no influence on the mean.
     const double mean_rate = std::max(1.0 - options_.mean_decay, 1.0 / t);
     const double rate = learning_rate * slot.learning_rate_scale;
     const double decay = options_.weight_decay * slot.weight_decay_scale;

@@ -13,22 +13,22 @@ namespace doppel {
 
 class Checkpoint;
 
-/// Options of the optimiser, with the thesis's values as defaults (no decay, no clipping).
+/// Options of the optimiser. Defaults are those of the thesis (no decay, no clipping).
 struct AdamOptions {
   double beta1 = 0.9, beta2 = 0.999;
   double epsilon = 1e-8;
   double weight_decay = 0.0;  ///< per step and unit of learning rate
   bool decoupled = true;      ///< decay the weights themselves (AdamW); false: add the decay to the gradient
-  double clip_norm = 0.0;     ///< largest norm of the whole gradient; 0 = no clipping
+  double clip_norm = 0.0;     ///< largest norm of the gradient of all parameters; 0 = no clipping
   double mean_decay = 0.0;    ///< running mean of the weights, mean = decay * mean + (1 - decay) * weights; 0 = none
 
   static AdamOptions read(const ConfigReader& reader);
 };
 
-/// Adam in one pass over memory: all parameters are updated in place by one parallel region of flat loops (the eager
-/// optimiser launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; one without a
-/// gradient is left alone. Same numbers as torch::optim::Adam / AdamW to rounding, and the same bits for any number of
-/// threads.
+/// Adam in one pass over memory: one parallel region of flat loops updates all parameters in place (the eager optimiser
+/// launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; those without a gradient
+/// are not changed. Results equal torch::optim::Adam / AdamW up to rounding, and are bitwise independent of the number
+/// of threads.
 class Adam {
  public:
   /// Parameters that share settings. `learning_rate_scale` multiplies the rate given to `step`.
@@ -40,15 +40,15 @@ class Adam {
 
   /// @throws Error naming the parameter that is not a contiguous float32 CPU tensor
   Adam(std::vector<Group> groups, const AdamOptions& options);
-  /// All parameters of a module; weight decay leaves out what has one dimension, biases, and the parameters of layers
-  /// named `norm`.
+  /// All parameters of a module. Weight decay leaves out parameters of one dimension, biases, and the parameters of
+  /// layers named `norm`.
   Adam(const torch::nn::Module& module, const AdamOptions& options);
 
-  /// Norm of all gradients together (not finite if any of them is not).
+  /// Norm of the gradient of all parameters (not finite if any gradient is not).
   double gradient_norm() const;
   /// The first parameter whose gradient holds a NaN or an infinity.
   std::optional<std::string> non_finite_gradient() const;
-  /// Updates the parameters. `norm` is what `gradient_norm` returned (used for clipping only).
+  /// Updates the parameters. @param norm the result of `gradient_norm`, used for clipping only
   void step(double learning_rate, double norm);
   /// Drops the gradients, so that the next backward pass stores its own instead of adding to zeros.
   void zero_grad();
@@ -57,7 +57,7 @@ class Adam {
   /// Running mean of the weights by name; empty without `mean_decay`.
   std::vector<std::pair<std::string, torch::Tensor>> mean_weights() const;
 
-  /// Moments, means and step count under `optimizer.*`.
+  /// Saves moments, means and step count under `optimizer.*`.
   void save(Checkpoint& checkpoint) const;
   /// @throws Error when a tensor is missing or has another shape
   void load(const Checkpoint& checkpoint);
@@ -67,7 +67,7 @@ class Adam {
     std::string name;
     torch::Tensor parameter, first, second, mean;
     double learning_rate_scale, weight_decay_scale;
-    std::int64_t steps = 0;  ///< in which it had a gradient: its moments know nothing of the others
+    std::int64_t steps = 0;  ///< steps with a gradient; others do not change its moments
   };
   /// A piece of one parameter; the unit of parallel work.
   struct Chunk {

@@ -17,7 +17,7 @@ struct AdamParams {
   float l2;              ///< weight decay added to the gradient
   float shrink;          ///< decoupled weight decay: factor on the parameter
   float beta1, beta2;
-  float keep1, keep2;  ///< 1 - beta, rounded once: in float, 1 - 0.999f is off by 5e-5 of itself
+  float keep1, keep2;  ///< 1 - beta, rounded once: in float, 1 - 0.999f has a relative error of 5e-5
   float step_size;     ///< learning rate / (1 - beta1^t)
   float inverse_root;  ///< 1 / sqrt(1 - beta2^t)
   float epsilon;
@@ -25,7 +25,7 @@ struct AdamParams {
 };
 
 DOPPEL_DECLARE_KERNEL(void, adam_step, (const AdamParams& p, std::int64_t begin, std::int64_t end))
-/// Sum of squares in double; the order of additions depends on `begin` and `end` alone.
+/// Sum of squares in double. The order of additions depends only on `begin` and `end`.
 DOPPEL_DECLARE_KERNEL(double, sum_of_squares, (const float* values, std::int64_t begin, std::int64_t end))
 
 }  // namespace doppel::kernels

@@ -6,6 +6,10 @@
 #include <optional>
 #include <vector>
 
+#include "doppel/actor/run_folder.h"
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/stored_stage.h"
+#include "doppel/actor/trained_pose.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
@@ -13,11 +17,7 @@
 #include "doppel/render/face_tensor.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
-#include "doppel/actor/run_folder.h"
-#include "doppel/actor/run_stages.h"
 #include "doppel/train/stage_chain.h"
-#include "doppel/actor/stored_stage.h"
-#include "doppel/actor/trained_pose.h"
 
 namespace doppel {
 
@@ -28,7 +28,7 @@ namespace {
 
 constexpr const char* kStages[] = {"posenet", "defnet"};
 
-/// What a repeated call must agree in: all that the result follows from.
+/// The settings that determine the result; a repeated call must have the same.
 std::string settings_of(const AdaptOptions& options, const Dataset& dataset, const std::string& camera) {
   const AdaptConfig& config = options.config;
   YAML::Node settings;
@@ -63,7 +63,7 @@ class Adaptation {
     open_out();
     const fs::path result = options_.out / "adapt.json";
     if (fs::exists(result)) {
-      log::info("{} is there already", result.string());
+      log::info("{} already exists", result.string());
       return ordered_json::parse(read_file(result));
     }
     TrainedPose studio = TrainedPose::load(options_.run, dataset_.folder());
@@ -89,7 +89,7 @@ class Adaptation {
   }
   RunFolder folder(const std::string& kind) const { return RunFolder(options_.out / kind); }
 
-  /// The studio's configuration of a stage with the clip in the place of its capture.
+  /// The studio's configuration of a stage, with the clip as its capture.
   ConfigDocument stage_config(const std::string& kind) const {
     const AdaptStage& stage = wanted(kind);
     std::vector<std::string> changes{"capture=" + dataset_.folder().string(),
@@ -114,7 +114,7 @@ class Adaptation {
     return ConfigDocument::load(RunFolder(stage_folder(options_.run, kind)).config(), changes);
   }
 
-  /// A chain whose stages are tuned here, or borrowed from the studio.
+  /// A chain whose stages are fine-tuned here or borrowed from the studio run.
   std::string chain_config() const {
     YAML::Node root;
     root["stage"] = "deepcap";
@@ -156,7 +156,7 @@ class Adaptation {
     trainer.keep_start = true;
     folder(kind).open(stage_config(kind).resolved(), RunMode::automatic);
     if (Trainer(stage, trainer, folder(kind)).run().reason == StopReason::interrupted)
-      fail("stopped while adapting {}; the same command goes on from there", kind);
+      fail("stopped while adapting {}; run the same command again to resume", kind);
   }
 
   void tune_posenet() {
@@ -181,8 +181,8 @@ class Adaptation {
     });
   }
 
-  /// Of all states on disk keeps the one that does best; of equals the earliest.
-  /// @param merit of the networks on the held-out frames: more is better
+  /// Keeps the best of all checkpoints on disk; among equals, the earliest.
+  /// @param merit of the networks on the held-out frames; larger is better
   template <typename Merit>
   void keep_best(const std::string& kind, const Merit& merit) {
     CheckpointFolder checkpoints(folder(kind).checkpoints());
@@ -190,7 +190,7 @@ class Adaptation {
     std::int64_t best_step = 0;
     TrainedPose trained = TrainedPose::load(options_.out, std::nullopt, kind == "defnet");
     torch::nn::Module& network = kind == "defnet" ? static_cast<torch::nn::Module&>(*trained.defnet)
-                                                           : static_cast<torch::nn::Module&>(*trained.posenet);
+                                                  : static_cast<torch::nn::Module&>(*trained.posenet);
     for (const std::int64_t step : checkpoints.steps()) {
       load_evaluation_weights(network, Checkpoint::load(checkpoints.path(step)));
       const double value = merit(trained, fmt::format("{} {}", kind, step));
@@ -200,13 +200,12 @@ class Adaptation {
     }
     checkpoints.keep_only(best_step);
     if (best_step == 0)
-      log::warn("{}: none of the states did better on the held-out frames than the studio's, which stays",
-                kind);
+      log::warn("{}: no checkpoint is better on the held-out frames than the studio's network, which is kept", kind);
     else
-      log::info("{}: step {} does best on the held-out frames", kind, best_step);
+      log::info("{}: step {} is best on the held-out frames", kind, best_step);
   }
 
-  /// What the networks make of samples, in the order of the methods: skinned and bent surface.
+  /// The surfaces that the networks predict for samples, in the order of the methods: skinned and deformed.
   torch::Tensor surface(TrainedPose& trained, const Batch& batch, bool deformed) const {
     const torch::Tensor dofs = trained.dofs(trained.capture(person_view(batch)));
     if (!deformed) return trained.surface->skinned(dofs);
@@ -229,7 +228,7 @@ class Adaptation {
     return evaluate_surface(dataset_, split, face_tensor(trained.character.mesh), drawn, options, title);
   }
 
-  /// Of the pose's landmarks, or of those that ride on the bent graph; mean over frames, reference pixels.
+  /// Keypoint error of the pose's landmarks or of those on the deformed graph; mean over frames, reference pixels.
   double keypoint_error(TrainedPose& trained, Split split, bool deformed) const {
     const torch::NoGradGuard no_grad;
     GraphLandmarks graph_landmarks(trained.character, trained.landmarks);
@@ -248,11 +247,11 @@ class Adaptation {
       ++frames;
     }
     if (frames == 0.0)
-      fail("{}: the camera {} shows nobody in the frames that judge", dataset_.folder().string(), camera_);
+      fail("{}: camera {} shows no person in the held-out frames", dataset_.folder().string(), camera_);
     return sum / frames;
   }
 
-  /// How near the surfaces of both methods come to what was seen of the clip.
+  /// Measures the surfaces of both methods against masks and keypoints of the clip.
   ordered_json score(TrainedPose& trained, Split split, const std::string& title) const {
     const auto method = [&](bool deformed) {
       ordered_json json = overlap(trained, split, deformed, title).to_json();

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Domain adaptation (5.7, A.1.3): the networks of a studio run are tuned to the one camera of a clip.
+/// Domain adaptation (5.7, A.1.3): fine-tunes the networks of a studio run to the camera of a clip.
 
 #include <cstdint>
 #include <filesystem>
@@ -11,9 +11,9 @@
 
 namespace doppel {
 
-/// How one network is tuned.
+/// How one network is fine-tuned.
 struct AdaptStage {
-  std::int64_t iterations = 250;  ///< 0: it stays as it is
+  std::int64_t iterations = 250;  ///< 0: the network is not changed
   double learning_rate = 1e-6;
   int batch_size = 8;
   bool freeze_norm = false;  ///< batch normalisation keeps the studio's statistics
@@ -21,11 +21,11 @@ struct AdaptStage {
   static AdaptStage read(const ConfigReader& reader);
 };
 
-/// What `configs/*/adapt.yaml` holds; docs/training.md lists the keys. By default what the thesis did.
+/// The content of `configs/*/adapt.yaml`; docs/training.md lists the keys. Defaults are those of the thesis.
 struct AdaptConfig {
   std::int64_t seed = 1;
-  double held_out = 0.2;          ///< share of the clip's frames, the last ones, that only judges
-  std::int64_t check_every = 25;  ///< steps between the states that are judged
+  double held_out = 0.2;          ///< share of the clip's frames, the last ones, that are used only to evaluate
+  std::int64_t check_every = 25;  ///< steps between the checkpoints that are evaluated
   AdaptStage posenet, defnet;
 
   /// @throws FileError at the key
@@ -33,23 +33,22 @@ struct AdaptConfig {
 };
 
 struct AdaptOptions {
-  std::filesystem::path run;      ///< of the chain `deepcap`, or of posenet alone
-  std::filesystem::path capture;  ///< the clip, prepared; it needs masks and keypoints but no motion
-  std::filesystem::path out;      ///< the new run; the studio's is only read
+  std::filesystem::path run;      ///< the studio run: of the chain `deepcap`, or of posenet alone
+  std::filesystem::path capture;  ///< prepared capture of the clip; it needs masks and keypoints but no motion
+  std::filesystem::path out;      ///< the new run; the studio run is only read
   std::string camera;             ///< of the clip; empty: its first
   AdaptConfig config;
 };
 
-/// Trains PoseNet and then DefNet on all but the held-out frames with the losses of a single view, and of each network
-/// keeps the state that does best on the held-out ones: PoseNet by the distance of keypoints, DefNet by IoU. Where no
-/// state beats the studio's, that one stays. `out` becomes a run like any other, with `adapt.json` and
-/// `evaluation.json`: what is returned, and `adapt.yaml`: what was asked for. A call that was stopped goes on when it
-/// is repeated.
+/// Trains PoseNet and then DefNet with the losses of a single view, on all but the held-out frames. Of each network it
+/// keeps the checkpoint that is best on the held-out frames: PoseNet by the distance of keypoints, DefNet by IoU. If no
+/// checkpoint is better than the studio's network, that one is kept. `out` becomes a run with `adapt.json` and
+/// `evaluation.json`, the returned report, and `adapt.yaml`, the settings. A repeated call resumes a stopped one.
 /// @return {"protocol": ..., "splits": {"held out, before", "held out, after", "clip, before", "clip, after"}}, each
 /// with the methods posenet and defnet: `AMVIoU` and `keypoint_error_px` (mean distance of landmarks from confident
 /// keypoints, pixels of an image 1024 wide)
-/// @throws UsageError when `out` holds another run or was asked for other settings, which it names; when the clip has
-/// too few frames
+/// @throws UsageError when `out` holds another run or one with other settings (the message names them), or when the
+/// clip has too few frames
 nlohmann::ordered_json adapt(const AdaptOptions& options);
 
 }  // namespace doppel

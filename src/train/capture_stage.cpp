@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/boundary.h"
 #include "doppel/train/overlay.h"
 
@@ -63,7 +64,7 @@ std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) cons
   const std::vector<SampleId> samples =
       split == options_.split ? chosen_samples(dataset_, options_.split, options_.frames) : dataset_.samples(split);
   std::vector<SampleId> chosen;
-  const auto n = static_cast<std::size_t>(count);
+  const auto n = as_size(count);
   for (std::size_t i = 0; i < n && !samples.empty(); ++i)
     chosen.push_back(samples[(2 * i + 1) * samples.size() / (2 * n)]);
   return chosen;
@@ -81,8 +82,8 @@ std::vector<ReportImage> CaptureStage::outline_images(
       const auto [blue, red] = surfaces(sample);
       sheet.add(sample, blue, red);
     }
-    images.push_back({"overlay-" + to_string(split),
-                        to_string(split) + " split: outline of the mask green, " + legend, sheet.image()});
+    images.push_back({"overlay-" + to_string(split), to_string(split) + " split: outline of the mask green, " + legend,
+                      sheet.image()});
   }
   return images;
 }

@@ -13,8 +13,8 @@
 
 namespace doppel {
 
-/// What the stages that train on a prepared capture have in common: the loader, its place in a checkpoint, and the
-/// words for messages.
+/// Base of the stages that train on a prepared capture: the loader, its state in a checkpoint, and descriptions for
+/// messages.
 class CaptureStage : public Stage {
  public:
   /// @param dataset, character must outlive the stage
@@ -33,12 +33,12 @@ class CaptureStage : public Stage {
   const Dataset& dataset() const { return dataset_; }
   const Character& character() const { return character_; }
   const LoaderOptions& loader_options() const { return options_; }
-  /// Windows of the training frames, at most `limit` of them, evenly spread. @return [n,window+1,D]
+  /// Motion windows of training frames, at most `limit`, evenly spread. @return [n,F+1,D] with F past frames
   torch::Tensor training_windows(std::size_t limit, int past_frames) const;
   /// Frames of a split to show in the report, evenly spread.
   std::vector<SampleId> samples_to_show(Split split, int count) const;
   /// An image of outlines for each split that has frames: the mask's green, those of two surfaces blue and red.
-  /// @param legend what blue and red are @param surfaces both, [N,3], of a frame
+  /// @param legend names of the blue and the red surface @param surfaces gives both surfaces of a frame, [N,3]
   std::vector<ReportImage> outline_images(
       const torch::Tensor& faces, const std::string& legend,
       const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const;
@@ -51,15 +51,15 @@ class CaptureStage : public Stage {
   Batch last_batch_;
 };
 
-/// The batch's masks as the silhouette loss takes them.
+/// The masks of a batch in the form that the silhouette loss needs.
 SilhouetteTarget silhouette_target(const Batch& batch);
 
 /// The two-sided silhouette loss (6.8) of vertices [B,N,3] against the batch, timed as `boundary` and `silhouette`.
 SilhouetteLoss batch_silhouette_loss(const torch::Tensor& vertices, const torch::Tensor& faces, const Batch& batch,
                                      const SilhouetteOptions& options, Profile& profile);
 
-/// Mean and standard deviation of network inputs over windows, computed in double, a few windows at a time.
-/// @param features of a part of the windows, [b,...] @return two tensors of one item's shape
+/// Mean and standard deviation of network inputs over motion windows, computed in double, a few windows at a time.
+/// @param features computes the inputs of some windows, [b,...] @return two tensors with the shape of one item
 std::pair<torch::Tensor, torch::Tensor> input_statistics(
     const torch::Tensor& windows, const std::function<torch::Tensor(const torch::Tensor&)>& features);
 

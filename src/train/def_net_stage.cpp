@@ -32,8 +32,8 @@ DefNetStage::DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNet
       arap_graph_(pose.character),
       faces_(face_tensor(pose.character.mesh)) {
   if (config.model.input_size != pose.input_size())
-    fail<UsageError>("defnet: model.input_size is {}, PoseNet's is {}; both see the same image",
-                     config.model.input_size, pose.input_size());
+    fail<UsageError>("defnet: model.input_size is {}, PoseNet's is {}; both must be equal", config.model.input_size,
+                     pose.input_size());
   network_->backbone()->load_pretrained();
 }
 
@@ -52,7 +52,7 @@ LossTerms DefNetStage::loss(const Batch& batch, StepContext& context) {
     vertices = pose_.surface->deformed(dofs, A, T);
     landmarks = graph_landmarks_->forward(A, T, pose_.surface->node_transforms(dofs));
   }
-  Batch placed = batch;  // people without a place cannot be compared
+  Batch placed = batch;  // views without a position cannot be compared
   placed.valid = batch.valid & counts.unsqueeze(1);
   const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, placed, config_.silhouette, profile);
   ProfileScope scope(profile, "keypoints");
@@ -77,7 +77,8 @@ StageEntry def_net_entry() {
           {"posenet"},
           [](const ConfigDocument& document) { DefNetRunConfig::read(document); },
           [](const StageTask& task) {
-            return train_on<DefNetStage, DefNetRunConfig>(TrainedPose::load(task.run, std::nullopt, /*with_defnet=*/false), task);
+            return train_on<DefNetStage, DefNetRunConfig>(
+                TrainedPose::load(task.run, std::nullopt, /*with_defnet=*/false), task);
           },
           nullptr};
 }

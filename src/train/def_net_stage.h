@@ -1,8 +1,8 @@
 #pragma once
 
+#include "doppel/actor/trained_pose.h"
 #include "doppel/layers/landmarks/landmarks.h"
 #include "doppel/losses/arap.h"
-#include "doppel/actor/trained_pose.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
 #include "doppel/train/stage_entry.h"
@@ -10,7 +10,7 @@
 
 namespace doppel {
 
-/// Everything a run of the stage `defnet` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `defnet`; `docs/training.md` lists the keys.
 struct DefNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
@@ -25,8 +25,8 @@ struct DefNetRunConfig {
   static DefNetRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains DefNet (5.6) on the poses of a PoseNet that does not change: silhouettes (5.11, or both sums of 6.8),
-/// landmarks on the graph (5.12), ARAP (5.13).
+/// Trains DefNet (5.6) on the poses of a fixed PoseNet. Losses: silhouettes (5.11, or both sums of 6.8), landmarks on
+/// the graph (5.12), ARAP (5.13).
 class DefNetStage : public CaptureStage {
  public:
   /// @param dataset, pose must outlive the stage

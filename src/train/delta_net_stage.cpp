@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "doppel/core/error.h"
 #include "doppel/actor/draw.h"
+#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/render/shading/shading.h"
-#include "doppel/train/overlay.h"
 #include "doppel/train/image_sheet.h"
+#include "doppel/train/overlay.h"
 
 namespace doppel {
 
@@ -44,7 +44,8 @@ DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
 }
 
 DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const DeltaNetRunConfig& config)
-    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
+    : CaptureStage(dataset, actor.character,
+                   with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
       actor_(actor),
       config_(config),
       network_(actor.character, config.model,
@@ -98,8 +99,8 @@ torch::Tensor DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& ver
   {
     ProfileScope scope(profile, "draw");
     const torch::Tensor lighting = config_.lit ? actor_.lighting->forward(batch.cameras).detach() : torch::Tensor();
-    drawn = draw(*actor_.mesh, vertices, {actor_.static_texture, lighting}, batch.image_projection,
-                 batch.image.size(2), batch.image.size(3));
+    drawn = draw(*actor_.mesh, vertices, {actor_.static_texture, lighting}, batch.image_projection, batch.image.size(2),
+                 batch.image.size(3));
     target = image_float(batch.image);
     if (config_.target_gradient)
       target = target_on_surface(vertices, batch.image_projection, *actor_.mesh, target, TargetOptions{}, &drawn);
@@ -129,22 +130,20 @@ std::vector<ReportImage> DeltaNetStage::images() {
       outlines.add(sample, coarse[0], fine[0]);
       if (!actor_.static_texture.defined()) continue;
       const Batch batch = sheet.batch(sample, past_frames);
-      const Appearance look =
-          actor_.lighting ? lit_appearance(actor_, batch.cameras) : static_appearance(actor_);
+      const Appearance look = actor_.lighting ? lit_appearance(actor_, batch.cameras) : static_appearance(actor_);
       const auto drawing = [&](const torch::Tensor& vertices) {
         return draw(*actor_.mesh, vertices, look, batch.image_projection, batch.image.size(2), batch.image.size(3));
       };
       sheet.add(batch, {drawing(coarse), drawing(fine)});
     }
     const std::string word = to_string(split);
-    images.push_back({"overlay-" + word,
-                        word + " split: outline of the mask green, EGNet blue, with displacements red",
-                        outlines.image()});
+    images.push_back({"overlay-" + word, word + " split: outline of the mask green, EGNet blue, with displacements red",
+                      outlines.image()});
     if (sheet.empty()) continue;
     images.push_back({"colour-" + word,
-                        word + " split: photograph, EGNet with the static texture and its error, the same with "
-                               "displacements",
-                        sheet.image()});
+                      word + " split: filmed image, EGNet with the static texture and its error, the same with "
+                             "displacements",
+                      sheet.image()});
   }
   return images;
 }
@@ -164,7 +163,8 @@ StageEntry delta_net_entry() {
           {"egnet"},
           [](const ConfigDocument& document) { DeltaNetRunConfig::read(document); },
           [](const StageTask& task) {
-            return train_on<DeltaNetStage, DeltaNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "deltanet"), task);
+            return train_on<DeltaNetStage, DeltaNetRunConfig>(TrainedActor::load(task.run, std::nullopt, "deltanet"),
+                                                              task);
           },
           evaluate_deltanet};
 }

@@ -1,17 +1,17 @@
 #pragma once
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/losses/chroma.h"
 #include "doppel/losses/laplacian.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
-#include "doppel/actor/trained_actor.h"
 #include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
-/// Everything a run of the stage `deltanet` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `deltanet`; `docs/training.md` lists the keys.
 struct DeltaNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
@@ -19,27 +19,27 @@ struct DeltaNetRunConfig {
 
   DeltaNetConfig model;
   bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
-  double feature_floor = 0.01;  ///< smallest standard deviation assumed there, metres
+  double feature_floor = 0.01;  ///< lower bound of the standard deviation, metres
 
   double chroma_weight = 0.03775;    ///< thesis A.2
   double silhouette_weight = 500.0;  ///< thesis A.2
   double laplacian_weight = 1e5;     ///< thesis A.2
   ChromaOptions chroma;
   SilhouetteOptions silhouette;
-  bool lit = true;              ///< draw under the learnt light (false: an ablation)
-  bool target_gradient = true;  ///< add the slope of the photograph to that of the drawing
+  bool lit = true;              ///< draw with the trained lighting (false: an ablation)
+  bool target_gradient = true;  ///< add the gradient of the filmed image to that of the drawn image
 
   TrainerOptions trainer;
 
   static DeltaNetRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains DeltaNet (6.7): displacements on top of EGNet's surface, from silhouettes and from the chroma of the
-/// images, kept smooth by a Laplacian (6.15).
+/// Trains DeltaNet (6.7): displacements on top of EGNet's surface. Losses: silhouettes, chroma of the images, and a
+/// Laplacian that keeps the displacements smooth (6.15).
 class DeltaNetStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage
-  /// @throws UsageError when the chroma loss is on and the template has no texture, or the light was not learnt
+  /// @throws UsageError when the chroma loss is on and the template has no texture, or the lighting was not trained
   DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const DeltaNetRunConfig& config);
 
   std::string name() const override { return "deltanet"; }
@@ -53,7 +53,7 @@ class DeltaNetStage : public CaptureStage {
 
  private:
   torch::Tensor chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile);
-  /// V_co and V_fi of windows, both [B,N,3], without noise.
+  /// V_co and V_fi of motion windows, both [B,N,3], without noise.
   std::pair<torch::Tensor, torch::Tensor> surfaces(const torch::Tensor& dof_window);
 
   TrainedActor& actor_;

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// Everything a run of the stage `egnet` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `egnet`; `docs/training.md` lists the keys.
 struct EgNetRunConfig {
   RunSubject subject;
 
@@ -16,9 +16,9 @@ struct EgNetRunConfig {
 
   EgNetConfig model;
   bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
-  double feature_floor = 0.01;  ///< smallest standard deviation assumed there, metres and radians
+  double feature_floor = 0.01;  ///< lower bound of the standard deviation, metres and radians
   bool recalibrate_norm =
-      true;  ///< for evaluation, batch-norm statistics of the whole training set instead of running ones
+      true;  ///< evaluate with batch-norm statistics of the whole training set instead of running statistics
 
   double silhouette_weight = 100.0;  ///< thesis A.2
   double arap_weight = 1500.0;       ///< thesis A.2

@@ -6,7 +6,7 @@ namespace doppel {
 
 namespace {
 
-/// Enough frames for statistics; more would only cost memory.
+/// Enough frames for statistics; more would only need more memory.
 constexpr std::size_t kEgNetStatisticsFrames = 2048;
 
 }  // namespace
@@ -48,8 +48,8 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
 
 void EgNetStage::prepare_evaluation() {
   if (!config_.recalibrate_norm || config_.model.sagcn.norm == SagcnNorm::none) return;
-  // In training mode a pass mixes a share `momentum` of the batch's statistics into the running ones. Started from
-  // zero, one pass over all frames leaves momentum * (statistics of the whole set).
+  // In training mode, a forward pass mixes a share `momentum` of the batch's statistics into the running ones. When
+  // these start at zero, one pass over all frames gives momentum * (statistics of the whole set).
   std::vector<torch::Tensor> running;
   for (const auto& item : network_->named_buffers())
     if (item.key().find("running_") != std::string::npos && item.value().defined()) running.push_back(item.value());
@@ -62,7 +62,7 @@ void EgNetStage::prepare_evaluation() {
 }
 
 std::vector<ReportImage> EgNetStage::images() {
-  return outline_images(faces_, "pure skinning blue, EGNet red", [this](const SampleId& sample) {
+  return outline_images(faces_, "skinning blue, EGNet red", [this](const SampleId& sample) {
     const torch::Tensor window = dataset().dof_window(sample, config_.model.history()).unsqueeze(0);
     const auto [A, T] = network_->forward(window);
     const torch::Tensor dofs = window.select(1, -1).contiguous();

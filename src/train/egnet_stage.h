@@ -12,8 +12,9 @@
 
 namespace doppel {
 
-/// Trains EGNet (6.5.1) from silhouettes: a window of poses gives the embedded deformation of its last frame, the
-/// deformed and skinned surface is compared with the masks (6.8), and the graph is kept as rigid as possible (6.9).
+/// Trains EGNet (6.5.1) from silhouettes. The network maps a motion window to the embedded deformation of its last
+/// frame. The deformed and skinned surface is compared with the masks (6.8); the graph stays as rigid as possible
+/// (6.9).
 class EgNetStage : public CaptureStage {
  public:
   /// @param dataset, character must outlive the stage

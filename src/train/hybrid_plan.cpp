@@ -21,7 +21,7 @@ HybridPlan HybridPlan::read(const ConfigReader& root) {
   plan.refine_rate_ = rates.get("refine", plan.refine_rate_, between(0.0, 10.0));
   plan.joint_rate_ = rates.get("joint", plan.joint_rate_, between(0.0, 10.0));
   plan.final_ratio_ = rates.get("final_ratio", plan.final_ratio_, between(0.0, 1.0));
-  if (plan.iterations() == 0) root.fail_at_key("rounds", "there is no step in any round, so nothing would be trained");
+  if (plan.iterations() == 0) root.fail_at_key("rounds", "no round has any steps, so nothing would be trained");
   return plan;
 }
 

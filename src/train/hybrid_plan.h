@@ -8,24 +8,25 @@
 
 namespace doppel {
 
-/// What is trained in a step of the hybrid (6.12.4): the field around a mesh that stays, the mesh to what the field
-/// saw, or both at once.
+/// What a step of the hybrid trains (6.12.4): the radiance field around a fixed mesh, the mesh against the fixed
+/// radiance field, or both.
 enum class HybridPhase { field, refine, joint };
 
 /// One round of the alternation (6.12.4.3).
 struct HybridRound {
-  std::int64_t field = 110000;  ///< steps of the field
+  std::int64_t field = 110000;  ///< steps of the radiance field
   std::int64_t refine = 400;    ///< steps of DeltaNet
   double variance = 0.01;       ///< lambda of 6.28 in this round
 };
 
-/// The rounds, and after them steps that train everything end to end.
+/// The rounds, followed by steps that train everything end to end.
 class HybridPlan {
  public:
   /// The two rounds of A.3.
   HybridPlan();
-  /// Keys: `rounds` (a list of mappings with the keys of HybridRound), `joint` (steps, by default none), and the
-  /// section `rates`: `field`, `refine`, `joint` at the beginning of such a phase, `final_ratio` at its end.
+  /// Keys: `rounds` (a list of mappings with the keys of HybridRound), `joint` (steps, default 0), and the section
+  /// `rates`: `field`, `refine` and `joint` are the rates at the start of such a phase, `final_ratio` their factor at
+  /// its end.
   /// @throws FileError at the key
   static HybridPlan read(const ConfigReader& root);
 
@@ -34,7 +35,7 @@ class HybridPlan {
 
   struct Place {
     HybridPhase phase = HybridPhase::field;
-    bool first = false;     ///< no step of this phase is done yet
+    bool first = false;     ///< the first step of this phase
     double variance = 0.0;  ///< lambda; in the joint phase that of the last round
   };
   /// @param step steps done so far

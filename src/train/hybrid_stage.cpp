@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kHybridStatisticsFrames = 512;
 constexpr int kImagesOfSplit = 3;
-/// Of at most `cloud_rays` points of 24 bytes each: below 600 MB with the default.
+/// Each cloud has at most `cloud_rays` points of 24 bytes; with the default all clouds need less than 600 MB.
 constexpr std::size_t kMostClouds = 500;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
@@ -84,7 +84,7 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
       laplacian_graph_(actor.character),
       edges_(MeshTopology(actor.character.mesh), rest_vertices(actor.character)) {
   const Tensor windows = training_windows(kHybridStatisticsFrames, config.model.motion.past_frames);
-  // One frame has no deviation: every input would be 0.
+  // One frame has no standard deviation: every input would be 0.
   if (!config.standardise || windows.size(0) < 2) return;
   const auto [mean, std] =
       input_statistics(windows, [this](const Tensor& part) { return model_->motion->network_input(part); });
@@ -119,7 +119,7 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
 }
 
 HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
-                                                StepContext& context) {
+                                              StepContext& context) {
   const std::int64_t size = batch.image.size(2), V = views.size(0);
   const std::int64_t share = std::max<std::int64_t>(1, config_.rays / V);
   const Tensor projections = batch.image_projection[0].index_select(0, views);
@@ -179,7 +179,7 @@ const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
       viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
   Tensor pixels = guide.pixels(0);
   if (pixels.size(0) > config_.cloud_rays) {
-    // The same whenever the cloud is made anew.
+    // The same each time the cloud is computed.
     at::Generator generator = at::detail::createCPUGenerator(static_cast<std::uint64_t>(config_.subject.seed));
     const Tensor order = torch::randperm(pixels.size(0), generator, torch::kInt64);
     pixels = pixels.index_select(0, order.narrow(0, 0, config_.cloud_rays));
@@ -193,8 +193,8 @@ const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   RenderedRays points;
   points.opacity = seen.opacity;
   points.depth = seen.depth;
-  return clouds_[key] = oriented(point_cloud(points, rays.origin, rays.direction, config_.min_opacity),
-                                 around.vertices, rays.origin);
+  return clouds_[key] = oriented(point_cloud(points, rays.origin, rays.direction, config_.min_opacity), around.vertices,
+                                 rays.origin);
 }
 
 PointCloud HybridStage::oriented(const Tensor& points, const Tensor& vertices, const Tensor& eye) {
@@ -249,7 +249,7 @@ std::vector<ReportImage> HybridStage::images() {
       const Batch batch = sheet.batch(sample, loader_options().past_frames);
       const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
       const FieldImage seen = viewer_.draw(model_->field, around, batch.image_projection[0][0], batch.image.size(2),
-                                             batch.image.size(3), config_.field_rays.stencil, options);
+                                           batch.image.size(3), config_.field_rays.stencil, options);
       ShadedImage drawing;
       drawing.colour = seen.colour.unsqueeze(0).unsqueeze(0);
       drawing.mask = (seen.opacity > 0).unsqueeze(0).unsqueeze(0);
@@ -257,7 +257,7 @@ std::vector<ReportImage> HybridStage::images() {
     }
     if (sheet.empty()) continue;
     images.push_back({"radiance-" + to_string(split),
-                        to_string(split) + " split: photograph, radiance field and its error", sheet.image()});
+                      to_string(split) + " split: filmed image, radiance field and its error", sheet.image()});
   }
   return images;
 }

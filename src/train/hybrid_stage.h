@@ -3,6 +3,7 @@
 #include <array>
 #include <map>
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/losses/chamfer.h"
 #include "doppel/losses/isometry.h"
 #include "doppel/losses/laplacian.h"
@@ -12,37 +13,36 @@
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/hybrid_plan.h"
 #include "doppel/train/run_config.h"
-#include "doppel/actor/trained_actor.h"
 #include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
-/// Everything a run of the stage `radiance` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `radiance`; `docs/training.md` lists the keys.
 struct HybridRunConfig {
   RunSubject subject;
   LoaderOptions loader;
 
   HybridConfig model;
-  bool standardise = true;      ///< scale the inputs of the motion network, where there are several frames
-  double feature_floor = 0.05;  ///< smallest standard deviation assumed there, metres
+  bool standardise = true;      ///< scale the inputs of the motion network, when there are several frames
+  double feature_floor = 0.05;  ///< lower bound of the standard deviation, metres
 
   // Rays.
-  int rays = 1000;         ///< of a step, shared among its cameras (A.3)
+  int rays = 1000;  ///< rays of a step, shared among its cameras (A.3)
   FieldRays field_rays;
-  int cloud_rays = 50000;  ///< at most, of the point cloud of one frame in one view
+  int cloud_rays = 50000;  ///< largest number of rays for the point cloud of one view
 
   // Weights of the refinement (A.3).
   double chamfer_weight = 5000.0;
   double silhouette_weight = 50.0;
   double laplacian_weight = 4000.0;
   double isometry_weight = 7.5e4;  ///< 0.075 for millimetres
-  /// Of the mean squared distance from the mesh that the round began with, square metres: what no camera sees, the
-  /// underside of a skirt say, is held by nothing else, and drifts with the rest.
+  /// Weight of the mean squared distance from the mesh at the start of the round, per square metre. Without it, parts
+  /// that no camera sees (the underside of a skirt, for example) drift, because no other loss holds them.
   double anchor_weight = 0.0;
   bool variance_in_metres = false;
-  double min_opacity = 0.98;  ///< T: rays that saw less give no point
-  double min_facing = 0.2;    ///< cosine between look and normal: where rays graze the surface, depth is vague
+  double min_opacity = 0.98;  ///< T: smallest opacity of a ray that gives a point
+  double min_facing = 0.2;    ///< smallest cosine between ray and normal; depth is uncertain at grazing angles
   ChamferOptions chamfer;
   SilhouetteOptions silhouette;
 
@@ -52,8 +52,9 @@ struct HybridRunConfig {
   static HybridRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains the hybrid (6.12): in turns the field around the mesh (6.28), and DeltaNet to the point clouds that the field
-/// gives (6.27). The clouds come from the field around the mesh as it was, so they stand still while the mesh moves.
+/// Trains the hybrid (6.12), alternating between the radiance field around the mesh (6.28) and DeltaNet, which is
+/// fitted to point clouds from the radiance field (6.27). The clouds are computed around the mesh at the start of the
+/// phase, so they stay fixed while the mesh moves.
 class HybridStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage
@@ -70,26 +71,26 @@ class HybridStage : public CaptureStage {
   Hybrid& hybrid() { return model_; }
 
  private:
-  /// All terms of a step; those of the phases it does not belong to stay 0.
+  /// All terms of a step; those of other phases stay 0.
   struct Terms {
     RadianceLoss field;
     SilhouetteLoss silhouette;
     torch::Tensor chamfer, laplacian, isometry, anchor;
   };
 
-  /// Rays of several views with what their pixels show; undefined where no view sees the mesh.
+  /// Rays of several views with the colours and masks of their pixels; undefined when no view sees the mesh.
   struct ImageRays {
     torch::Tensor origin, direction, near, far;  ///< [R,3], [R,3], [R], [R]
     torch::Tensor colour, mask;                  ///< [R,3], [R]
   };
   /// @param views int64 [V] into the batch's cameras @param vertices [N,3]
   ImageRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
-                        StepContext& context);
+                      StepContext& context);
   RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                           StepContext& context);
-  /// What the field shows of the batch's frame in one view, kept until the field is trained again.
+  /// The point cloud of the batch's frame in one view, kept until the radiance field is trained again.
   const PointCloud& cloud(const Batch& batch, std::int64_t view);
-  /// Points with the normals of the surface nearest to them, without those that `eye` [3] saw at a slant.
+  /// Points with the normals of the nearest surface, without points that `eye` [3] sees at a grazing angle.
   PointCloud oriented(const torch::Tensor& points, const torch::Tensor& vertices, const torch::Tensor& eye);
   torch::Tensor cloud_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
                            StepContext& context);

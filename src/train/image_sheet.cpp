@@ -4,6 +4,7 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
 #include "doppel/losses/images.h"
@@ -12,7 +13,7 @@ namespace doppel {
 
 namespace {
 
-constexpr int kSheetCell = 256;          // pixels
+constexpr int kSheetCell = 256;     // pixels
 constexpr double kWhiteError = 64;  // of 255
 
 /// RGB 0..1 [I,I,3] as an 8-bit BGR image of a cell's size.
@@ -38,7 +39,7 @@ cv::Mat error_cell(const torch::Tensor& drawing, const torch::Tensor& photograph
 Batch ImageSheet::batch(const SampleId& sample, int past_frames) {
   const std::size_t count = dataset_.cameras().size();
   int camera = static_cast<int>(turn_ % count);
-  // A camera that does not see the person has nothing to show.
+  // Skips cameras that do not see the person.
   for (std::size_t tried = 0; tried < count && dataset_.crop_box(sample, camera).empty(); ++tried)
     camera = static_cast<int>(++turn_ % count);
   turn_ += count > 2 ? count / 2 + 1 : 1;
@@ -58,7 +59,7 @@ void ImageSheet::add(const Batch& batch, const std::vector<ShadedImage>& drawing
     cells.push_back(to_cell(colour));
     cells.push_back(error_cell(colour, photograph, seen & mask));
   }
-  const auto sequence = static_cast<std::size_t>(batch.sequence[0].item<std::int64_t>());
+  const auto sequence = as_size(batch.sequence[0].item<std::int64_t>());
   const std::string label =
       fmt::format("{} {}, camera {}", dataset_.sequences()[sequence].name, batch.frames[0].item<std::int64_t>(),
                   dataset_.camera(static_cast<int>(batch.cameras[0][0].item<std::int64_t>())).name);

@@ -62,8 +62,8 @@ std::vector<ReportImage> LightingStage::images() {
     sheet.add(batch, {drawing({}), drawing(lighting_->forward(batch.cameras))});
   }
   return {{"lighting",
-           "rows of three: photograph, static texture with the error beside it, static texture under the learnt light "
-           "with the error beside it",
+           "rows of three: filmed image, static texture and its error, static texture with the trained lighting and "
+           "its error",
            sheet.image()}};
 }
 
@@ -82,7 +82,8 @@ StageEntry lighting_entry() {
           {"egnet"},
           [](const ConfigDocument& document) { LightingRunConfig::read(document); },
           [](const StageTask& task) {
-            return train_on<LightingStage, LightingRunConfig>(TrainedActor::load(task.run, std::nullopt, "lighting"), task);
+            return train_on<LightingStage, LightingRunConfig>(TrainedActor::load(task.run, std::nullopt, "lighting"),
+                                                              task);
           },
           evaluate_lighting};
 }

@@ -1,28 +1,28 @@
 #pragma once
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/losses/lighting.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
-#include "doppel/actor/trained_actor.h"
 #include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
-/// Everything a run of the stage `lighting` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `lighting`; `docs/training.md` lists the keys.
 struct LightingRunConfig {
   RunSubject subject;
   LoaderOptions loader;
   LightingLossOptions loss;
   double weight = 1.0;
-  double deviation_weight = 0.0;  ///< of Lighting::deviation(); the thesis has none
+  double deviation_weight = 0.0;  ///< of Lighting::deviation(); not in the thesis
   TrainerOptions trainer;
 
   static LightingRunConfig read(const ConfigDocument& document);
 };
 
-/// Finds the light of each camera (6.6): the static texture on EGNet's surface is drawn and compared with the images;
-/// only the spherical-harmonics coefficients move.
+/// Finds the lighting of each camera (6.6): draws the static texture on EGNet's surface and compares it with the
+/// images. Only the spherical-harmonics coefficients are trained.
 class LightingStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage

@@ -21,7 +21,7 @@ std::vector<std::string> read_lines(const std::filesystem::path& path) {
   return lines;
 }
 
-/// A line as a record; nothing for one that was cut short or is not ours.
+/// Parses a line; nothing for an incomplete line or one of another format.
 std::optional<MetricsRecord> parse(const std::string& line) {
   const auto json = nlohmann::json::parse(line, nullptr, false);
   if (json.is_discarded() || !json.is_object()) return std::nullopt;

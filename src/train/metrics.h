@@ -12,7 +12,7 @@
 
 namespace doppel {
 
-/// What one line of `metrics.jsonl` tells: means over the steps since the line before.
+/// One line of `metrics.jsonl`: means over the steps since the last line.
 struct MetricsRecord {
   struct Term {
     std::string name;
@@ -33,13 +33,13 @@ struct MetricsRecord {
   static MetricsRecord from_json(const nlohmann::json& json);
 };
 
-/// Sums over steps until a line is due. Its state goes into checkpoints, so that the means of a resumed run are those
-/// of an unbroken one.
+/// Sums over the steps of a line. Checkpoints contain its state, so that the means of a resumed run equal those of an
+/// unbroken run.
 class MetricsWindow {
  public:
   void add(const std::vector<MetricsRecord::Term>& terms, double gradient_norm, const Profile& profile);
   std::int64_t steps() const { return steps_; }
-  /// Means of the window; then it is empty again.
+  /// Returns the means and empties the sums.
   MetricsRecord take();
 
   std::string state() const;
@@ -55,8 +55,8 @@ class MetricsWindow {
 /// `metrics.jsonl`: appended line by line.
 class MetricsFile {
  public:
-  /// Keeps the lines up to `step` (a resumed run repeats the later ones) and drops the rest, also a half-written last
-  /// line.
+  /// Keeps the lines up to `step` and drops the rest, also an incomplete last line; a resumed run writes later lines
+  /// again.
   MetricsFile(const std::filesystem::path& path, std::int64_t step);
   ~MetricsFile();
   MetricsFile(const MetricsFile&) = delete;
@@ -68,7 +68,7 @@ class MetricsFile {
   std::FILE* file_ = nullptr;
 };
 
-/// All readable lines, in order; a missing file reads as empty, damaged lines are skipped.
+/// All readable lines, in order. A missing file gives no lines; damaged lines are skipped.
 std::vector<MetricsRecord> read_metrics(const std::filesystem::path& path);
 
 }  // namespace doppel

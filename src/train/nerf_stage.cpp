@@ -12,7 +12,7 @@ using torch::Tensor;
 
 namespace {
 
-/// Random pixels (column, row) of an image, half of them of the mask (all anywhere where it is empty).
+/// Random pixels (column, row) of an image, half of them in the mask. With an empty mask all are anywhere.
 Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& generator) {
   const std::int64_t width = mask.size(1);
   Tensor inside = mask.flatten().nonzero().squeeze(1);
@@ -40,7 +40,9 @@ NerfRunConfig NerfRunConfig::read(const ConfigDocument& document) {
 
 NerfStage::NerfStage(const Dataset& dataset, TrainedActor& actor, const NerfRunConfig& config)
     : CaptureStage(dataset, actor.character, with_past_frames(config.loader, actor.past_frames())), config_(config) {
-  const Tensor window = dataset.dof_window(nerf_frame(dataset, config.loader.split, config.loader.frames), actor.past_frames()).unsqueeze(0);
+  const Tensor window =
+      dataset.dof_window(nerf_frame(dataset, config.loader.split, config.loader.frames), actor.past_frames())
+          .unsqueeze(0);
   model_ = PlainField(actor.fine(window)[0], config.model,
                       at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed)));
 }
@@ -75,7 +77,7 @@ LossTerms NerfStage::loss(const Batch& batch, StepContext& context) {
 namespace {
 
 void evaluate_nerf(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) {
-  // A field without a mesh knows one frame alone.
+  // A radiance field without a mesh represents a single frame.
   const std::vector<SampleId> samples = evaluated_samples(evaluation.dataset, evaluation.split, evaluation.options);
   if (samples != std::vector<SampleId>{*evaluation.actor.nerf_frame}) return;
   rows["nerf"] = evaluate_actor_drawing(evaluation, "nerf", Drawing::nerf);

@@ -1,27 +1,27 @@
 #pragma once
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/nets/plain_field.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
-#include "doppel/actor/trained_actor.h"
 #include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
-/// Everything a run of the stage `nerf` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `nerf`; `docs/training.md` lists the keys.
 struct NerfRunConfig {
   RunSubject subject;
   LoaderOptions loader;  ///< of one frame
   PlainFieldConfig model;
-  int rays = 1000;  ///< of a step, shared among its cameras
+  int rays = 1000;  ///< rays of a step, shared among its cameras
   TrainerOptions trainer;
 
   static NerfRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains a radiance field without a mesh on one frame (6.12.5.2), for comparison. Colour and mask are compared for
-/// both of its networks; half of the rays go through the person, the others through the whole image.
+/// Trains a radiance field without a mesh on one frame (6.12.5.2), for comparison. The loss compares colour and mask of
+/// both of its networks. Half of the rays pass through the mask, the others through the whole image.
 class NerfStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage @throws UsageError unless the data is one frame

@@ -38,10 +38,12 @@ cv::Mat OverlaySheet::cell(const SampleId& sample, int camera, const torch::Tens
     cv::Mat mask;
     cv::resize(dataset_.crop_mask(sample, camera), mask, image.size(), 0, 0, cv::INTER_NEAREST);
     draw_outline(image, mask, cv::Scalar(80, 220, 80));
-    const torch::Tensor projection = projection_tensor({crop_camera(dataset_.camera(camera), box, kOverlayCell)}).unsqueeze(0);
+    const torch::Tensor projection =
+        projection_tensor({crop_camera(dataset_.camera(camera), box, kOverlayCell)}).unsqueeze(0);
     const auto draw = [&](const torch::Tensor& vertices, const cv::Scalar& colour) {
       const torch::Tensor covered =
-          rasterizer_.coverage_projected(vertices.unsqueeze(0).contiguous(), projection, kOverlayCell, kOverlayCell).contiguous();
+          rasterizer_.coverage_projected(vertices.unsqueeze(0).contiguous(), projection, kOverlayCell, kOverlayCell)
+              .contiguous();
       draw_outline(image, cv::Mat(kOverlayCell, kOverlayCell, CV_8UC1, covered.data_ptr<std::uint8_t>()), colour);
     };
     draw(before, cv::Scalar(255, 160, 60));

@@ -13,7 +13,7 @@ std::vector<std::string> names_of(const std::vector<Marker>& landmarks) {
   return names;
 }
 
-/// The dataset's landmarks, or an error that says how to come by them.
+/// The dataset's landmarks. @throws UsageError that says how to get them
 const std::vector<Marker>& landmarks_of(const Dataset& dataset) {
   dataset.require_landmarks();
   return dataset.landmarks();

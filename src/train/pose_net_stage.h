@@ -14,7 +14,7 @@
 
 namespace doppel {
 
-/// Everything a run of the stage `posenet` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `posenet`; `docs/training.md` lists the keys.
 struct PoseNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
@@ -28,8 +28,8 @@ struct PoseNetRunConfig {
   static PoseNetRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains PoseNet (5.5) from the keypoints of many cameras: an image gives joint angles and the root's rotation,
-/// global alignment the place, and the landmarks are compared with their detections (5.6).
+/// Trains PoseNet (5.5) from the keypoints of many cameras. The network predicts joint angles and the root's rotation
+/// from an image; global alignment finds the position. The loss compares landmarks with their keypoints (5.6).
 class PoseNetStage : public CaptureStage {
  public:
   /// @param dataset, character must outlive the stage
@@ -44,7 +44,7 @@ class PoseNetStage : public CaptureStage {
 
   PoseNet& network() { return network_; }
   const PoseDofs& pose() const { return pose_; }
-  /// What the network makes of a batch.
+  /// The poses that the network predicts for a batch.
   CapturedPose capture(const Batch& batch);
 
  private:

@@ -7,7 +7,7 @@ namespace doppel {
 
 namespace {
 
-/// DoF units per radian: noise of one size in radians for joints whose weights differ.
+/// DoF units per radian, so that noise has the same size in radians for joints with different weights.
 torch::Tensor radians_to_dof(const Skeleton& skeleton) {
   torch::Tensor scale = torch::zeros({skeleton.num_dofs()});
   for (int d = 0; d < skeleton.num_dofs(); ++d) {

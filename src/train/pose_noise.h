@@ -7,11 +7,11 @@
 
 namespace doppel {
 
-/// Noise on the angles that a network sees, in radians. A few hundred frames show few poses; this keeps a network from
-/// learning them by heart.
+/// Gaussian noise on the input angles of a network, radians. A few hundred frames show few poses; noise keeps a network
+/// from overfitting to them.
 struct PoseNoiseOptions {
-  double pose = 0.0;   ///< one draw for all frames of the window: other poses, the same velocities
-  double input = 0.0;  ///< one draw for each frame: other velocities
+  double pose = 0.0;   ///< standard deviation of noise common to a motion window: changes poses, not velocities
+  double input = 0.0;  ///< standard deviation of noise of each frame: changes velocities too
 
   /// Keys `pose_noise` and `input_noise` of a section `data`.
   static PoseNoiseOptions read(const ConfigReader& data);
@@ -26,7 +26,7 @@ class PoseNoise {
 
  private:
   PoseNoiseOptions options_;
-  torch::Tensor radians_to_dof_;  ///< [D]; 0 for DoFs that turn nothing
+  torch::Tensor radians_to_dof_;  ///< [D]; 0 for DoFs that rotate no joint
 };
 
 }  // namespace doppel

@@ -9,13 +9,13 @@
 
 namespace doppel {
 
-/// A stretch of PoseNet's training with a learning rate and weights of its own (A.1.1).
+/// A phase of PoseNet's training with its own learning rate and weights (A.1.1).
 struct PosePhase {
   std::int64_t iterations = 120000;
   double learning_rate = 1e-5;
   double keypoints = 0.01;  ///< weight of the keypoint loss
-  double limits = 0.0;      ///< weight of the limits loss at first
-  /// Shares of the phase after which the limits count a tenth, and nothing any more.
+  double limits = 0.0;      ///< weight of the limits loss at the start
+  /// Shares of the phase after which the weight of the limits loss is a tenth, and 0.
   double limits_reduced_at = 1.0 / 3.0, limits_off_at = 0.5;
 
   /// @param progress of the phase, 0 to 1
@@ -27,12 +27,12 @@ class PosePhases {
  public:
   /// The three of the thesis.
   PosePhases();
-  /// Key `phases` of a configuration: a list of mappings with the keys above; without it, the thesis's.
+  /// Reads the key `phases`: a list of mappings with the keys above; without it, the phases of the thesis.
   /// @throws FileError at the key
   static PosePhases read(const ConfigReader& root);
 
-  std::int64_t iterations() const;  ///< of all
-  /// The learning rate over all of them.
+  std::int64_t iterations() const;  ///< of all phases
+  /// The learning rate over all phases.
   Schedule schedule() const;
 
   struct Place {

@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// Where the time of a training step goes: seconds by part, in the order the parts were first seen.
+/// Times of the parts of a training step, seconds, in the order in which the parts were first added.
 class Profile {
  public:
   void add(const std::string& part, double seconds) {
@@ -28,7 +28,7 @@ class Profile {
   std::vector<std::pair<std::string, double>> parts_;
 };
 
-/// Adds the time from its construction to its end to a part of a profile.
+/// Adds the time of its scope to a part of a profile.
 class ProfileScope {
  public:
   ProfileScope(Profile& profile, std::string part) : profile_(profile), part_(std::move(part)) {}

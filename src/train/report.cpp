@@ -8,8 +8,8 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/progress.h"
 #include "doppel/html/html_page.h"
-#include "doppel/train/metrics.h"
 #include "doppel/html/svg_chart.h"
+#include "doppel/train/metrics.h"
 
 namespace doppel {
 
@@ -38,7 +38,7 @@ ChartSeries curve(const std::string& name, const std::vector<MetricsRecord>& rec
 }
 
 std::string charts(const std::vector<MetricsRecord>& records) {
-  if (records.empty()) return "<p class=\"muted\">No steps are logged yet.</p>";
+  if (records.empty()) return "<p class=\"muted\">No steps have been logged yet.</p>";
   std::string out = "<div class=\"charts\">";
   std::vector<ChartSeries> loss = {curve("sum", records, [](const MetricsRecord& r) { return r.loss; })};
   for (std::size_t i = 0; i < records.front().terms.size(); ++i)
@@ -47,7 +47,7 @@ std::string charts(const std::vector<MetricsRecord>& records) {
   out += svg_chart("Loss, weighted terms", loss, true);
   for (std::size_t i = 0; i < records.front().terms.size(); ++i)
     out += svg_chart(
-        records.front().terms[i].name + ", before its weight",
+        records.front().terms[i].name + ", unweighted",
         {curve("raw", records, [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].raw : 0.0; })},
         true);
   out += svg_chart("Learning rate", {curve("rate", records, [](const MetricsRecord& r) { return r.learning_rate; })},
@@ -57,7 +57,7 @@ std::string charts(const std::vector<MetricsRecord>& records) {
   return out + "</div>";
 }
 
-/// Medians over the logged lines: a single slow line (a cold start, a busy machine) does not spoil them.
+/// Medians over the logged lines, so that single slow lines (a cold start, a busy machine) have no influence.
 std::string step_times(const std::vector<MetricsRecord>& records) {
   std::vector<std::pair<std::string, std::vector<double>>> parts;
   for (const MetricsRecord& record : records)
@@ -74,8 +74,7 @@ std::string step_times(const std::vector<MetricsRecord>& records) {
     total += medians.back().second;
   }
   if (total <= 0.0) return "";
-  std::string out =
-      "<h2>Where a step's time goes</h2><table><tr><th>part</th><th>ms per step</th><th>share</th><th></th></tr>";
+  std::string out = "<h2>Time of a step</h2><table><tr><th>part</th><th>ms per step</th><th>share</th><th></th></tr>";
   for (const auto& [name, time] : medians)
     out += fmt::format(
         "<tr><td>{}</td><td>{:.2f}</td><td>{:.0f} %</td><td style=\"text-align:left\"><span class=\"bar\" "
@@ -153,13 +152,13 @@ std::string summary(const std::vector<MetricsRecord>& records) {
                      format_duration(last.seconds), last.loss, records.front().loss);
 }
 
-/// What a run folder shows of its training: curves, times, images.
+/// The training part of a run's report: curves, times, images.
 std::string training(const RunFolder& run) {
   const auto records = read_metrics(run.metrics());
   return summary(records) + "<h2>Curves</h2>" + charts(records) + step_times(records) + images(run);
 }
 
-/// A whole page around `body`, written to the run's report.
+/// Writes a whole page around `body` to the run's report.
 void write_page(const RunFolder& run, const std::string& body) {
   const std::string name = fs::absolute(run.path()).lexically_normal().filename().string();
   std::string page = body;

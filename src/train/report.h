@@ -7,17 +7,16 @@
 
 namespace doppel {
 
-/// Writes `report.html` from what the run folder holds: loss and other curves (metrics.jsonl), where a step's time
-/// goes, the evaluation table (evaluation.json), images, configuration. One file without references to others; safe
-/// to call at any time.
+/// Writes `report.html` from the files of the run folder: curves (metrics.jsonl), times of the parts of a step, the
+/// evaluation table (evaluation.json), images, configuration. The file refers to no others. Safe to call at any time.
 void write_report(const RunFolder& run);
 
-/// A run folder shown as a part of the report of another.
+/// A run folder that the report of another run includes.
 struct ReportSection {
   std::string title;
   RunFolder run;
 };
-/// The same for a run made of several: its own evaluation and configuration, and of each part what it would show alone.
+/// The same for a run with several parts: its own evaluation and configuration, then the training of each part.
 void write_report(const RunFolder& run, const std::vector<ReportSection>& sections);
 
 }  // namespace doppel

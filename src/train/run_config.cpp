@@ -1,5 +1,7 @@
 #include "doppel/train/run_config.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample, std::int64_t seed) {
@@ -17,7 +19,7 @@ LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int 
 }
 
 LoaderOptions read_image_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample,
-                                          std::int64_t seed) {
+                                        std::int64_t seed) {
   LoaderOptions o = read_loader_options(data, batch_size, cameras_per_sample, seed);
   o.images = true;
   o.image_size = data.get("image_size", 0, at_least(0));
@@ -37,7 +39,7 @@ SilhouetteOptions read_silhouette_options(const ConfigReader& loss, const Silhou
   s.contour_radius = loss.get("contour_radius", s.contour_radius, at_least(1e-6));
   s.inset = loss.get("inset", s.inset, between(-50.0, 50.0));
   const std::vector<std::string> boundaries{"vertices", "outline"};
-  s.boundary = loss.choice("boundary", boundaries, boundaries[static_cast<std::size_t>(s.boundary)]) == "outline"
+  s.boundary = loss.choice("boundary", boundaries, boundaries[as_size(s.boundary)]) == "outline"
                    ? SilhouetteBoundary::outline
                    : SilhouetteBoundary::vertices;
   s.visible_only = loss.get("visible_only", s.visible_only);

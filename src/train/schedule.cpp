@@ -54,7 +54,7 @@ double Schedule::rate(std::int64_t step) const {
     case Kind::exponential:
       return learning_rate * std::pow(factor, done / static_cast<double>(interval));
     case Kind::pieces:
-      break;  // above: they need no warm-up
+      break;  // handled above, without warm-up
   }
   return learning_rate;
 }

@@ -7,20 +7,20 @@
 
 namespace doppel {
 
-/// The learning rate as a function of the step alone, so that it needs no state of its own.
+/// The learning rate as a function of the step; it has no state.
 ///
 /// After `warmup` steps of linear growth:
 /// - constant: the base rate (thesis A.2);
 /// - cosine: half a cosine from the base rate down to `final_ratio` of it at the last step;
 /// - step: times `factor` every `interval` steps;
 /// - exponential: times `factor` per `interval` steps, smoothly;
-/// - pieces: a rate of its own for each piece (no word in a configuration: PosePhases, HybridPlan).
+/// - pieces: a rate for each piece (not a word of a configuration; PosePhases and HybridPlan use it).
 struct Schedule {
   enum class Kind { constant, cosine, step, exponential, pieces };
   struct Piece {
-    std::int64_t end;  ///< steps done when it is over
+    std::int64_t end;  ///< steps done at its end
     double rate;
-    double final_ratio = 1.0;  ///< half a cosine from the rate down to this part of it
+    double final_ratio = 1.0;  ///< half a cosine from the rate down to this factor of it
   };
 
   Kind kind = Kind::constant;

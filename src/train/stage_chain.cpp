@@ -40,7 +40,7 @@ StageChain StageChain::read(const ConfigDocument& document) {
   return chain;
 }
 
-/// The stages of the chain and nothing else may have sections; the first must have one.
+/// Only the stages of the chain may have sections; the first must have one.
 void StageChain::read_sections(const ConfigReader& root) {
   std::vector<std::string> known = kSharedKeys;
   known.push_back("stage");
@@ -61,7 +61,8 @@ void StageChain::read_sections(const ConfigReader& root) {
                        meant ? "did you mean " + *meant + "?" : fmt::format("known are {}", fmt::join(known, ", ")));
     }
   if (!has(first))
-    root.fail_at_key(first, "a chain begins with this stage; it must be there (another run's: --set {}.run=RUN)", first);
+    root.fail_at_key(first, "a chain begins with this stage; add its section, or take another run's: --set {}.run=RUN",
+                     first);
 }
 
 void StageChain::read_section(const ConfigReader& root, const std::string& stage) {
@@ -93,7 +94,7 @@ fs::path StageChain::capture() const {
 void open_chain_folder(const fs::path& out, const std::string& text) {
   const fs::path config = RunFolder(out).config();
   if (fs::exists(out) && !fs::is_directory(out))
-    fail<UsageError>("--out {}: this is a file; a run needs a folder", out.string());
+    fail<UsageError>("--out {}: is a file; a run needs a folder", out.string());
   if (!fs::exists(config) && fs::exists(out) && !fs::is_empty(out))
     fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", out.string());
   if (fs::exists(config) && StageChain::read(ConfigDocument::load(config)).single())
@@ -112,13 +113,13 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
     if (!wanted || chain.borrowed(entry.name)) continue;
     for (const std::string& earlier : entry.after)
       if (CheckpointFolder(RunFolder(stage_folder(out, earlier)).checkpoints()).steps().empty())
-        fail("{} has no checkpoint of {} yet; train it first", out.string(), earlier);
+        fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set {}.run=RUN", out.string(),
+             earlier, earlier);
     const RunFolder folder(chain.single() ? out : out / entry.name);
     if (!chain.single()) log::info("stage {}", entry.name);
     const ConfigDocument document = chain.stage(entry.name);
     const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", entry.name);
-    summaries.push_back(
-        {entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode})});
+    summaries.push_back({entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode})});
     write_run_report(out);
     if (summaries.back().summary.reason == StopReason::interrupted) break;
   }

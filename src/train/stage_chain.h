@@ -10,27 +10,28 @@
 
 namespace doppel {
 
-/// A configuration and the stages it describes. `stage: egnet` or `stage: posenet` is one stage alone. `stage: ddc`,
-/// `stage: hybrid` and `stage: deepcap` are chains: `capture`, `seed` and `character` on top, and a section per stage,
-/// each with what a file of that stage alone would hold; a stage without a section is left out. A section with the one
-/// key `run: FOLDER` takes a stage that another run has trained; `ddc: FOLDER` on top of a hybrid takes all of a run's.
+/// A configuration and the stages it describes. `stage: egnet` and `stage: posenet` are single stages. `stage: ddc`,
+/// `stage: hybrid` and `stage: deepcap` are chains, with `capture`, `seed` and `character` at the top and one section
+/// per stage. A section has the keys of that stage's own configuration file; a stage without a section is left out. A
+/// section with the single key `run: FOLDER` borrows the stage from another run; `ddc: FOLDER` at the top of a hybrid
+/// borrows all stages of a run.
 class StageChain {
  public:
-  /// Reads all sections, so that a mistake in the last one shows before the first is trained.
+  /// Reads all sections, so that an error in the last one is reported before the first stage is trained.
   /// @throws FileError at the key
   static StageChain read(const ConfigDocument& document);
 
   const ConfigDocument& document() const { return document_; }
-  /// Whether the configuration is of one stage alone.
+  /// Whether the configuration describes a single stage.
   bool single() const { return single_; }
-  /// What `stage:` says.
+  /// The value of `stage:`.
   const std::string& name() const { return name_; }
   bool has(const std::string& stage) const { return sections_.count(stage) > 0; }
-  /// Whether another run has it.
+  /// Whether the stage is borrowed from another run.
   bool borrowed(const std::string& stage) const { return has(stage) && sections_.at(stage) == Section::borrowed; }
-  /// The configuration of one stage, as if it were alone in its file.
+  /// The configuration of one stage, as in a file of that stage alone.
   ConfigDocument stage(const std::string& stage) const;
-  /// The prepared folder, absolute.
+  /// The absolute path of the prepared capture.
   std::filesystem::path capture() const;
 
  private:
@@ -41,11 +42,11 @@ class StageChain {
   ConfigDocument document_;
   std::string name_;
   bool single_ = false;
-  std::map<std::string, Section> sections_;  ///< of the stages that are there
+  std::map<std::string, Section> sections_;  ///< of the stages in the configuration
 };
 
-/// Makes the folder that holds the stages of a chain: it must be new, empty, or a chain's already.
-/// @param config its configuration, written as `config.yaml` @throws UsageError for a folder that holds something else
+/// Makes the folder of a chain. It must be new, empty, or hold a chain already.
+/// @param config the configuration, written as `config.yaml` @throws UsageError for a folder with other content
 void open_chain_folder(const std::filesystem::path& out, const std::string& config);
 
 struct StageSummary {
@@ -54,18 +55,18 @@ struct StageSummary {
 };
 
 struct ChainOptions {
-  std::vector<std::string> stages;  ///< to train; empty: all the configuration has
+  std::vector<std::string> stages;  ///< stages to train; empty: all in the configuration
   RunMode mode = RunMode::automatic;
 };
 
-/// Trains the stages of a chain one after the other into `out`, each resumed where it stands; ends early when one is
-/// interrupted. Every stage has a run folder of its own; `out/report.html` shows them all.
+/// Trains the stages of a chain one after the other into `out`. Each stage is resumed if it was begun; an interrupted
+/// stage ends the chain. Every stage has its own run folder; `out/report.html` shows all stages.
 /// @param chain its document must name an absolute capture
-/// @throws UsageError for a stage that the configuration lacks, or that needs one which was not trained
+/// @throws UsageError for a stage that the configuration lacks, or whose earlier stages are not trained
 std::vector<StageSummary> train_stages(const StageChain& chain, const std::filesystem::path& out,
                                        const ChainOptions& options);
 
-/// Writes `run/report.html`: the stages that are there, and the evaluation. Safe to call at any time.
+/// Writes `run/report.html`: all trained stages, and the evaluation. Safe to call at any time.
 void write_run_report(const std::filesystem::path& run);
 
 }  // namespace doppel

@@ -11,30 +11,29 @@
 
 namespace doppel {
 
-/// A stage that is about to be trained.
+/// A stage to train.
 struct StageTask {
-  const ConfigDocument& document;  ///< of the stage, as if it were alone in its file
-  std::string resolved;            ///< the same as YAML, with every default
-  std::filesystem::path run;       ///< where the stages before it are found
-  const RunFolder& folder;         ///< its own
+  const ConfigDocument& document;  ///< of the stage, as in a file of that stage alone
+  std::string resolved;            ///< the same as YAML, with all defaults
+  std::filesystem::path run;       ///< the run with the earlier stages
+  const RunFolder& folder;         ///< the folder of this stage
   RunMode mode = RunMode::automatic;
 };
 
-/// One kind of stage. The files of a stage define its entry; `stage_table.cpp` lists the
-/// entries.
+/// One kind of stage. The files of a stage define its entry; `stage_table.cpp` lists all entries.
 struct StageEntry {
-  std::string name;                 ///< its section in a chain, its folder in a run
-  std::vector<std::string> chains;  ///< the words of `stage:` it belongs to; its own name: it may stand alone
-  std::vector<std::string> after;   ///< stages that must have been trained
+  std::string name;                 ///< its section in a chain and its folder in a run
+  std::vector<std::string> chains;  ///< the values of `stage:` that include it; its own name: it may be trained alone
+  std::vector<std::string> after;   ///< stages that must be trained before
 
-  /// Reads all options of the stage, for its errors alone. @throws FileError at the key
+  /// Reads all options of the stage to find errors. @throws FileError at the key
   void (*check_options)(const ConfigDocument& document);
   TrainSummary (*train)(const StageTask& task);
-  /// Adds what the stage's network is measured by to the rows of an evaluation; null: nothing.
+  /// Adds rows about the stage's network to an evaluation; null: none.
   void (*evaluate)(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) = nullptr;
 };
 
-/// Trains a stage that begins a chain: it needs the character alone.
+/// Trains a stage that begins a chain and needs only the character.
 template <typename StageType, typename Config>
 TrainSummary train_first(const StageTask& task) {
   const Config config = Config::read(task.document);
@@ -45,7 +44,7 @@ TrainSummary train_first(const StageTask& task) {
   return Trainer(stage, config.trainer, task.folder).run();
 }
 
-/// Trains a stage that builds on what was trained before it. @param trained a TrainedActor or a TrainedPose
+/// Trains a stage that builds on earlier stages. @param trained a TrainedActor or a TrainedPose
 template <typename StageType, typename Config, typename Trained>
 TrainSummary train_on(Trained trained, const StageTask& task) {
   const Dataset dataset = Dataset::open(trained.subject.capture);
@@ -55,7 +54,7 @@ TrainSummary train_on(Trained trained, const StageTask& task) {
   return Trainer(stage, config.trainer, task.folder).run();
 }
 
-/// Adds the row `static`, the template's texture unlit, unless an earlier stage did.
+/// Adds the row `static`, the static texture without lighting, unless an earlier stage added it.
 void evaluate_static_texture(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows);
 
 }  // namespace doppel

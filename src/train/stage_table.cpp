@@ -29,7 +29,7 @@ const StageEntry& stage_entry(const std::string& name) {
     names.push_back(entry.name);
   }
   const auto meant = nearest_word(name, names);
-  fail<UsageError>("there is no stage \"{}\"; there are {}{}", name, fmt::join(names, ", "),
+  fail<UsageError>("there is no stage \"{}\"; the stages are {}{}", name, fmt::join(names, ", "),
                    meant ? "; did you mean " + *meant + "?" : "");
 }
 

@@ -7,11 +7,11 @@
 
 namespace doppel {
 
-/// All stages, in the order they are trained in.
+/// All stages, in the order of training.
 const std::vector<StageEntry>& stage_table();
-/// @throws UsageError for a name that no stage has, with the nearest one
+/// @throws UsageError for an unknown name; the message suggests the nearest
 const StageEntry& stage_entry(const std::string& name);
-/// The words that `stage:` takes: chains, and stages that may stand alone.
+/// The valid values of `stage:`: chains, and stages that may be trained alone.
 std::vector<std::string> stage_words();
 
 }  // namespace doppel

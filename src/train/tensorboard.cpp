@@ -7,8 +7,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/crc32c.h"
+#include "doppel/core/error.h"
 #include "tensorboard.pb.h"
 
 namespace doppel {
@@ -17,7 +17,7 @@ namespace {
 
 double now() { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); }
 
-/// TensorFlow rotates and shifts the checksum, so that the checksum of data that hold checksums stays useful.
+/// TensorFlow's masked checksum: rotated and shifted, so that checksums of data that contain checksums remain useful.
 std::uint32_t masked_crc(const void* data, std::size_t size) {
   const std::uint32_t crc = crc32c(data, size);
   return ((crc >> 15) | (crc << 17)) + 0xa282ead8u;

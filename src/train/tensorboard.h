@@ -11,7 +11,7 @@
 namespace doppel {
 
 /// Appends to a TensorBoard event file `<folder>/events.out.tfevents.<time>.<host>.<process>`. A resumed run opens a
-/// new one, whose first record tells TensorBoard to forget what older files say about later steps.
+/// new file, whose first record tells TensorBoard to ignore later steps in older files.
 class TensorBoardWriter {
  public:
   TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step);

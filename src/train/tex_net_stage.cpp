@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "doppel/core/error.h"
 #include "doppel/actor/draw.h"
+#include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/train/image_sheet.h"
 
@@ -31,7 +31,8 @@ TexNetRunConfig TexNetRunConfig::read(const ConfigDocument& document) {
 }
 
 TexNetStage::TexNetStage(const Dataset& dataset, TrainedActor& actor, const TexNetRunConfig& config)
-    : CaptureStage(dataset, actor.character, with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
+    : CaptureStage(dataset, actor.character,
+                   with_past_frames(config.loader, std::max(actor.past_frames(), config.model.past_frames))),
       actor_(actor),
       config_(config),
       network_(make_tex_net(actor, config.model,
@@ -94,8 +95,8 @@ std::vector<ReportImage> TexNetStage::images() {
     }
     const std::string word = to_string(split);
     images.push_back({"texture-" + word,
-                        word + " split: photograph, static texture and its error, dynamic texture and its error",
-                        sheet.image()});
+                      word + " split: filmed image, static texture and its error, dynamic texture and its error",
+                      sheet.image()});
   }
   return images;
 }

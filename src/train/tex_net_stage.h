@@ -1,16 +1,16 @@
 #pragma once
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/losses/photometric.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
-#include "doppel/actor/trained_actor.h"
 #include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
 
-/// Everything a run of the stage `texnet` is made of; `docs/training.md` lists the keys.
+/// The configuration of the stage `texnet`; `docs/training.md` lists the keys.
 struct TexNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
@@ -24,8 +24,8 @@ struct TexNetRunConfig {
   static TexNetRunConfig read(const ConfigDocument& document);
 };
 
-/// Trains TexNet (6.8): a texture for the motion and for one camera, drawn without light on the finished geometry and
-/// compared with that camera's image (6.18).
+/// Trains TexNet (6.8): a dynamic texture for a motion window and a camera. The texture is drawn without lighting on
+/// the final geometry and compared with the camera's image (6.18).
 class TexNetStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage

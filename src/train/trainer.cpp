@@ -158,8 +158,7 @@ std::vector<MetricsRecord::Term> Trainer::evaluate(const LossTerms& terms) const
 void Trainer::check_gradients(double norm, const LossTerms& terms) {
   if (std::isfinite(norm)) return;
   const auto parameter = adam_.non_finite_gradient();
-  // Which term brought it: each alone, on the graph of a fresh pass, would need the batch again; their values tell
-  // enough.
+  // Finding the term at fault would need a new pass over the batch for each term. Their values are enough.
   std::string values;
   for (const LossTerm& term : terms)
     values += fmt::format("{}{} = {:.6g}", values.empty() ? "" : ", ", term.name, term.value.item<double>());
@@ -216,7 +215,7 @@ void Trainer::save_checkpoint() {
 void Trainer::save_evaluation_buffers(Checkpoint& checkpoint) {
   torch::NoGradGuard no_grad;
   torch::nn::Module& model = stage_.model();
-  Checkpoint present;  // the evaluation weights are put into the model itself for a moment
+  Checkpoint present;  // the evaluation weights temporarily replace those of the model
   for (const auto& item : model.named_parameters()) present.set_tensor(item.key(), item.value().clone());
   for (const auto& item : model.named_buffers())
     if (item.value().defined()) present.set_tensor(item.key(), item.value().clone());

@@ -5,10 +5,10 @@
 #include <memory>
 #include <string>
 
+#include "doppel/actor/run_folder.h"
 #include "doppel/core/config.h"
 #include "doppel/train/adam.h"
 #include "doppel/train/metrics.h"
-#include "doppel/actor/run_folder.h"
 #include "doppel/train/schedule.h"
 #include "doppel/train/stage.h"
 
@@ -27,12 +27,12 @@ struct TrainerOptions {
   int keep_last = 2;
   std::int64_t keep_every = 0;
   std::int64_t images_every = 0;  ///< 0: at the end only
-  double max_minutes = 0.0;         ///< of training over all sessions; 0: no limit
-  bool keep_start = false;  ///< a checkpoint before the first step too; no key, set by whoever starts from weights
+  double max_minutes = 0.0;       ///< of training over all sessions; 0: no limit
+  bool keep_start = false;        ///< write a checkpoint before the first step too; not a configuration key
 
   /// Reads the section `train`.
   static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);
-  /// The same for a stage whose steps and rates are stated elsewhere. @param source where, for the message
+  /// The same for a stage whose steps and rates are configured elsewhere. @param source the other keys, for messages
   /// @throws FileError at `iterations`, `learning_rate` or `schedule`
   static TrainerOptions read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
                                     const std::string& source);
@@ -49,17 +49,17 @@ struct TrainSummary {
   double loss = 0.0;            ///< of the last line of metrics
 };
 
-/// Trains one stage into a run folder and survives what happens on the way: a killed run that is started again ends
-/// with the same bits as one that never stopped (one process, same number of threads).
+/// Trains one stage into a run folder. A run that is killed and started again ends with the same bits as an unbroken
+/// run (one process, same number of threads).
 class Trainer {
  public:
-  /// @param run a folder that `RunFolder::open` made ready
+  /// @param run a folder opened with `RunFolder::open`
   Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run);
   ~Trainer();
 
   /// Resumes from the newest checkpoint, if there is one, and trains to the end, to the time limit or to Ctrl-C.
-  /// @throws Error when a loss term or a gradient is not finite: names stage, step, batch and term; the last checkpoint
-  /// stays
+  /// @throws Error when a loss term or a gradient is not finite; the message names stage, step, batch and term. The
+  /// last checkpoint is kept.
   TrainSummary run();
 
  private:

@@ -6,9 +6,9 @@
 #include <fstream>
 
 #include "capture/capture_fixture.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/capture/path_pattern.h"
+#include "doppel/core/atomic_file.h"
 #include "support/hostile_files.h"
 
 namespace doppel::capture_test {

@@ -6,13 +6,14 @@
 
 #include "capture/detector_fixture.h"
 #include "capture/keypoint_fixture.h"
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/capture/capture_layouts.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/data/loader.h"
 #include "doppel/capture/mask.h"
 #include "doppel/capture/store_layout.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
+#include "doppel/data/loader.h"
 #include "doppel/synth/synth.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"
@@ -212,7 +213,7 @@ TEST(EvidenceOfOneCamera, IsDescribedAsTheDocumentationSays) {
   const Dataset dataset = Dataset::open(options.out);
   for (int f = 0; f < motion.num_frames(); ++f) {
     const SampleId sample{0, 20 + f};
-    expect_cut_out(dataset.mask(sample, 0), masks[static_cast<std::size_t>(f)]);
+    expect_cut_out(dataset.mask(sample, 0), masks[as_size(f)]);
     expect_at(dataset.keypoints(sample, 0)[2], true_pixel(fixture, dataset.camera(0), "testing", f, 2), 0.02);
   }
 }

@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/keypoint_map.h"
+#include "doppel/core/error.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"

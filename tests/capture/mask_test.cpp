@@ -37,7 +37,7 @@ TEST(CropReference, BoxIsShiftedIntoTheImageOrCentredOverIt) {
 }
 
 TEST(CropReference, ProjectingIntoTheCropEqualsMappingThePixel) {
-  const Camera camera = test_capture::ring_camera(1, 3);
+  const PinholeCamera camera(test_capture::ring_camera(1, 3));
   const CropBox box{13, -7, 90};
   const Camera crop = crop_camera(camera, box, 64);
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.2, 1.0, 0.1), Eigen::Vector3d(-0.3, 1.7, 0.4)}) {

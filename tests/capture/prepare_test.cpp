@@ -13,12 +13,13 @@
 #include <set>
 
 #include "capture/capture_fixture.h"
+#include "doppel/capture/store.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
-#include "doppel/capture/store.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 
@@ -238,7 +239,7 @@ TEST(PrepareWithoutMotion, OneCameraWithItsOwnEmptyFrames) {
   EXPECT_EQ(report.cameras[0].empty_frames, 0);
   const Dataset dataset = Dataset::open(fixture.out());
   for (const long frame : {6L, 17L})
-    test_capture::expect_cut_out(dataset.mask({0, frame}, 0), masks[static_cast<std::size_t>(frame - 6)]);
+    test_capture::expect_cut_out(dataset.mask({0, frame}, 0), masks[as_size(frame - 6)]);
 }
 
 TEST(PrepareReference, FrameOffsetsShiftTheVideo) {

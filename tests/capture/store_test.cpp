@@ -6,6 +6,7 @@
 #include <fstream>
 #include <random>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
@@ -60,7 +61,7 @@ TEST(StoreRejects, MissingEmptyAndTruncated) {
   const fs::path file = folder / "store/data.mdb";
   const std::string valid = read_file(file);
   for (const double share : {0.0, 0.001, 0.02, 0.5, 0.9, 0.999}) {
-    support::write_bytes(file, valid.substr(0, static_cast<std::size_t>(share * static_cast<double>(valid.size()))));
+    support::write_bytes(file, valid.substr(0, as_size(share * static_cast<double>(valid.size()))));
     EXPECT_THROW(Store(folder / "store", Store::Mode::read), Error) << share;
   }
 }

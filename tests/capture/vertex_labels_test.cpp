@@ -7,6 +7,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/layers/surface.h"
@@ -37,29 +38,28 @@ Eigen::Vector3d middle(const std::vector<Eigen::Vector3d>& vertices) {
 cv::Mat draw(const Character& character, const std::vector<Eigen::Vector3d>& vertices, const Camera& camera) {
   torch::Tensor points = torch::empty({1, character.num_vertices(), 3});
   for (int i = 0; i < character.num_vertices(); ++i)
-    for (int k = 0; k < 3; ++k) points[0][i][k] = vertices[static_cast<std::size_t>(i)][k];
+    for (int k = 0; k < 3; ++k) points[0][i][k] = vertices[as_size(i)][k];
   Rasterizer rasterizer(RenderMesh(character.mesh).faces);
   const RasterImage& image =
-      rasterizer.rasterize_projected(points, projection_tensor({camera}).unsqueeze(0), camera.height, camera.width);
+      rasterizer.rasterize_projected(points, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
   const int* face = image.face_id.data_ptr<int>();
   const float* shares = image.barycentrics.data_ptr<float>();
   cv::Mat labels = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
   for (int i = 0; i < camera.height * camera.width; ++i) {
     if (face[i] < 0) continue;
     const auto corner = std::max_element(shares + 3 * i, shares + 3 * i + 3) - (shares + 3 * i);
-    const int vertex = character.mesh.faces[static_cast<std::size_t>(face[i])][static_cast<std::size_t>(corner)];
-    labels.data[i] = static_cast<std::uint8_t>(character.labels[static_cast<std::size_t>(vertex)]);
+    const int vertex = character.mesh.faces[as_size(face[i])][as_size(corner)];
+    labels.data[i] = static_cast<std::uint8_t>(character.labels[as_size(vertex)]);
   }
   return labels;
 }
 
 /// Neighbours of vertices with another label.
 std::vector<bool> borders(const Character& character) {
-  std::vector<bool> result(static_cast<std::size_t>(character.num_vertices()), false);
+  std::vector<bool> result(as_size(character.num_vertices()), false);
   const MeshTopology topology(character.mesh);
   for (const auto& [a, b] : topology.edges())
-    if (character.labels[static_cast<std::size_t>(a)] != character.labels[static_cast<std::size_t>(b)])
-      result[static_cast<std::size_t>(a)] = result[static_cast<std::size_t>(b)] = true;
+    if (character.labels[as_size(a)] != character.labels[as_size(b)]) result[as_size(a)] = result[as_size(b)] = true;
   return result;
 }
 
@@ -91,7 +91,7 @@ TEST(VertexLabels, AreRecoveredFromARingOfCameras) {
 TEST(VertexLabels, AreRecoveredInAnotherPose) {
   Labelled body;
   std::vector<double> dofs = body.character.rest_dofs;
-  dofs[static_cast<std::size_t>(*body.character.skeleton.find_dof("lean_2"))] += 0.5;
+  dofs[as_size(*body.character.skeleton.find_dof("lean_2"))] += 0.5;
   const torch::Tensor posed =
       CharacterSurface(body.character)->skinned(torch::tensor(dofs, torch::kFloat64).unsqueeze(0)).contiguous();
   for (std::size_t i = 0; i < body.vertices.size(); ++i)
@@ -194,7 +194,8 @@ TEST_F(LabelFiles, LegendsSayWhatIsWrong) {
 }
 
 TEST_F(LabelFiles, ImagesBelongToCameras) {
-  const std::vector<Camera> cameras = ring_of_cameras(3, 40, {0.0, 0.5, 0.0});
+  const auto ring = ring_of_cameras(3, 40, {0.0, 0.5, 0.0});
+  const std::vector<Camera> cameras(ring.begin(), ring.end());
   const auto complaint = [&] {
     return message_of<Error>([&] { read_label_views(folder_.path(), cameras, LabelLegend()); });
   };

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
@@ -125,7 +126,7 @@ void expect_same_motion(const Skeleton& skeleton, const Motion& motion, const st
     const auto found = clip.pose(clip.frames[f]);
     for (std::size_t b = 0; b < clip.joints.size(); ++b) {
       if (clip.joints[b].channels.empty()) continue;
-      const auto j = static_cast<std::size_t>(skeleton.joint_of_bone(clip.joints[b].name, BoneRule::exact));
+      const auto j = as_size(skeleton.joint_of_bone(clip.joints[b].name, BoneRule::exact));
       EXPECT_LT((found[b].translation() - expected[j].translation()).norm(), 1e-9) << clip.joints[b].name;
       EXPECT_LT((found[b].linear() * rest_pose[j].linear() - expected[j].linear()).norm(), 1e-9)
           << clip.joints[b].name << " frame " << f;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "doppel/character/pose_solver.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
@@ -42,8 +43,8 @@ std::vector<PoseGoal> goals_at(const std::vector<double>& dofs) {
   for (int i = 0; i < 5; ++i) {
     PoseGoal goal;
     goal.joint = test_character::segment_joint(i);
-    goal.position = world[static_cast<std::size_t>(goal.joint)].translation();
-    goal.rotation = world[static_cast<std::size_t>(goal.joint)].linear();
+    goal.position = world[as_size(goal.joint)].translation();
+    goal.rotation = world[as_size(goal.joint)].linear();
     goals.push_back(goal);
   }
   return goals;
@@ -58,15 +59,15 @@ TEST(PoseSolverRecovers, APoseFromItsJoints) {
   EXPECT_LT(solver.mean_distance(goals_at(wanted), dofs), 1e-3);
   const auto expected = actor().skeleton.pose(wanted), found = actor().skeleton.pose(dofs);
   for (int i = 0; i < 5; ++i) {
-    const auto j = static_cast<std::size_t>(test_character::segment_joint(i));
+    const auto j = as_size(test_character::segment_joint(i));
     EXPECT_LT((expected[j].linear() - found[j].linear()).norm(), 0.02) << "segment " << i;
   }
 }
 
 TEST(PoseSolverRecovers, NothingBeyondTheLimitsAndNothingThatIsFree) {
   std::vector<double> wanted = actor().rest_dofs;
-  const auto lean = static_cast<std::size_t>(*actor().skeleton.find_dof("lean_4"));
-  const auto idle = static_cast<std::size_t>(*actor().skeleton.find_dof("idle"));
+  const auto lean = as_size(*actor().skeleton.find_dof("lean_4"));
+  const auto idle = as_size(*actor().skeleton.find_dof("idle"));
   wanted[lean] = 1.4;  // the limit is 0.9
   std::vector<double> dofs = actor().rest_dofs;
   dofs[idle] = 0.123;
@@ -90,7 +91,7 @@ JointMap chain_map() {
 /// No bone changes its length: `stretch` rests.
 Motion swaying(int frames) {
   Motion motion;
-  const auto stretch = static_cast<std::size_t>(*actor().skeleton.find_dof("stretch"));
+  const auto stretch = as_size(*actor().skeleton.find_dof("stretch"));
   for (int f = 0; f < frames; ++f) {
     motion.frames.push_back(bent_pose(0.3 * std::sin(0.2 * f)));
     motion.frames.back()[stretch] = actor().rest_dofs[stretch];

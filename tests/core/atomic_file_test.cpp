@@ -8,6 +8,7 @@
 #include <fstream>
 #include <thread>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
@@ -18,7 +19,7 @@ namespace fs = std::filesystem;
 using support::TemporaryFolder;
 
 std::size_t files_in(const fs::path& folder) {
-  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+  return as_size(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
 }
 
 TEST(AtomicFileReference, WritesWhatItIsGivenAndNothingElse) {

@@ -15,8 +15,8 @@ using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using ::testing::Not;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 constexpr const char* kText =
@@ -217,10 +217,10 @@ TEST(NearestWord, FindsSlipsAndLeavesStrangersAlone) {
 
 TEST(ConfigReference, AKeyIsReadUnderTheNameItHadBefore) {
   const ConfigDocument document = ConfigDocument::parse("solver: {smallest_gain: 0.25}\n", "old.yaml");
-  const ConfigReader solver = document.root().section("solver");
+  const ConfigReader root = document.root(), solver = root.section("solver");
   solver.renamed("smallest_gain", "function_tolerance");
   EXPECT_EQ(solver.get<double>("function_tolerance"), 0.25);
-  document.root().finish();
+  root.finish();
   EXPECT_THAT(document.resolved(), AllOf(HasSubstr("function_tolerance: 0.25"), Not(HasSubstr("smallest_gain"))));
 }
 

@@ -1,4 +1,3 @@
-#include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
 
 #include <gtest/gtest.h>
@@ -7,8 +6,10 @@
 #include <set>
 
 #include "capture/capture_fixture.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
 
 namespace doppel::loader_test {
 namespace {
@@ -289,7 +290,7 @@ TEST(DatasetReference, NobodyBeyondTheImage) {
   const Dataset dataset = Dataset::open(fixture.out());
   const ImageCrop crop = dataset.image({0, 1}, 0);
   ASSERT_EQ(crop.pixels, 48);
-  const auto at = [&](int x, int y) { return static_cast<int>(crop.foreground[static_cast<std::size_t>(48 * y + x)]); };
+  const auto at = [&](int x, int y) { return static_cast<int>(crop.foreground[as_size(48 * y + x)]); };
   EXPECT_EQ(at(5, 10), 0);
   EXPECT_EQ(at(6, 10), 1);
   EXPECT_EQ(at(47, 35), 1);

@@ -144,7 +144,7 @@ TEST(PersonImages, OfOneWholeImage) {
   const PersonImage image = disc();
   cv::Mat bgr;
   cv::cvtColor(image.rgb, bgr, cv::COLOR_RGB2BGR);
-  Camera camera = ring_camera(0, 3);
+  PinholeCamera camera(ring_camera(0, 3));
   camera.width = 200;
   camera.height = 160;
   const PersonInput input = person_input(bgr, image.foreground, {}, camera, 48);

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/energy/evidence.h"
 #include "doppel/energy/pose_model.h"
 #include "support/ring_of_cameras.h"
@@ -38,7 +39,7 @@ inline Eigen::Vector3d middle_of(const Character& character) {
 }
 
 /// Exact keypoints of a pose, all seen.
-inline FrameEvidence keypoints_of(const PoseModel& model, const std::vector<Camera>& cameras,
+inline FrameEvidence keypoints_of(const PoseModel& model, const std::vector<PinholeCamera>& cameras,
                                   const std::vector<double>& dofs) {
   const PosedBody body = model.pose(dofs, false);
   FrameEvidence frame(cameras.size());
@@ -51,7 +52,7 @@ inline FrameEvidence keypoints_of(const PoseModel& model, const std::vector<Came
 }
 
 /// The mask of a posed surface, drawn face by face with 1/256 pixel.
-inline cv::Mat mask_of(const PoseModel& model, const Camera& camera, const std::vector<double>& dofs) {
+inline cv::Mat mask_of(const PoseModel& model, const PinholeCamera& camera, const std::vector<double>& dofs) {
   const PosedBody body = model.pose(dofs, false);
   cv::Mat mask = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
   for (const Triangle& face : model.character().mesh.faces) {
@@ -66,7 +67,7 @@ inline cv::Mat mask_of(const PoseModel& model, const Camera& camera, const std::
 }
 
 inline std::vector<int> all_dofs(const Character& character) {
-  std::vector<int> dofs(static_cast<std::size_t>(character.num_dofs()));
+  std::vector<int> dofs(as_size(character.num_dofs()));
   std::iota(dofs.begin(), dofs.end(), 0);
   return dofs;
 }
@@ -80,7 +81,7 @@ struct OutlineScene {
 
   Character character_ = make_test_character(4, 12, 20);
   PoseModel model_{character_, tube_landmarks(4), all_dofs(character_)};
-  std::vector<Camera> cameras_ = ring_of_cameras(2, 256, middle_of(character_));
+  std::vector<PinholeCamera> cameras_ = ring_of_cameras(2, 256, middle_of(character_));
   FrameEvidence frame_ = FrameEvidence(cameras_.size());
 };
 

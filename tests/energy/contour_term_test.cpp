@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "energy/term_check.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::contour_term_test {
 namespace {
@@ -56,7 +56,7 @@ TEST_F(ContourTermTest, PointsWithoutAPartnerHaveNoRow) {
 TEST(ContourTerm, PartnersFaceTheSameWay) {
   const Character character = make_test_character(4, 12, 20);
   const PoseModel model(character, {}, all_dofs(character));
-  const std::vector<Camera> cameras = ring_of_cameras(1, 256, middle_of(character));
+  const std::vector<PinholeCamera> cameras = ring_of_cameras(1, 256, middle_of(character));
   FrameEvidence frame(1);
   frame[0].outline = OutlineField(mask_of(model, cameras[0], character.rest_dofs), 200);
   const PosedBody body = model.pose(character.rest_dofs, false);
@@ -64,7 +64,8 @@ TEST(ContourTerm, PartnersFaceTheSameWay) {
   for (int v = 0; v < character.num_vertices(); ++v) all.push_back({0, v});
   std::vector<OutlineVertex> facing_left;
   for (const OutlineVertex& vertex : all)
-    if ((project_with_jacobian(cameras[0], model.vertex(body, vertex.vertex))->jacobian * model.normal(body, vertex.vertex))
+    if ((project_with_jacobian(cameras[0], model.vertex(body, vertex.vertex))->jacobian *
+         model.normal(body, vertex.vertex))
             .x() < 0)
       facing_left.push_back(vertex);
   const auto rows_with = [&](const std::vector<OutlineVertex>& vertices) {

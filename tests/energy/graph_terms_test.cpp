@@ -1,12 +1,13 @@
 #include <gtest/gtest.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/energy/terms/arap_term.h"
 #include "doppel/energy/terms/contour_term.h"
 #include "doppel/energy/terms/keypoint_term.h"
 #include "doppel/energy/terms/node_term.h"
 #include "doppel/energy/terms/silhouette_term.h"
-#include "energy/term_check.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 /// The terms of the surface fit, on a graph that is bent.
 namespace doppel::graph_terms_test {
@@ -21,7 +22,7 @@ class GraphTerms : public ::testing::Test {
         cameras_(ring_of_cameras(2, 256, middle_of(character_))),
         frame_(keypoints_of(PoseModel(character_, landmarks_, {}), cameras_, character_.rest_dofs)) {
     model_.set_pose(bent_pose(character_, 0.3));
-    for (std::size_t i = 0; i < static_cast<std::size_t>(model_.num_unknowns()); ++i)
+    for (std::size_t i = 0; i < as_size(model_.num_unknowns()); ++i)
       bent_.push_back((i % 6 < 3 ? 0.3 : 0.03) * std::sin(0.7 + 1.7 * static_cast<double>(i)));
     const PoseModel poses(character_, {}, {});
     for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -40,7 +41,7 @@ class GraphTerms : public ::testing::Test {
   Character character_;
   std::vector<Marker> landmarks_;
   GraphModel model_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   FrameEvidence frame_;
   std::vector<OutlineVertex> vertices_;
   std::vector<double> bent_;
@@ -67,10 +68,10 @@ TEST_F(GraphTerms, ArapMeasuresWhatNeighboursPredict) {
   std::vector<double> rigid = model_.undeformed();
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY()).toRotationMatrix();
   for (int k = 0; k < model_.num_nodes(); ++k) {
-    const Eigen::Vector3d node = model_.nodes()[static_cast<std::size_t>(k)];
+    const Eigen::Vector3d node = model_.nodes()[as_size(k)];
     const Eigen::Vector3d place = turn * node + Eigen::Vector3d(0.1, 0.2, 0.3) - node;
-    rigid[static_cast<std::size_t>(6 * k + 1)] = 0.4;
-    for (int i = 0; i < 3; ++i) rigid[static_cast<std::size_t>(6 * k + 3 + i)] = place[i];
+    rigid[as_size(6 * k + 1)] = 0.4;
+    for (int i = 0; i < 3; ++i) rigid[as_size(6 * k + 3 + i)] = place[i];
   }
   ArapTerm term(model_, 5.0);
   EXPECT_NEAR(support::frozen_rows<GraphModel>(term, model_, rigid).cost(), 0.0, 1e-20);

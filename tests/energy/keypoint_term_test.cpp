@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "energy/term_check.h"
+#include "doppel/core/as_size.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::keypoint_term_test {
 namespace {
@@ -24,7 +25,7 @@ class KeypointTermTest : public ::testing::Test {
 
   Character character_;
   PoseModel model_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   FrameEvidence frame_;
   RobustKernel kernel_{RobustKernel::Kind::geman_mcclure, 30.0};
 };
@@ -65,7 +66,7 @@ TEST_F(KeypointTermTest, JacobianThereWhereTheResidualIsZero) {
 TEST_F(KeypointTermTest, ALandmarkBehindACameraIsFarFromWhereItWasSeen) {
   std::vector<double> dofs = character_.rest_dofs;
   const Eigen::Vector3d beyond = 2.0 * (cameras_[0].centre() - middle_of(character_));
-  for (int i = 0; i < 3; ++i) dofs[static_cast<std::size_t>(i)] += beyond[i];
+  for (int i = 0; i < 3; ++i) dofs[as_size(i)] += beyond[i];
   const Residuals rows = rows_at(dofs);
   ASSERT_EQ(rows.num_rows(), 2 * 3 * model_.num_landmarks());
   EXPECT_EQ(rows.value(0), kBehindCamera);

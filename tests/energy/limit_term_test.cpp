@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "energy/term_check.h"
+#include "doppel/core/as_size.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::limit_term_test {
 namespace {
@@ -18,8 +19,8 @@ TEST(LimitTerm, IsABarrierOutsideOfTheLimitsOnly) {
   EXPECT_EQ(rows.num_rows(), 0);
 
   const int bend = *character.skeleton.find_dof("bend"), lean = *character.skeleton.find_dof("lean_2");
-  dofs[static_cast<std::size_t>(bend)] = 1.5;   // limits -1.2 .. 1.2, on joints with the weights 0.6 and -0.4
-  dofs[static_cast<std::size_t>(lean)] = -1.0;  // limits -0.8 .. 0.9
+  dofs[as_size(bend)] = 1.5;   // limits -1.2 .. 1.2, on joints with the weights 0.6 and -0.4
+  dofs[as_size(lean)] = -1.0;  // limits -0.8 .. 0.9
   term.evaluate(model, model.pose(dofs, true), true, rows);
   ASSERT_EQ(rows.num_rows(), 2);
   EXPECT_NEAR(rows.value(0), 0.3 * std::hypot(0.6, 0.4), 1e-12);

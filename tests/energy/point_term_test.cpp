@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "energy/term_check.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::point_term_test {
 namespace {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/layers/surface.h"
 #include "energy/body_fixture.h"
 
@@ -15,7 +16,7 @@ TEST(PoseModel, SkinsAsTheSurfaceLayerDoes) {
   const PoseModel model(character, tube_landmarks(kSegments), all_dofs(character));
   const std::vector<double> dofs = bent_pose(character, 0.3);
   torch::Tensor pose = torch::empty({1, character.num_dofs()});
-  for (int d = 0; d < character.num_dofs(); ++d) pose[0][d] = dofs[static_cast<std::size_t>(d)];
+  for (int d = 0; d < character.num_dofs(); ++d) pose[0][d] = dofs[as_size(d)];
   torch::NoGradGuard no_grad;
   const torch::Tensor expected = CharacterSurface(character)->skinned(pose)[0].contiguous();
   const PosedBody body = model.pose(dofs, false);
@@ -27,7 +28,7 @@ TEST(PoseModel, SkinsAsTheSurfaceLayerDoes) {
 /// Jacobian of points along random directions against central differences, by every unknown.
 template <typename Point, typename Jacobian>
 void check_jacobian(const PoseModel& model, const std::vector<double>& dofs, int count, const Point& point,
-                  const Jacobian& jacobian) {
+                    const Jacobian& jacobian) {
   const PosedBody body = model.pose(dofs, true);
   constexpr double kStep = 1e-6;
   const Eigen::Vector3d along(0.3, -1.2, 0.7);
@@ -109,8 +110,7 @@ TEST(RootRotation, ComesBackFromTheMatrixAndCountsWholeTurns) {
   const Eigen::Vector3d place(1.0, 2.0, -3.0);
   root->set_position(dofs, place);
   EXPECT_LT((root->position(dofs) - place).norm(), 1e-12);
-  EXPECT_LT((character.skeleton.pose(dofs)[static_cast<std::size_t>(root->joint())].translation() - place).norm(),
-            1e-12);
+  EXPECT_LT((character.skeleton.pose(dofs)[as_size(root->joint())].translation() - place).norm(), 1e-12);
 }
 
 TEST(PoseModel, ChoosesDofsThatTurnJointsAboveLandmarks) {
@@ -118,8 +118,7 @@ TEST(PoseModel, ChoosesDofsThatTurnJointsAboveLandmarks) {
   const Skeleton& skeleton = character.skeleton;
   std::vector<Marker> landmarks = tube_landmarks(3);  // on the root and two segments of four
   std::vector<std::string> names;
-  for (const int dof : observable_dofs(skeleton, landmarks))
-    names.push_back(skeleton.dofs[static_cast<std::size_t>(dof)].name);
+  for (const int dof : observable_dofs(skeleton, landmarks)) names.push_back(skeleton.dofs[as_size(dof)].name);
   const std::vector<std::string> expected{"translate_x", "translate_y", "translate_z", "rotate_y",
                                           "rotate_z",    "rotate_x",    "bend",        "lean_1",
                                           "flex_1",      "lean_2",      "flex_2",      "twist_2"};

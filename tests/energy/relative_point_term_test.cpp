@@ -1,7 +1,7 @@
 #include "doppel/energy/terms/relative_point_term.h"
 
-#include "energy/term_check.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::relative_point_term_test {
 namespace {

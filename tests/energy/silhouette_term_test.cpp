@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "energy/term_check.h"
 #include "energy/body_fixture.h"
+#include "energy/term_check.h"
 
 namespace doppel::silhouette_term_test {
 namespace {
@@ -54,7 +54,7 @@ TEST(SilhouetteTerm, GoesToTheSideThatTheNormalFaces) {
   cv::Mat mask = cv::Mat::zeros(64, 64, CV_8UC1);
   mask(cv::Rect(20, 5, 10, 50)).setTo(255);
   const OutlineField field(mask, 64, 0.0);
-  Camera camera;
+  PinholeCamera camera;
   camera.width = camera.height = 64;
   camera.K << 64, 0, 0, 0, 64, 0, 0, 0, 1;
   camera.t.z() = 1.0;  // a metre is 64 pixels

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/actor/trained_actor.h"
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -12,7 +13,6 @@
 #include "doppel/export/animation.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/egnet.h"
-#include "doppel/actor/trained_actor.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 

@@ -4,9 +4,10 @@
 
 #include <random>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "support/message_of.h"
 #include "energy/body_fixture.h"
+#include "support/message_of.h"
 
 namespace doppel::multiview_test {
 namespace {
@@ -27,8 +28,7 @@ class Multiview : public ::testing::Test {
   std::vector<double> truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
-      if (!model_.moves_root(dof))
-        dofs[static_cast<std::size_t>(dof)] += 0.15 * std::sin(0.3 * frame + 1.3 * static_cast<double>(dof));
+      if (!model_.moves_root(dof)) dofs[as_size(dof)] += 0.15 * std::sin(0.3 * frame + 1.3 * static_cast<double>(dof));
     dofs[0] += 0.15 * std::sin(0.2 * frame);
     dofs[3] += 2.0 * M_PI / 3.0 * frame / 24.0;  // a turn in 24 frames; the DoF counts three times
     return dofs;
@@ -57,7 +57,7 @@ class Multiview : public ::testing::Test {
   Character character_;
   std::vector<Marker> landmarks_;
   std::vector<int> dofs_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   PoseModel model_;
 };
 

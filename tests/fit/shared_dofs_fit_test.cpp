@@ -3,9 +3,10 @@
 #include <gmock/gmock.h>
 
 #include "doppel/character/dof_names.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "support/message_of.h"
 #include "energy/body_fixture.h"
+#include "support/message_of.h"
 
 namespace doppel::usual_fit_test {
 namespace {
@@ -32,10 +33,9 @@ class BentWrist : public ::testing::Test {
   std::vector<double> truth(int frame, double swing = 0.0) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int d : observable_dofs(character_.skeleton, landmarks_))
-      if (!model_.moves_root(d))
-        dofs[static_cast<std::size_t>(d)] += 0.15 * std::sin(0.9 * frame + 1.3 * static_cast<double>(d));
-    dofs[static_cast<std::size_t>(wrist_[0])] = kBend + swing * std::sin(0.7 * frame);
-    dofs[static_cast<std::size_t>(wrist_[1])] = kSide;
+      if (!model_.moves_root(d)) dofs[as_size(d)] += 0.15 * std::sin(0.9 * frame + 1.3 * static_cast<double>(d));
+    dofs[as_size(wrist_[0])] = kBend + swing * std::sin(0.7 * frame);
+    dofs[as_size(wrist_[1])] = kSide;
     dofs[3] += 0.1 * frame;
     return dofs;
   }
@@ -74,14 +74,14 @@ class BentWrist : public ::testing::Test {
   Character character_;
   std::vector<Marker> landmarks_;
   std::vector<int> wrist_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   PoseModel model_;
 };
 
 TEST_F(BentWrist, IsFoundFromTheOutlinesOfAllFrames) {
   std::vector<PosedEvidence> all = frames();
   for (PosedEvidence& frame : all)  // what the wrist was thought to be does not matter
-    for (const int dof : wrist_) frame.dofs[static_cast<std::size_t>(dof)] = -0.5;
+    for (const int dof : wrist_) frame.dofs[as_size(dof)] = -0.5;
   const std::vector<double> values = found(all);
   EXPECT_NEAR(values[0], kBend, 0.05);
   EXPECT_NEAR(values[1], kSide, 0.07) << "0.7 radians per unit";
@@ -116,7 +116,7 @@ TEST_F(BentWrist, WithoutMasksStaysInTheRestPose) {
     for (ViewEvidence& view : frame.seen) view.outline = {};
   const std::vector<double> values = found(blind);
   for (std::size_t i = 0; i < wrist_.size(); ++i)
-    EXPECT_NEAR(values[i], character_.rest_dofs[static_cast<std::size_t>(wrist_[i])], 1e-9);
+    EXPECT_NEAR(values[i], character_.rest_dofs[as_size(wrist_[i])], 1e-9);
 }
 
 }  // namespace

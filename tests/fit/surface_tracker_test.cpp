@@ -2,10 +2,11 @@
 
 #include <gmock/gmock.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/surface.h"
-#include "support/message_of.h"
 #include "energy/body_fixture.h"
+#include "support/message_of.h"
 
 namespace doppel::surface_tracker_test {
 namespace {
@@ -37,7 +38,7 @@ class SurfaceTracking : public ::testing::Test {
 
   Character character_;
   std::vector<Marker> landmarks_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   std::vector<double> dofs_;
 };
 
@@ -92,7 +93,7 @@ TEST_F(SurfaceTracking, BendsAsTheLayerDoes) {
   const std::vector<Eigen::Vector3d> found = deformed_vertices(model, model.pose(parameters, false));
   for (int v = 0; v < character_.num_vertices(); ++v) {
     const double* row = expected.data_ptr<double>() + 3 * v;
-    EXPECT_LT((found[static_cast<std::size_t>(v)] - Eigen::Vector3d(row[0], row[1], row[2])).norm(), 1e-9) << v;
+    EXPECT_LT((found[as_size(v)] - Eigen::Vector3d(row[0], row[1], row[2])).norm(), 1e-9) << v;
   }
 }
 

@@ -13,9 +13,12 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::map<std::string, int> kLevels = {
-    {"core", 0},   {"geometry", 1}, {"solver", 1}, {"html", 1},   {"character", 2}, {"layers", 3}, {"render", 3},
+    {"core", 0},    {"geometry", 1}, {"solver", 1}, {"html", 1},   {"character", 2}, {"layers", 3}, {"render", 3},
     {"capture", 4}, {"losses", 4},   {"nets", 4},   {"energy", 5}, {"synth", 5},     {"data", 5},   {"fit", 6},
-    {"actor", 6},  {"eval", 7},     {"train", 8},  {"track", 8},  {"export", 8},    {"tools", 9}};
+    {"actor", 6},   {"eval", 7},     {"train", 8},  {"track", 8},  {"export", 8},    {"tools", 9}};
+
+constexpr int kMaxFiles = 70;
+constexpr long kMaxLines = 7000;
 
 struct Include {
   std::string target;  // as written: "doppel/core/error.h"
@@ -39,7 +42,7 @@ std::vector<fs::path> sources(const fs::path& tree) {
   return found;
 }
 
-/// "src/doppel/core/error.h" -> "core"; "tools/main.cpp" -> "tools".
+/// "src/core/error.h" -> "core"; "tools/main.cpp" -> "tools".
 std::string module_of(const fs::path& file) {
   auto part = file.begin();
   if (*part == "tools") return "tools";
@@ -60,7 +63,9 @@ std::vector<Include> includes_of(const fs::path& path) {
   return includes;
 }
 
-std::string described(const std::string& module, int level) { return module + " (level " + std::to_string(level) + ")"; }
+std::string described(const std::string& module, int level) {
+  return module + " (level " + std::to_string(level) + ")";
+}
 
 /// What is wrong with an include of `target` (a path relative to the tree), or "".
 std::string fault_of_include(const std::string& module, const fs::path& target, const fs::path& tree) {
@@ -145,6 +150,25 @@ std::vector<Violation> check_includes(const fs::path& tree) {
     }
   }
   for (Violation& circle : CircleFinder(graph).find()) violations.push_back(std::move(circle));
+  return violations;
+}
+
+std::vector<Violation> check_sizes(const fs::path& tree) {
+  std::map<std::string, std::pair<int, long>> sizes;  // files and lines
+  for (const fs::path& file : sources(tree)) {
+    if (*file.begin() != "src") continue;
+    auto& [files, lines] = sizes[module_of(file)];
+    ++files;
+    std::ifstream text(tree / file);
+    for (std::string line; std::getline(text, line);) ++lines;
+  }
+  std::vector<Violation> violations;
+  for (const auto& [module, size] : sizes)
+    if (size.first > kMaxFiles || size.second > kMaxLines)
+      violations.push_back({fs::path("src") / module, 0,
+                            "has " + std::to_string(size.first) + " files and " + std::to_string(size.second) +
+                                " lines; at most " + std::to_string(kMaxFiles) + " and " + std::to_string(kMaxLines) +
+                                " are allowed: split the module"});
   return violations;
 }
 

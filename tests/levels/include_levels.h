@@ -17,9 +17,12 @@ struct Violation {
 };
 
 /// Reads every source and header in `tree`/src and `tree`/tools.
-/// Reports includes that go up, sideways (another module of the same level), to an unknown module, to a file that is not
-/// there, and headers with their sources that include each other in a circle.
+/// Reports includes that go up, sideways (another module of the same level), to an unknown module, to a file that is
+/// not there, and headers with their sources that include each other in a circle.
 std::vector<Violation> check_includes(const std::filesystem::path& tree);
+
+/// Reports modules of more than 70 files or 7,000 lines.
+std::vector<Violation> check_sizes(const std::filesystem::path& tree);
 
 /// How many files were looked at, so that a test of an empty tree cannot pass for a clean one.
 std::size_t count_sources(const std::filesystem::path& tree);

@@ -14,6 +14,7 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 class Tree {
  public:
@@ -22,6 +23,7 @@ class Tree {
     std::ofstream(folder_ / file) << content;
   }
   std::vector<Violation> check() const { return check_includes(folder_.path()); }
+  const fs::path& folder() const { return folder_.path(); }
 
  private:
   support::TemporaryFolder folder_;
@@ -46,6 +48,15 @@ Tree& with_good_files(Tree& tree) {
 TEST(LevelsReference, EveryIncludeOfThisTreeGoesDown) {
   EXPECT_GT(count_sources(DOPPEL_SOURCE_DIR), 20u) << "the tree was not found";
   EXPECT_EQ(all(check_includes(DOPPEL_SOURCE_DIR)), "");
+}
+
+TEST(LevelsReference, EveryModuleOfThisTreeIsSmall) { EXPECT_EQ(all(check_sizes(DOPPEL_SOURCE_DIR)), ""); }
+
+TEST(LevelsRejects, ModulesThatGrewTooLarge) {
+  Tree tree;
+  with_good_files(tree).add("src/core/long.cpp", std::string(7001, '\n'));
+  EXPECT_THAT(all(check_sizes(tree.folder())), AllOf(HasSubstr("src/core"), HasSubstr("split the module")));
+  EXPECT_THAT(all(check_sizes(tree.folder())), Not(HasSubstr("src/geometry")));
 }
 
 TEST(LevelsReference, AGoodTreeIsClean) {

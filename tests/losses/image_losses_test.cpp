@@ -25,8 +25,7 @@ struct Images {
   Tensor rendered, covered, target, mask;
 };
 
-Images images(int64_t B, int64_t C, int64_t H, int64_t W, uint64_t seed = 3,
-                  torch::ScalarType type = torch::kFloat64) {
+Images images(int64_t B, int64_t C, int64_t H, int64_t W, uint64_t seed = 3, torch::ScalarType type = torch::kFloat64) {
   auto generator = at::detail::createCPUGenerator(seed);
   Images p;
   const Tensor y = torch::arange(H, torch::kFloat64).view({H, 1}) - 0.5 * H,
@@ -275,8 +274,7 @@ TEST(ImageLossesRejects, ShapesAndTypes) {
     EXPECT_THAT(complaint([](Images& p) { p.target = p.target.slice(2, 0, 5); }), HasSubstr("target must be"));
     EXPECT_THAT(complaint([](Images& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("Double"));
     EXPECT_THAT(complaint([](Images& p) { p.mask = p.mask.to(torch::kFloat32); }), HasSubstr("target_mask must be"));
-    EXPECT_THAT(complaint([](Images& p) { p.covered = p.covered.slice(3, 0, 4); }),
-                HasSubstr("found Bool [1,2,6,4]"));
+    EXPECT_THAT(complaint([](Images& p) { p.covered = p.covered.slice(3, 0, 4); }), HasSubstr("found Bool [1,2,6,4]"));
     EXPECT_THAT(complaint([](Images& p) { p.covered = Tensor(); }), HasSubstr("an undefined tensor"));
   }
 }

@@ -101,7 +101,7 @@ TEST(ProjectionGradient, MatchesCentralDifferences) {
 }
 
 TEST(ProjectionAgrees, WithTheCameraClass) {
-  Camera camera;
+  PinholeCamera camera;
   camera.width = 640, camera.height = 480;
   camera.K << 500, 0, 320, 0, 510, 240, 0, 0, 1;
   camera.R << 0, 0, -1, 0, -1, 0, -1, 0, 0;

@@ -40,7 +40,7 @@ struct Scene {
     camera.K << 70, 0, 26, 0, 75, 22, 0, 0, 1;
     camera.R = Eigen::AngleAxisd(0.1, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
     camera.t = -camera.R * Eigen::Vector3d(0, 0, -away);
-    projection = projection_tensor({camera}, torch::kFloat64)[0];
+    projection = projection_tensor({PinholeCamera(camera)}, torch::kFloat64)[0];
   }
   Tensor batch() const { return vertices.to(torch::kFloat32).unsqueeze(0); }
   Tensor cameras() const { return projection.to(torch::kFloat32).view({1, 1, 3, 4}); }

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "doppel/core/as_size.h"
+
 /// Meshes for the tests of the rasterizer and of what is built on it.
 namespace doppel::test {
 
@@ -37,17 +39,15 @@ inline Mesh triangle_soup(std::mt19937& random, int num_faces) {
     if (kind == 3) a = vertex(-0.5f, 1), b = vertex(-0.5f, 1), c = vertex(-1, 1);      // behind
     if (kind == 4) a = vertex(0.002f, 0.5f), b = vertex(1, 1);                         // crosses the near plane
     if (kind == 5) {  // edge-on: in a plane through the camera
-      const std::size_t k = static_cast<std::size_t>(c);
+      const std::size_t k = as_size(c);
       for (std::size_t i = 0; i < 3; ++i) {
-        points[3 * k + i] =
-            0.8f * points[3 * static_cast<std::size_t>(a) + i] + 0.4f * points[3 * static_cast<std::size_t>(b) + i];
+        points[3 * k + i] = 0.8f * points[3 * as_size(a) + i] + 0.4f * points[3 * as_size(b) + i];
       }
     }
     if (kind >= 8) {  // small
       for (const std::int32_t i : {b, c}) {
         for (std::size_t k = 0; k < 3; ++k) {
-          points[3 * static_cast<std::size_t>(i) + k] =
-              points[3 * static_cast<std::size_t>(a) + k] + 0.02f * unit(random);
+          points[3 * as_size(i) + k] = points[3 * as_size(a) + k] + 0.02f * unit(random);
         }
       }
     }

@@ -11,11 +11,11 @@ namespace doppel {
 
 /// Cameras `c0`, `c1`, ... evenly around `target`, 3 m away and looking at it. @param size pixels of the square
 /// images
-inline std::vector<Camera> ring_of_cameras(int count, int size, const Eigen::Vector3d& target) {
-  std::vector<Camera> cameras;
+inline std::vector<PinholeCamera> ring_of_cameras(int count, int size, const Eigen::Vector3d& target) {
+  std::vector<PinholeCamera> cameras;
   for (int i = 0; i < count; ++i) {
     const double angle = 2.0 * M_PI * i / count + 0.3;
-    Camera camera;
+    PinholeCamera camera;
     camera.name = "c" + std::to_string(i);
     camera.width = camera.height = size;
     camera.K << 1.3 * size, 0, 0.5 * size, 0, 1.3 * size, 0.5 * size, 0, 0, 1;

@@ -6,9 +6,9 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "doppel/capture/prepare.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/npy.h"
-#include "doppel/capture/prepare.h"
 #include "doppel/geometry/calibration.h"
 #include "doppel/layers/surface.h"
 #include "doppel/render/projection.h"
@@ -33,7 +33,7 @@ struct SmallCaptureOptions {
 
 namespace small_capture {
 
-inline std::vector<Camera> make_cameras(const SmallCaptureOptions& o, const Eigen::Vector3d& target) {
+inline std::vector<PinholeCamera> make_cameras(const SmallCaptureOptions& o, const Eigen::Vector3d& target) {
   return ring_of_cameras(o.cameras, o.size, target);
 }
 
@@ -89,20 +89,21 @@ inline cv::Mat smooth_texture(int size) {
 }
 
 /// What the cameras see of a textured mesh. @param vertices [1,N,3] @return [C,H,W,3] BGR bytes, green where nothing is
-inline torch::Tensor textured_images(const Character& character, const std::vector<Camera>& cameras,
-                                       const torch::Tensor& vertices) {
+inline torch::Tensor textured_images(const Character& character, const std::vector<PinholeCamera>& cameras,
+                                     const torch::Tensor& vertices) {
   torch::NoGradGuard no_grad;
   const RenderMesh mesh(character.mesh);
   const auto light = true_light().expand({1, static_cast<std::int64_t>(cameras.size()), 3, 9}).contiguous();
-  const ShadedImage drawn = shade(vertices, texture_tensor(character.mesh), light,
-                                  projection_tensor(cameras).unsqueeze(0), mesh, cameras[0].height, cameras[0].width);
+  const ShadedImage drawn =
+      shade(vertices, texture_tensor(character.mesh), light, projection_tensor(cameras).unsqueeze(0),
+            mesh, cameras[0].height, cameras[0].width);
   const torch::Tensor green = torch::tensor({60.0f, 140.0f, 60.0f});
   const torch::Tensor bgr = drawn.colour[0].flip({3}).clamp(0, 1) * 255;
   return torch::where(drawn.mask[0].unsqueeze(3), bgr, green).round().to(torch::kUInt8).contiguous();
 }
 
 inline void write_images(const std::filesystem::path& folder, const Character& character,
-                         const std::vector<Camera>& cameras, const torch::Tensor& vertices) {
+                         const std::vector<PinholeCamera>& cameras, const torch::Tensor& vertices) {
   torch::Tensor faces = torch::empty({character.mesh.num_faces(), 3}, torch::kInt32);
   for (int f = 0; f < character.mesh.num_faces(); ++f)
     for (int k = 0; k < 3; ++k) faces[f][k] = character.mesh.faces[f][k];
@@ -149,7 +150,7 @@ inline std::filesystem::path make_small_capture(const std::filesystem::path& fol
   capture.root = folder;
   capture.character = std::filesystem::relative(write_character(folder / "character", character), folder).string();
   capture.calibration = "cameras.yml";
-  write_calibration(folder / capture.calibration, cameras);
+  write_calibration(folder / capture.calibration, {cameras.begin(), cameras.end()});
   for (const Split split : {Split::train, Split::test}) {
     const std::string name = split == Split::train ? "walk" : "dance";
     const int frames = split == Split::train ? o.train_frames : o.test_frames;

@@ -14,20 +14,21 @@
 #include <opencv2/videoio.hpp>
 #include <set>
 
+#include "doppel/capture/capture.h"
+#include "doppel/capture/joint_detections.h"
+#include "doppel/capture/keypoint_map.h"
 #include "doppel/character/landmarks.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
-#include "doppel/capture/capture.h"
-#include "doppel/capture/joint_detections.h"
-#include "doppel/capture/keypoint_map.h"
+#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/topology.h"
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/capture_writer.h"
 #include "doppel/synth/performance.h"
 #include "doppel/synth/studio.h"
-#include "doppel/geometry/calibration.h"
-#include "doppel/geometry/topology.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::synth {
@@ -81,7 +82,7 @@ TEST(SynthActor, HasAnAtlasWithoutOverlaps) {
   }
   // Every sample of the square lies in at most one triangle, and all triangles keep their orientation.
   const int size = 1500;
-  std::vector<std::uint8_t> hits(static_cast<std::size_t>(size) * size, 0);
+  std::vector<std::uint8_t> hits(as_size(size) * size, 0);
   double area = 0;
   for (const Triangle& f : mesh.face_uvs) {
     const Vector2d a = mesh.uvs[f[0]] * size, b = mesh.uvs[f[1]] * size, c = mesh.uvs[f[2]] * size;
@@ -93,7 +94,7 @@ TEST(SynthActor, HasAnAtlasWithoutOverlaps) {
       for (int x = static_cast<int>(low.x()); x <= static_cast<int>(high.x()); ++x) {
         const Vector2d p(x + 0.5003, y + 0.4997);
         if (cross(b - a, p - a) > 1e-7 && cross(c - b, p - b) > 1e-7 && cross(a - c, p - c) > 1e-7)
-          ++hits[static_cast<std::size_t>(y) * size + x];
+          ++hits[as_size(y) * size + x];
       }
   }
   EXPECT_EQ(std::count_if(hits.begin(), hits.end(), [](int n) { return n > 1; }), 0);
@@ -261,7 +262,7 @@ TEST(SynthClothing, HangsStillOnAStillBody) {
 /// How many of the 3 x 3 samples of each pixel some triangle covers, with no cleverness at all.
 cv::Mat brute_coverage(const Points& vertices, const std::vector<Triangle>& faces, const Camera& camera) {
   const int width = 3 * camera.width, height = 3 * camera.height;
-  std::vector<bool> covered(static_cast<std::size_t>(width) * height, false);
+  std::vector<bool> covered(as_size(width) * height, false);
   for (const Triangle& f : faces) {
     std::array<Vector2d, 3> p;
     for (int c = 0; c < 3; ++c) p[c] = 3 * camera.project(vertices[f[c]]);
@@ -272,12 +273,12 @@ cv::Mat brute_coverage(const Points& vertices, const std::vector<Triangle>& face
         const Vector2d s(x + 0.5, y + 0.5);
         bool inside = true;
         for (int c = 0; c < 3; ++c) inside = inside && cross(p[(c + 1) % 3] - p[c], s - p[c]) >= 0;
-        if (inside) covered[static_cast<std::size_t>(y) * width + x] = true;
+        if (inside) covered[as_size(y) * width + x] = true;
       }
   }
   cv::Mat count(camera.height, camera.width, CV_32S, cv::Scalar(0));
   for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) count.at<int>(y / 3, x / 3) += covered[static_cast<std::size_t>(y) * width + x];
+    for (int x = 0; x < width; ++x) count.at<int>(y / 3, x / 3) += covered[as_size(y) * width + x];
   return count;
 }
 
@@ -406,9 +407,9 @@ TEST_F(SynthCapture, JointsInSpaceAreNearTheLandmarks) {
   double sum = 0.0;
   int count = 0;
   for (const auto& [frame, joints] : found) {
-    const auto points = landmark_positions(character.skeleton, character.skeleton.markers,
-                                           motion.frames[static_cast<std::size_t>(frame)]);
-    const auto point = [&](std::size_t k) { return points[static_cast<std::size_t>(markers[k])]; };
+    const auto points =
+        landmark_positions(character.skeleton, character.skeleton.markers, motion.frames[as_size(frame)]);
+    const auto point = [&](std::size_t k) { return points[as_size(markers[k])]; };
     EXPECT_EQ(joints[8].position, Eigen::Vector3d(0, 0, 0)) << "the root";
     for (std::size_t k = 0; k < markers.size(); ++k) {
       EXPECT_EQ(joints[k].seen, markers[k] >= 0);
@@ -425,8 +426,8 @@ TEST_F(SynthCapture, MasksShowTheGroundTruth) {
   const NpyArray array = read_npy(root() / "ground_truth/testing/vertices.npy");
   const std::vector<double> values = array.as<double>();
   Points last;
-  for (std::size_t v = 0; v < static_cast<std::size_t>(report_.vertices); ++v) {
-    const double* p = &values[(2 * static_cast<std::size_t>(report_.vertices) + v) * 3];
+  for (std::size_t v = 0; v < as_size(report_.vertices); ++v) {
+    const double* p = &values[(2 * as_size(report_.vertices) + v) * 3];
     last.emplace_back(p[0], p[1], p[2]);
   }
   const Character character = load_character(root() / "character/actor.character");

@@ -11,6 +11,7 @@
 #include <random>
 #include <thread>
 
+#include "doppel/core/as_size.h"
 #include "doppel/train/metrics.h"
 #include "support/same_run.h"
 #include "support/temporary_folder.h"
@@ -47,7 +48,7 @@ int train(const fs::path& prepared, const fs::path& run, int kill_at, int delay 
   }
   int status = 0;
   while (waitpid(child, &status, WNOHANG) == 0) {
-    if (kill_at >= 0 && steps_logged(run) >= static_cast<std::size_t>(kill_at)) {
+    if (kill_at >= 0 && steps_logged(run) >= as_size(kill_at)) {
       std::this_thread::sleep_for(std::chrono::microseconds(delay));
       kill(child, SIGKILL);
       waitpid(child, &status, 0);

@@ -1,5 +1,4 @@
 #include "doppel/track/deepcap.h"
-#include "doppel/track/deepcap_tracker.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,9 +6,11 @@
 #include <opencv2/videoio.hpp>
 
 #include "doppel/character/landmarks.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/track/deepcap_tracker.h"
 #include "doppel/track/track_film.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
@@ -57,7 +58,7 @@ TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   const Motion motion = read_motion(*folder_ / "tracked/testing.motion", skeleton.num_dofs());
   ASSERT_EQ(motion.num_frames(), 4);
   const auto root_height = [&](int frame) {
-    return landmark_positions(skeleton, filmed->landmarks(), motion.frames[static_cast<std::size_t>(frame)])[0];
+    return landmark_positions(skeleton, filmed->landmarks(), motion.frames[as_size(frame)])[0];
   };
   // The place that was bridged lies between its neighbours'.
   EXPECT_LT((root_height(2) - 0.5 * (root_height(1) + root_height(3))).norm(),
@@ -115,7 +116,7 @@ TEST_F(Deepcap, Rejects) {
 
 TEST(TrackFilm, TheSideViewHasAPlainBackground) {
   const TemporaryFolder folder;
-  Camera camera;
+  PinholeCamera camera;
   camera.width = camera.height = 64;
   camera.K << 64, 0, 32, 0, 64, 32, 0, 0, 1;
   TriangleMesh triangle;
@@ -132,13 +133,13 @@ TEST(TrackFilm, TheSideViewHasAPlainBackground) {
 }
 
 TEST(TrackFilm, TheSideViewStandsAQuarterTurnAway) {
-  Camera camera;
+  PinholeCamera camera;
   camera.width = camera.height = 100;
   camera.K << 100, 0, 50, 0, 100, 50, 0, 0, 1;
   camera.R = Eigen::Vector3d(1, -1, -1).asDiagonal();
   camera.t = Eigen::Vector3d(0, 1, 3);
   const Eigen::Vector3d person(0.5, 1.0, 0.2);
-  const Camera side = turned_about(camera, person, M_PI / 2);
+  const PinholeCamera side = turned_about(camera, person, M_PI / 2);
   EXPECT_TRUE(side.faults().empty());
   const Eigen::Vector3d before = camera.centre() - person, after = side.centre() - person;
   EXPECT_NEAR(before.norm(), after.norm(), 1e-12);

@@ -4,8 +4,9 @@
 #include <fstream>
 
 #include "doppel/character/motion.h"
-#include "doppel/track/livecap/livecap_capture.h"
+#include "doppel/core/as_size.h"
 #include "doppel/energy/pose_model.h"
+#include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
@@ -28,11 +29,11 @@ class RealTracking : public support::SharedFolderTest {
   static std::vector<int> hand_vertices(const Character& character) {
     std::vector<int> vertices;
     for (int v = 0; v < character.num_vertices(); ++v) {
-      const auto first = static_cast<std::size_t>(character.skin.vertex_bones.offsets[static_cast<std::size_t>(v)]);
+      const auto first = as_size(character.skin.vertex_bones.offsets[as_size(v)]);
       const auto begin = character.skin.weights.begin() + static_cast<std::ptrdiff_t>(first);
       const auto largest = std::max_element(begin, begin + character.skin.vertex_bones.size(v));
-      const int bone = character.skin.vertex_bones.items[first + static_cast<std::size_t>(largest - begin)];
-      const auto joint = static_cast<std::size_t>(character.bone_joint[static_cast<std::size_t>(bone)]);
+      const int bone = character.skin.vertex_bones.items[first + as_size(largest - begin)];
+      const auto joint = as_size(character.bone_joint[as_size(bone)]);
       if (character.skeleton.joints[joint].name.find("Hand") != std::string::npos) vertices.push_back(v);
     }
     return vertices;

@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/character/dof_names.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "support/message_of.h"
@@ -31,7 +32,7 @@ TEST_F(TrackCapture, FindsTheMotionOfACaptureThatHasNone) {
   EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
   EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
   EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
-  EXPECT_EQ(walk["per_frame"].size(), static_cast<std::size_t>(kFrames));
+  EXPECT_EQ(walk["per_frame"].size(), as_size(kFrames));
   EXPECT_FALSE(walk.contains("against_given_motion"));
 
   const Motion motion = read_motion(options.out / "walk.motion", character_.num_dofs());
@@ -65,7 +66,7 @@ TEST_F(TrackCapture, WritesACaptureThatNamesTheMotion) {
   EXPECT_EQ(report["sequences"]["walk"]["against_given_motion"]["3DPCK"], 100.0);
 }
 
-TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
+TEST_F(TrackCapture, FitsSharedDofsBeforeItTracks) {
   TrackOptions options;
   options.out = root() / "tracked";
   options.config.smoothing = 0.0;
@@ -74,7 +75,7 @@ TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
   options.config.fit.shared_dofs.weight = 0.1;
   options.sheet_frames = 0;
   const auto report = to_json(track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options));
-  const std::size_t lean = static_cast<std::size_t>(find_dofs(character_.skeleton, "lean_3").at(0));
+  const std::size_t lean = as_size(find_dofs(character_.skeleton, "lean_3").at(0));
   double mean = 0.0;
   for (int frame = 0; frame < kFrames; ++frame) mean += truth(frame)[lean] / kFrames;
   ASSERT_EQ(report["usual"].size(), 1u);
@@ -85,7 +86,7 @@ TEST_F(TrackCapture, FindsUsualValuesBeforeItTracks) {
 
   options.config.shared_dofs = {"lean_9"};
   EXPECT_THAT(message_of<UsageError>([&] { track_capture(*Footage::open(root(), 128), options); }),
-              HasSubstr("`shared.dofs` names 'lean_9'"));
+              HasSubstr("`shared_dofs.dofs` names 'lean_9'"));
 }
 
 TEST_F(TrackCapture, SaysWhatIsWrong) {
@@ -125,7 +126,7 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
   const DofChoice choice{{"lean_1", "flex_*"}, {"lean_2"}, {"flex_2"}};
   std::vector<std::string> names;
   for (const int dof : chosen_dofs(choice, character_.skeleton, landmarks_))
-    names.push_back(character_.skeleton.dofs[static_cast<std::size_t>(dof)].name);
+    names.push_back(character_.skeleton.dofs[as_size(dof)].name);
   EXPECT_EQ(names, (std::vector<std::string>{"lean_1", "flex_1", "lean_2", "flex_3"}));
 }
 

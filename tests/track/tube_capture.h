@@ -8,9 +8,10 @@
 
 #include "doppel/character/landmarks.h"
 #include "doppel/character/motion.h"
+#include "doppel/core/as_size.h"
 #include "doppel/geometry/calibration.h"
-#include "support/temporary_folder.h"
 #include "energy/body_fixture.h"
+#include "support/temporary_folder.h"
 
 namespace doppel {
 
@@ -26,7 +27,7 @@ class TrackCapture : public ::testing::Test {
         dofs_(observable_dofs(character_.skeleton, landmarks_)),
         cameras_(ring_of_cameras(4, 192, middle_of(character_))),
         model_(character_, landmarks_, dofs_) {
-    write_calibration(root() / "cameras.yml", cameras_);
+    write_calibration(root() / "cameras.yml", {cameras_.begin(), cameras_.end()});
     character_file_ = write_character(root() / "character", character_);
     write_landmarks(root() / "landmarks.csv", character_, landmarks_);
     write_evidence();
@@ -42,8 +43,7 @@ class TrackCapture : public ::testing::Test {
   std::vector<double> truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
-      if (!model_.moves_root(dof))
-        dofs[static_cast<std::size_t>(dof)] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
+      if (!model_.moves_root(dof)) dofs[as_size(dof)] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
     dofs[0] += 0.02 * frame + (frame >= kCut ? 0.3 : 0.0);
     dofs[3] += frame >= kCut ? 0.9 : 0.0;
     return dofs;
@@ -53,7 +53,7 @@ class TrackCapture : public ::testing::Test {
     std::ofstream table(root() / "points.csv");
     table << "frame,camera,name,x,y,confidence\n";
     std::vector<std::ofstream> joints;
-    for (const Camera& camera : cameras_)
+    for (const PinholeCamera& camera : cameras_)
       joints.emplace_back(root() / ("joints_" + camera.name + ".csv")) << "frame,index,name,x_mm,y_mm,z_mm\n";
     for (int frame = 0; frame < kFrames; ++frame) {
       const FrameEvidence seen = keypoints_of(model_, cameras_, truth(frame));
@@ -70,17 +70,17 @@ class TrackCapture : public ::testing::Test {
   }
 
   /// In the camera's axes, from the first landmark.
-  void write_joints(std::ofstream& table, int frame, const Camera& camera) const {
+  void write_joints(std::ofstream& table, int frame, const PinholeCamera& camera) const {
     const PosedBody body = model_.pose(truth(frame), false);
     for (int m = 0; m < model_.num_landmarks(); ++m) {
       const Eigen::Vector3d way = 1e3 * camera.R * (model_.landmark(body, m) - model_.landmark(body, 0));
-      table << frame << ',' << m << ',' << landmarks_[static_cast<std::size_t>(m)].name << ',' << way.x() << ','
-            << way.y() << ',' << way.z() << '\n';
+      table << frame << ',' << m << ',' << landmarks_[as_size(m)].name << ',' << way.x() << ',' << way.y() << ','
+            << way.z() << '\n';
     }
   }
 
   double error(const Motion& motion, int frame) const {
-    const PosedBody a = model_.pose(motion.frames[static_cast<std::size_t>(frame)], false);
+    const PosedBody a = model_.pose(motion.frames[as_size(frame)], false);
     const PosedBody b = model_.pose(truth(frame), false);
     double worst = 0.0;
     for (int m = 0; m < model_.num_landmarks(); ++m)
@@ -93,7 +93,7 @@ class TrackCapture : public ::testing::Test {
   Character character_;
   std::vector<Marker> landmarks_;
   std::vector<int> dofs_;
-  std::vector<Camera> cameras_;
+  std::vector<PinholeCamera> cameras_;
   PoseModel model_;
 };
 

@@ -6,8 +6,8 @@
 #include <limits>
 #include <map>
 
-#include "doppel/core/error.h"
 #include "doppel/actor/checkpoint.h"
+#include "doppel/core/error.h"
 
 namespace doppel::adam_test {
 namespace {

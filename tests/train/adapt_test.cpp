@@ -5,10 +5,10 @@
 
 #include <map>
 
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/actor/stored_stage.h"
 #include "doppel/actor/trained_pose.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
 

@@ -7,8 +7,8 @@
 #include <random>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/crc32c.h"
+#include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 #include "train/toy_stage.h"
 

@@ -3,11 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/data/batch_builder.h"
+#include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/render/face_tensor.h"
-#include "doppel/actor/trained_actor.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 

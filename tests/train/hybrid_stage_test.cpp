@@ -5,9 +5,9 @@
 
 #include <set>
 
-#include "doppel/data/batch_builder.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/train/nerf_stage.h"
 #include "doppel/train/stage_chain.h"
 #include "support/message_of.h"
@@ -278,9 +278,8 @@ TEST_F(HybridTraining, AnOpenTemplateIsRefusedWithItsEdges) {
   TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   actor.character.mesh.faces.pop_back();
   const Dataset dataset = Dataset::open(prepared_);
-  EXPECT_THAT(
-      message_of([&] { HybridStage(dataset, actor, HybridRunConfig::read(chain().stage("radiance"))); }),
-      HasSubstr("edge"));
+  EXPECT_THAT(message_of([&] { HybridStage(dataset, actor, HybridRunConfig::read(chain().stage("radiance"))); }),
+              HasSubstr("edge"));
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/core/error.h"
 #include "doppel/actor/checkpoint.h"
+#include "doppel/actor/trained_pose.h"
+#include "doppel/core/error.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/stage_chain.h"
-#include "doppel/actor/trained_pose.h"
 #include "support/message_of.h"
 #include "support/small_pose_run.h"
 
@@ -110,7 +110,7 @@ TEST_F(PoseTraining, RunsBothStagesAndTheirLossesFall) {
   const auto metrics = read_metrics(RunFolder(*folder_ / "run/posenet").metrics());
   EXPECT_LT(metrics.back().loss, metrics.front().loss);
   EXPECT_DOUBLE_EQ(metrics.back().learning_rate, 1e-4);
-  for (const char* image : {"posenet/images/overlay-test.jpg", "defnet/images/overlay-test.jpg"})
+  for (const char* image : {"posenet/pictures/overlay-test.jpg", "defnet/pictures/overlay-test.jpg"})
     EXPECT_TRUE(fs::exists(*folder_ / "run" / image)) << image;
 }
 

@@ -6,8 +6,8 @@
 #include <regex>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/train/metrics.h"
 #include "doppel/html/svg_chart.h"
+#include "doppel/train/metrics.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::report_test {

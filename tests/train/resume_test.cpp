@@ -7,8 +7,8 @@
 #include <fstream>
 #include <random>
 
-#include "doppel/core/atomic_file.h"
 #include "doppel/actor/checkpoint.h"
+#include "doppel/core/atomic_file.h"
 #include "support/same_run.h"
 #include "support/temporary_folder.h"
 

@@ -1,20 +1,20 @@
 #include "doppel/train/stage_chain.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/train/stage_table.h"
-#include "doppel/actor/run_stages.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/lighting_stage.h"
+#include "doppel/train/stage_table.h"
 #include "doppel/train/tex_net_stage.h"
-#include "doppel/actor/trained_actor.h"
 #include "support/message_of.h"
 #include "support/same_run.h"
 #include "support/small_capture.h"

@@ -6,8 +6,8 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/crc32c.h"
+#include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::tensorboard_test {

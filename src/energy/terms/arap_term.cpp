@@ -1,6 +1,7 @@
 #include "doppel/energy/terms/arap_term.h"
 
 #include "doppel/character/rigidity.h"
+#include "doppel/core/as_size.h"
 
 namespace doppel {
 
@@ -8,16 +9,17 @@ ArapTerm::ArapTerm(const GraphModel& model, double weight) : weight_(weight) {
   const Character& character = model.character();
   const std::vector<double> rigidity = node_rigidity(character.rigidity, character.graph);
   for (const auto& [k, l] : character.graph.edges) {
-    const double u = 0.5 * (rigidity[static_cast<std::size_t>(k)] + rigidity[static_cast<std::size_t>(l)]);
+    const double u = 0.5 * (rigidity[as_size(k)] + rigidity[as_size(l)]);
     edges_.push_back({k, l, u});
     edges_.push_back({l, k, u});
   }
 }
 
-void ArapTerm::evaluate(const GraphModel& model, const DeformedGraph& graph, bool jacobian, BlockResiduals& rows) const {
+void ArapTerm::evaluate(const GraphModel& model, const DeformedGraph& graph, bool jacobian,
+                        BlockResiduals& rows) const {
   rows.reset(model.num_unknowns(), 3, {}, jacobian);
   for (const Edge& edge : edges_) {
-    const auto k = static_cast<std::size_t>(edge.from), l = static_cast<std::size_t>(edge.to);
+    const auto k = as_size(edge.from), l = as_size(edge.to);
     const Eigen::Index first = rows.add_group(weight_ * edge.rigidity / static_cast<double>(edges_.size()));
     const Eigen::Vector3d rest = model.nodes()[l] - model.nodes()[k];
     const Eigen::Vector3d error = graph.rotation[k] * rest + graph.place[k] - graph.place[l];

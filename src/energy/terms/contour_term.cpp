@@ -1,9 +1,11 @@
 #include "doppel/energy/terms/contour_term.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 template <typename Model>
-ContourTerm<Model>::ContourTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+ContourTerm<Model>::ContourTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                                 const std::vector<OutlineVertex>& vertices, int most, double farthest, double weight,
                                 const RobustKernel& kernel)
     : cameras_(cameras), views_(cameras.size()), farthest_(farthest), weight_(weight), kernel_(kernel) {
@@ -11,13 +13,12 @@ ContourTerm<Model>::ContourTerm(const std::vector<Camera>& cameras, const FrameE
     if (!frame[c].outline.empty()) views_[c].points = frame[c].outline.contour(most);
     views_[c].partner.resize(views_[c].points.size());
   }
-  for (const OutlineVertex& vertex : vertices)
-    views_[static_cast<std::size_t>(vertex.camera)].vertices.push_back(vertex.vertex);
+  for (const OutlineVertex& vertex : vertices) views_[as_size(vertex.camera)].vertices.push_back(vertex.vertex);
 }
 
 template <typename Model>
-void ContourTerm<Model>::choose_partners(const Model& model, const typename Model::State& body, const Camera& camera,
-                                         View& view) const {
+void ContourTerm<Model>::choose_partners(const Model& model, const typename Model::State& body,
+                                         const PinholeCamera& camera, View& view) const {
   struct Seen {
     Eigen::Vector2d pixel, facing;
     int vertex;
@@ -63,7 +64,7 @@ void ContourTerm<Model>::evaluate(const Model& model, const typename Model::Stat
       rows.value(row) = scale * point.normal.dot(projected->pixel - point.pixel);
       if (jacobian)
         model.add_vertex_jacobian(body, *view.partner[i], scale * projected->jacobian.transpose() * point.normal,
-                               rows.jacobian(row));
+                                  rows.jacobian(row));
     }
   }
 }

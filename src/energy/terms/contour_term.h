@@ -9,17 +9,18 @@
 
 namespace doppel {
 
-/// The outline of the mask belongs to the outline of the surface: the way back of `SilhouetteTerm`, for parts of the
-/// mask that no outline vertex is near. For each point c of the mask's outline, the nearest outline vertex that faces
-/// the same way is chosen before every step; the row is n^T (pi(v) - c), with n the outline's normal, in pixels of a
-/// image 1024 wide. Points without a vertex within `farthest` have no row. Each camera counts `weight`, shared by its
-/// points.
+/// Pulls the outline of the surface to points of the mask's outline: the reverse of `SilhouetteTerm`, for parts of the
+/// mask that are far from every outline vertex. Before each step, every point c of the mask's outline is paired with
+/// the nearest outline vertex that faces the same way. The residual is n^T (pi(v) - c), with n the normal of the mask's
+/// outline, in reference pixels (image 1024 wide). Points without a vertex within `farthest` have no residual. The
+/// points of a camera share `weight` equally.
 template <typename Model>
 class ContourTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion, @param frame what they saw; both must outlive the term
+  /// @param cameras without distortion @param frame [C]; both must outlive the term
   /// @param most points of a camera @param farthest reference pixels
-  ContourTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+  /// @param weight of each camera, per squared reference pixel @param kernel in reference pixels
+  ContourTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
               const std::vector<OutlineVertex>& vertices, int most, double farthest, double weight,
               const RobustKernel& kernel);
 
@@ -34,9 +35,10 @@ class ContourTerm : public Term<Model> {
     std::vector<int> vertices;
     std::vector<std::optional<int>> partner;  ///< [points] a vertex
   };
-  void choose_partners(const Model& model, const typename Model::State& body, const Camera& camera, View& view) const;
+  void choose_partners(const Model& model, const typename Model::State& body, const PinholeCamera& camera,
+                       View& view) const;
 
-  const std::vector<Camera>& cameras_;
+  const std::vector<PinholeCamera>& cameras_;
   std::vector<View> views_;  ///< [C]
   double farthest_, weight_;
   RobustKernel kernel_;

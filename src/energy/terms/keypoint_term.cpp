@@ -1,9 +1,11 @@
 #include "doppel/energy/terms/keypoint_term.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 template <typename Model>
-KeypointTerm<Model>::KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
+KeypointTerm<Model>::KeypointTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame, double weight,
                                   const RobustKernel& kernel, std::vector<double> landmark_weights)
     : cameras_(cameras),
       frame_(frame),
@@ -18,9 +20,9 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const double scale = reference_pixels(cameras_[c]);
     for (int m = 0; m < model.num_landmarks(); ++m) {
-      const Keypoint& keypoint = frame_[c].keypoints[static_cast<std::size_t>(m)];
+      const Keypoint& keypoint = frame_[c].keypoints[as_size(m)];
       if (!(keypoint.confidence >= kSeenConfidence)) continue;
-      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[static_cast<std::size_t>(m)];
+      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[as_size(m)];
       const Eigen::Index first = rows.add_group(weight_ * share * keypoint.confidence);
       const auto projected = project_with_jacobian(cameras_[c], model.landmark(body, m));
       if (!projected) {
@@ -31,7 +33,8 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
       for (int i = 0; i < 2; ++i) {
         rows.value(first + i) = error[i];
         if (jacobian)
-          model.add_landmark_jacobian(body, m, scale * projected->jacobian.row(i).transpose(), rows.jacobian(first + i));
+          model.add_landmark_jacobian(body, m, scale * projected->jacobian.row(i).transpose(),
+                                      rows.jacobian(first + i));
       }
     }
   }

@@ -7,16 +7,16 @@
 
 namespace doppel {
 
-/// Landmarks belong where detectors saw them: pi_c(p_m) - k_cm in every camera (4.3), in pixels of an image 1024 wide,
-/// weighted with the confidence, which counts as 0 below kSeenConfidence. A landmark behind a camera counts as
-/// kBehindCamera pixels away.
+/// Pulls projected landmarks to their keypoints: the residual is pi_c(p_m) - k_cm in every camera (4.3), in reference
+/// pixels (image 1024 wide), weighted by the confidence, which counts as 0 below kSeenConfidence. A landmark behind a
+/// camera has the residual kBehindCamera.
 template <typename Model>
 class KeypointTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion, @param frame what they saw; both must outlive the term
-  /// @param kernel in reference pixels
+  /// @param cameras without distortion @param frame [C]; both must outlive the term
+  /// @param weight per squared reference pixel @param kernel in reference pixels
   /// @param landmark_weights [M] lambda_i; none: 1 each
-  KeypointTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, double weight,
+  KeypointTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame, double weight,
                const RobustKernel& kernel, std::vector<double> landmark_weights = {});
 
   std::string name() const override { return "keypoints"; }
@@ -24,7 +24,7 @@ class KeypointTerm : public Term<Model> {
                 typename Model::Rows& rows) const override;
 
  private:
-  const std::vector<Camera>& cameras_;
+  const std::vector<PinholeCamera>& cameras_;
   const FrameEvidence& frame_;
   double weight_;
   RobustKernel kernel_;

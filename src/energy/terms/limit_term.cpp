@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 void LimitTerm::evaluate(const PoseModel& model, const PosedBody& body, bool jacobian, Residuals& rows) const {
@@ -9,9 +11,9 @@ void LimitTerm::evaluate(const PoseModel& model, const PosedBody& body, bool jac
   for (int u = 0; u < model.num_unknowns(); ++u) {
     const std::optional<int> dof = model.dof_of(u);
     if (!dof) continue;
-    const auto& limits = model.character().skeleton.dofs[static_cast<std::size_t>(*dof)].limits;
+    const auto& limits = model.character().skeleton.dofs[as_size(*dof)].limits;
     if (!limits) continue;
-    const double value = body.dofs[static_cast<std::size_t>(*dof)];
+    const double value = body.dofs[as_size(*dof)];
     const double beyond = value - std::clamp(value, (*limits)[0], (*limits)[1]);
     if (beyond == 0.0) continue;
     const Eigen::Index row = rows.add_group(weight_);

@@ -4,10 +4,11 @@
 
 namespace doppel {
 
-/// Joints bend as far as the skeleton says (the anatomic term of 4.5.4): how far a DoF lies beyond its limits, in
-/// radians (metres) of its joints. Within the limits there is no row.
+/// Keeps DoFs within the limits of the skeleton (the anatomic term of 4.5.4): the residual is how far a DoF exceeds its
+/// limits, in radians (metres) of its joints. Within the limits there is no residual.
 class LimitTerm : public PoseTerm {
  public:
+  /// @param weight per squared radian of rotations, per squared metre of translations
   explicit LimitTerm(double weight) : weight_(weight) {}
 
   std::string name() const override { return "limits"; }

@@ -7,15 +7,16 @@
 
 namespace doppel {
 
-/// Nodes stay near given parameters: those of the last frame (the temporal term), or none at all. The mean over nodes
-/// of the squared difference, metres; a radian counts as much as it moves the ends of the edges there are.
+/// Keeps nodes near given parameters: those of the last frame (temporal term), or zero. The energy is the mean over
+/// nodes of the squared difference, in metres. A radian counts as the mean length of an edge.
 class NodeTerm : public GraphTerm {
  public:
-  /// @param centre [6K]
+  /// @param centre [6K] @param weight per squared metre
   NodeTerm(std::string name, const GraphModel& model, std::vector<double> centre, double weight);
 
   std::string name() const override { return name_; }
-  void evaluate(const GraphModel& model, const DeformedGraph& graph, bool jacobian, BlockResiduals& rows) const override;
+  void evaluate(const GraphModel& model, const DeformedGraph& graph, bool jacobian,
+                BlockResiduals& rows) const override;
 
  private:
   std::string name_;

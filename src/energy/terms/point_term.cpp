@@ -12,7 +12,8 @@ void PointTerm::evaluate(const PoseModel& model, const PosedBody& body, bool jac
     const Eigen::Vector3d error = model.landmark(body, target.landmark) - target.point;
     for (int i = 0; i < 3; ++i) {
       rows.value(first + i) = error[i];
-      if (jacobian) model.add_landmark_jacobian(body, target.landmark, Eigen::Vector3d::Unit(i), rows.jacobian(first + i));
+      if (jacobian)
+        model.add_landmark_jacobian(body, target.landmark, Eigen::Vector3d::Unit(i), rows.jacobian(first + i));
     }
   }
 }

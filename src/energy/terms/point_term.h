@@ -8,8 +8,8 @@
 
 namespace doppel {
 
-/// Landmarks belong at given points of the world: p_m - q_m, in metres. With points of the last frame this is the
-/// temporal term (4.6), with triangulated ones it leads a first fit from afar.
+/// Pulls landmarks to given positions in the world: the residual is p_m - q_m, in metres. With the positions of the
+/// last frame this is the temporal term (4.6). With triangulated positions it initialises a fit far from the solution.
 class PointTerm : public PoseTerm {
  public:
   struct Target {
@@ -17,7 +17,7 @@ class PointTerm : public PoseTerm {
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
     double weight = 1.0;
   };
-  /// @param kernel in metres
+  /// @param weight per squared metre, times that of the target @param kernel in metres
   PointTerm(std::string name, std::vector<Target> targets, double weight, const RobustKernel& kernel = {});
 
   std::string name() const override { return name_; }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 PriorTerm::PriorTerm(std::string name, std::vector<double> centre, double weight)
@@ -15,7 +17,7 @@ void PriorTerm::evaluate(const PoseModel& model, const PosedBody& body, bool jac
   for (int u = 0; u < model.num_unknowns(); ++u) {
     const std::optional<int> dof = model.dof_of(u);
     if (!dof || model.moves_root(*dof)) continue;
-    const auto d = static_cast<std::size_t>(*dof);
+    const auto d = as_size(*dof);
     const Eigen::Index row = rows.add_group(weights_[d]);
     rows.value(row) = model.reach(*dof) * (body.dofs[d] - centre_[d]);
     if (jacobian) rows.jacobian(row)[u] = model.reach(*dof);

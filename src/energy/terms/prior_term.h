@@ -7,13 +7,13 @@
 
 namespace doppel {
 
-/// DoFs stay near a given pose unless something speaks for another value: their difference from it, in radians (metres)
-/// of their joints. The root is free: its translations and its turn have no row.
+/// Pulls DoFs to a given pose: the residual is their difference from it, in radians (metres) of their joints. The root
+/// is free: its translation and rotation have no residual.
 class PriorTerm : public PoseTerm {
  public:
-  /// @param centre [D]
+  /// @param centre [D] @param weight per squared radian of rotations, per squared metre of translations
   PriorTerm(std::string name, std::vector<double> centre, double weight);
-  /// @param weights [D] of each DoF
+  /// @param weights [D] of each DoF, in the same units
   PriorTerm(std::string name, std::vector<double> centre, std::vector<double> weights);
 
   std::string name() const override { return name_; }

@@ -22,7 +22,7 @@ void RelativePointTerm::evaluate(const PoseModel& model, const PosedBody& body, 
     middle += share * model.landmark(body, target.landmark);
     for (int axis = 0; jacobian && axis < 3; ++axis)
       model.add_landmark_jacobian(body, target.landmark, share * Eigen::Vector3d::Unit(axis),
-                               PoseModel::Row(mean.row(axis).data(), mean.cols()));
+                                  PoseModel::Row(mean.row(axis).data(), mean.cols()));
   }
   for (const PointTerm::Target& target : targets_) {
     const Eigen::Index first = rows.add_group(weight_ * target.weight);

@@ -6,11 +6,13 @@
 
 namespace doppel {
 
-/// Landmarks lie to each other as given points do (4.4): p_m - (q_m + t'), in metres, with the shift t' that fits best.
-/// As t' stands in no other term it need not be an unknown: it is the weighted mean of p_m - q_m, so that the rows are
-/// differences from the means of both sides and no shift of the points changes anything.
+/// Pulls landmarks to given points up to a common translation (4.4): the residual is p_m - (q_m + t'), in metres, with
+/// the best translation t'. As t' occurs in no other term, it need not be an unknown: it is the weighted mean of
+/// p_m - q_m. The residuals therefore compare differences from the two means, and a translation of all points changes
+/// nothing.
 class RelativePointTerm : public PoseTerm {
  public:
+  /// @param weight per squared metre, times that of the target
   RelativePointTerm(std::string name, std::vector<PointTerm::Target> targets, double weight);
 
   std::string name() const override { return name_; }
@@ -19,7 +21,7 @@ class RelativePointTerm : public PoseTerm {
  private:
   std::string name_;
   std::vector<PointTerm::Target> targets_;
-  double weight_, sum_ = 0.0;  ///< of the targets' weights
+  double weight_, sum_ = 0.0;  ///< the sum of the targets' weights
   Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
 };
 

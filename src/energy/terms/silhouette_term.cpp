@@ -2,10 +2,12 @@
 
 #include <cmath>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 template <typename Model>
-SilhouetteTerm<Model>::SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame,
+SilhouetteTerm<Model>::SilhouetteTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                                       std::vector<OutlineVertex> vertices, double weight, double inside,
                                       const RobustKernel& kernel)
     : cameras_(cameras),
@@ -15,9 +17,8 @@ SilhouetteTerm<Model>::SilhouetteTerm(const std::vector<Camera>& cameras, const 
       inside_(std::sqrt(inside)),
       kernel_(kernel) {
   std::vector<double> count(cameras.size(), 0.0);
-  for (const OutlineVertex& vertex : vertices_) ++count[static_cast<std::size_t>(vertex.camera)];
-  for (const OutlineVertex& vertex : vertices_)
-    weights_.push_back(weight / count[static_cast<std::size_t>(vertex.camera)]);
+  for (const OutlineVertex& vertex : vertices_) ++count[as_size(vertex.camera)];
+  for (const OutlineVertex& vertex : vertices_) weights_.push_back(weight / count[as_size(vertex.camera)]);
 }
 
 bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::Vector3d& normal,
@@ -28,13 +29,13 @@ bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::V
 
 template <typename Model>
 bool SilhouetteTerm<Model>::has_field(std::size_t i) const {
-  return !frame_[static_cast<std::size_t>(vertices_[i].camera)].outline.empty();
+  return !frame_[as_size(vertices_[i].camera)].outline.empty();
 }
 
 template <typename Model>
 typename SilhouetteTerm<Model>::Seen SilhouetteTerm<Model>::see(const Model& model, const typename Model::State& body,
                                                                 std::size_t i) const {
-  const auto c = static_cast<std::size_t>(vertices_[i].camera);
+  const auto c = as_size(vertices_[i].camera);
   Seen seen{model.skinned(body, vertices_[i].vertex), std::nullopt, {}};
   seen.projected = project_with_jacobian(cameras_[c], seen.vertex.place());
   if (seen.projected) seen.sample = frame_[c].outline.at(seen.projected->pixel);
@@ -47,8 +48,7 @@ void SilhouetteTerm<Model>::choose_side(const Model& model, const Seen& seen, st
   if (!seen.projected || !(seen.sample.distance < 0.0)) return;
   if (belongs_to_opposite_outline(*seen.projected, model.normal(seen.vertex), seen.sample))
     targets_[i] =
-        2.0 * reference_pixels(cameras_[static_cast<std::size_t>(vertices_[i].camera)]) * seen.sample.distance -
-        vertices_[i].distance;
+        2.0 * reference_pixels(cameras_[as_size(vertices_[i].camera)]) * seen.sample.distance - vertices_[i].distance;
 }
 
 template <typename Model>
@@ -60,11 +60,11 @@ void SilhouetteTerm<Model>::add_row(const Model& model, const typename Model::St
     return;
   }
   const double share = seen.sample.distance < 0.0 ? inside_ : 1.0;
-  const double scale = share * reference_pixels(cameras_[static_cast<std::size_t>(vertices_[i].camera)]);
+  const double scale = share * reference_pixels(cameras_[as_size(vertices_[i].camera)]);
   rows.value(row) = scale * seen.sample.distance - share * targets_[i];
   if (jacobian)
     model.add_vertex_jacobian(body, seen.vertex, scale * seen.projected->jacobian.transpose() * seen.sample.gradient,
-                           rows.jacobian(row));
+                              rows.jacobian(row));
 }
 
 template <typename Model>

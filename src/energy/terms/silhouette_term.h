@@ -11,25 +11,27 @@ namespace doppel {
 /// A vertex on the outline of the posed surface, as one camera sees it.
 struct OutlineVertex {
   int camera = 0, vertex = 0;
-  /// Where it lies to the outline that it stands for, pixels of an image 1024 wide, - inside: as vertices are not
-  /// dense, most lie a little within the outline of the surface, and are to lie as much within the outline of the mask.
+  /// Signed distance to the outline of the surface, reference pixels (image 1024 wide), - inside. As the mesh is not
+  /// dense, most outline vertices lie a little inside the surface's outline. They should lie as far inside the mask.
   double distance = 0.0;
 };
 
-/// The outline of the surface belongs on the outline of the mask (4.5): for each outline vertex the distance of its
-/// projection to the mask's outline, in pixels of an image 1024 wide. Each camera counts `weight`, shared by its
-/// vertices, so that a finer mesh does not count more.
+/// Pulls the outline of the surface to the outline of the mask (4.5): the residual of an outline vertex is the distance
+/// of its projection from the mask's outline, in reference pixels (image 1024 wide). The vertices of a camera share
+/// `weight` equally, so that a finer mesh does not count more.
 ///
-/// A vertex inside the mask whose normal points away from the nearest outline belongs to the opposite one (b = -1 in
-/// the thesis). Its residual stays |d| while its jacobian is negated: that is the residual
-/// d - 2 d0 with d0 the distance at the pose the step starts from, which is what a row here holds. So the cost falls
-/// along the step, and a damped solver can tell a good one.
+/// A vertex inside the mask whose normal points away from the nearest outline belongs to the opposite outline (b = -1
+/// in the thesis). The thesis keeps the residual |d| and negates its jacobian. The term uses the equivalent residual
+/// d - 2 d0, with d0 the distance at the start of the step. Its cost falls along the step, so that a damped solver can
+/// recognise a good step.
 template <typename Model>
 class SilhouetteTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion, @param frame what they saw; both must outlive the term
-  SilhouetteTerm(const std::vector<Camera>& cameras, const FrameEvidence& frame, std::vector<OutlineVertex> vertices,
-                 double weight, double inside, const RobustKernel& kernel);
+  /// @param cameras without distortion @param frame [C]; both must outlive the term
+  /// @param weight of each camera, per squared reference pixel @param inside factor of the weight inside the mask
+  /// @param kernel in reference pixels
+  SilhouetteTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
+                 std::vector<OutlineVertex> vertices, double weight, double inside, const RobustKernel& kernel);
 
   std::string name() const override { return "silhouette"; }
   void freeze(const Model& model, const typename Model::State& body) override;
@@ -38,7 +40,7 @@ class SilhouetteTerm : public Term<Model> {
   void linearise(const Model& model, const typename Model::State& body, typename Model::Rows& rows) override;
 
  private:
-  /// Where a vertex is, and the mask's outline from there. Not to be asked for without a field.
+  /// A vertex, its projection, and the distance field there. @pre has_field(i)
   struct Seen {
     typename Model::SkinnedVertex vertex;
     std::optional<ProjectedPoint> projected;
@@ -50,17 +52,17 @@ class SilhouetteTerm : public Term<Model> {
   void add_row(const Model& model, const typename Model::State& body, const Seen& seen, std::size_t i, bool jacobian,
                typename Model::Rows& rows) const;
 
-  const std::vector<Camera>& cameras_;
+  const std::vector<PinholeCamera>& cameras_;
   const FrameEvidence& frame_;
   std::vector<OutlineVertex> vertices_;
   std::vector<double> weights_;  ///< [vertices]
-  std::vector<double> targets_;  ///< [vertices] distance that the row is measured from, reference pixels
-  double inside_;                ///< what a row within the mask is multiplied with
+  std::vector<double> targets_;  ///< [vertices] distance for which the residual is 0, reference pixels
+  double inside_;                ///< factor of a residual inside the mask
   RobustKernel kernel_;
 };
 
-/// Whether a vertex inside the mask is drawn to the wrong side of the body: -1 in the thesis's b (4.5).
-/// @param normal of the vertex in the world, @param sample the mask's distance at its projection
+/// Whether the nearest outline of the mask belongs to the opposite side of the body: b = -1 in the thesis (4.5).
+/// @param normal of the vertex in the world @param sample the distance field at its projection
 bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::Vector3d& normal,
                                  const OutlineField::Sample& sample);
 

@@ -7,9 +7,9 @@
 
 namespace doppel {
 
-/// One part of an energy. A term fills in the rows of its residuals and their jacobian; weights, robust kernels and sums
-/// are the rows' affair. `Model` says what is unknown and where points of the body are: a `PoseModel` or a
-/// `GraphModel`; terms that ask only for vertices and landmarks serve both.
+/// One term of an energy. A term fills rows with its residuals and jacobians; the rows apply weights and robust kernels
+/// and sum up the cost. `Model` defines the unknowns and the positions of vertices and landmarks: a `PoseModel` or a
+/// `GraphModel`. Terms that use only vertices and landmarks serve both.
 template <typename Model>
 class Term {
  public:
@@ -18,11 +18,11 @@ class Term {
 
   virtual ~Term() = default;
   virtual std::string name() const = 0;
-  /// Called before every step, at the state that it starts from: chooses what stays constant during the step.
+  /// Called before every step, at the state that the step starts from. Chooses what stays constant during the step.
   virtual void freeze(const Model&, const State&) {}
-  /// @param jacobian whether the rows carry jacobian; then `state` was worked out with them
+  /// Fills `rows`. @param jacobian whether with jacobians; `state` must then have been computed with them
   virtual void evaluate(const Model& model, const State& state, bool jacobian, Rows& rows) const = 0;
-  /// `freeze`, then the rows with jacobian. A term that would work out the same twice does both in one go.
+  /// `freeze`, then `evaluate` with jacobians. A term overrides this function to share work between the two.
   virtual void linearise(const Model& model, const State& state, Rows& rows) {
     freeze(model, state);
     evaluate(model, state, true, rows);

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 namespace {
 
-constexpr double kShortest = 1e-6;  // metres: below, a bone has no direction
+constexpr double kShortest = 1e-6;  // metres; a shorter bone has no direction
 
 }  // namespace
 
@@ -20,13 +22,13 @@ LandmarkTree::LandmarkTree(const Skeleton& skeleton, const std::vector<Marker>& 
   };
   const auto to_root = [&](std::size_t m) {
     const Marker& landmark = landmarks[m];
-    return (rest[static_cast<std::size_t>(landmark.joint)] * landmark.position - rest.front().translation()).norm();
+    return (rest[as_size(landmark.joint)] * landmark.position - rest.front().translation()).norm();
   };
   for (std::size_t m = 1; m < landmarks.size(); ++m)
-    if (to_root(m) < to_root(static_cast<std::size_t>(root_))) root_ = static_cast<int>(m);
+    if (to_root(m) < to_root(as_size(root_))) root_ = static_cast<int>(m);
   std::vector<std::pair<int, int>> depth_of;  // (depth, landmark)
   for (std::size_t m = 0; m < landmarks.size(); ++m) {
-    const auto parent_joint = [&](int joint) { return skeleton.joints[static_cast<std::size_t>(joint)].parent; };
+    const auto parent_joint = [&](int joint) { return skeleton.joints[as_size(joint)].parent; };
     int depth = 0;
     for (int j = parent_joint(landmarks[m].joint); j >= 0; j = parent_joint(j), ++depth)
       if (parent_[m] < 0) parent_[m] = rides_on(j);
@@ -42,11 +44,11 @@ std::vector<std::optional<Eigen::Vector3d>> LandmarkTree::with_lengths_of(
     std::vector<std::optional<Eigen::Vector3d>> joints, const std::vector<Eigen::Vector3d>& body) const {
   const std::vector<std::optional<Eigen::Vector3d>> detected = joints;
   for (const int landmark : order_) {
-    const auto m = static_cast<std::size_t>(landmark);
+    const auto m = as_size(landmark);
     int above = parent_[m];
-    while (above >= 0 && !joints[static_cast<std::size_t>(above)]) above = parent_[static_cast<std::size_t>(above)];
+    while (above >= 0 && !joints[as_size(above)]) above = parent_[as_size(above)];
     if (above < 0 || !joints[m]) continue;
-    const auto a = static_cast<std::size_t>(above);
+    const auto a = as_size(above);
     const Eigen::Vector3d bone = *detected[m] - *detected[a];
     if (bone.norm() > kShortest) joints[m] = *joints[a] + (body[m] - body[a]).norm() / bone.norm() * bone;
   }

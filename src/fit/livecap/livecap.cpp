@@ -4,12 +4,12 @@
 #include <limits>
 #include <utility>
 
-#include "doppel/core/error.h"
-#include "doppel/energy/inliers.h"
-#include "doppel/energy/alignment.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
+#include "doppel/core/error.h"
+#include "doppel/energy/alignment.h"
 #include "doppel/energy/fit_problem.h"
-#include "doppel/fit/livecap/single_view_start.h"
+#include "doppel/energy/inliers.h"
 #include "doppel/energy/outline.h"
 #include "doppel/energy/terms/keypoint_term.h"
 #include "doppel/energy/terms/limit_term.h"
@@ -17,6 +17,7 @@
 #include "doppel/energy/terms/prior_term.h"
 #include "doppel/energy/terms/relative_point_term.h"
 #include "doppel/energy/terms/silhouette_term.h"
+#include "doppel/fit/livecap/single_view_start.h"
 #include "doppel/fit/thesis_units.h"
 
 namespace doppel {
@@ -31,7 +32,7 @@ void check(const LivecapOptions& options) {
   check_fit(options);
   check_not_negative("joint weight", options.joint_weight);
   if (options.keypoint_weight == 0.0 && options.joint_weight == 0.0)
-    fail("the keypoint weight and the joint weight of the fit are 0; without either nothing can be tracked");
+    fail("the keypoint weight and the joint weight of the fit are both 0; without either, nothing can be tracked");
 }
 
 RobustKernel kernel(double thesis_pixels) {
@@ -52,16 +53,16 @@ LivecapOptions::LivecapOptions() {
   limit_weight = 1e6;
   temporal_weight = 1.5;
   steady_weight = 3000.0;
-  prior_weight = 500.0;  // for DoFs that nothing else determines
+  prior_weight = 500.0;  // for DoFs that no other term determines
   outline_vertices = 300;
   solver.iterations = 6;
   solver.initial_damping = 1e-6;
   inlier_threshold = 21.0;
 }
 
-/// What the terms of one frame read.
+/// The input of the terms of one frame.
 struct LivecapTracker::Evidence {
-  FrameEvidence frame;  ///< of the one camera
+  FrameEvidence frame;  ///< [1]
   Points joints;        ///< [M] world axes, with the body's bone lengths
 };
 
@@ -71,7 +72,7 @@ struct LivecapTracker::Fit {
 };
 
 LivecapTracker::LivecapTracker(const Character& character, const std::vector<Marker>& landmarks,
-                               const std::vector<int>& dofs, const Camera& camera, const LivecapOptions& options)
+                               const std::vector<int>& dofs, const PinholeCamera& camera, const LivecapOptions& options)
     : model_(character, landmarks, dofs),
       cameras_{camera},
       options_(options),
@@ -88,7 +89,7 @@ LivecapTracker::LivecapTracker(const Character& character, const std::vector<Mar
          landmarks.size());
   if (!model_.root())
     fail(
-        "tracking from one camera needs a root that can be placed and turned freely; all of its six DoFs must be "
+        "tracking from one camera needs a root that translates and rotates freely; all of its six DoFs must be "
         "unknown");
   for (std::size_t m = 0; !options.faces && m < landmarks.size(); ++m)
     if (roles_.detection[m] < 1.0) roles_.detection[m] = 0.0;
@@ -124,7 +125,7 @@ FrameResult LivecapTracker::track(const LivecapInput& input) {
   if (!evidence.joints.empty())
     evidence.joints =
         tree_.with_lengths_of(std::move(evidence.joints), landmarks_of(model_, model_.pose(history_.last(), false)));
-  evidence.joints.resize(static_cast<std::size_t>(model_.num_landmarks()));
+  evidence.joints.resize(as_size(model_.num_landmarks()));
   FrameResult frame;
   frame.pose = track_pose(evidence);
   remember(frame.pose);
@@ -138,7 +139,7 @@ TrackedFrame LivecapTracker::track_pose(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();
   const Inliers inliers = count_inliers(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame,
-                                           reference_from_thesis(options_.inlier_threshold));
+                                        reference_from_thesis(options_.inlier_threshold));
   best.frame.keypoints = inliers.keypoints;
   if (inliers.keypoints < options_.min_keypoints) return best.frame;
   if (!history_.empty()) {
@@ -188,17 +189,17 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   return result;
 }
 
-/// A bend that makes the whole outline larger looks like a step towards the camera. If the pose were found with it, the
-/// two would trade places from frame to frame and nothing would hold the depth. So the pose is found with the bend less
-/// the step along the camera's ray that explains most of how the outline changed.
+/// Removes depth from the displacements before the pose is fitted. Displacements that enlarge the whole outline look
+/// like a motion towards the camera. With them, depth could drift between pose and displacements from frame to frame.
+/// The translation along the camera's ray that best explains the change of the outline is therefore subtracted.
 void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline) {
-  const Camera& camera = cameras_.front();
+  const PinholeCamera& camera = cameras_.front();
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const OutlineVertex& vertex : outline) middle += surface.vertices.col(vertex.vertex);
   const Eigen::Vector3d ray = (middle / static_cast<double>(outline.size()) - camera.centre()).normalized();
   double both = 0.0, own = 0.0;
   for (const OutlineVertex& vertex : outline) {
-    const auto v = static_cast<std::size_t>(vertex.vertex);
+    const auto v = as_size(vertex.vertex);
     const auto projected = project_with_jacobian(camera, surface.vertices.col(vertex.vertex));
     if (!projected) continue;
     const Eigen::RowVector3d across =
@@ -213,19 +214,19 @@ void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vec
   model_.set_rest_vertices(std::move(rest));
 }
 
-/// The outline of the surface as it was bent last, in a pose.
+/// The silhouette term of the surface with the displacements of the last frame, in a pose.
 std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& evidence, const std::vector<double>& dofs) {
   const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
   std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
   set_depth_aside(surface, outline);
   thin_out(outline, 0, options_.outline_vertices);
-  // The thesis's weight is that of a vertex; the term shares its own among them.
+  // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
   return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
                                                      kernel(options_.silhouette_scale));
 }
 
-/// @param expected where the last frames lead, or null
+/// @param expected the predicted pose, or null
 LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<double> start,
                                         const std::vector<double>* expected) {
   Terms all = terms(evidence, expected, options_.keypoint_weight);
@@ -238,7 +239,7 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   result.frame.reason = summary.reason;
   result.cost = summary.final_cost;
   const Inliers inliers = count_inliers(model_, model_.pose(start, false), cameras_, evidence.frame,
-                                           reference_from_thesis(options_.inlier_threshold));
+                                        reference_from_thesis(options_.inlier_threshold));
   result.frame.dofs = std::move(start);
   result.frame.keypoints = inliers.keypoints;
   result.frame.inlier_ratio = inliers.ratio;
@@ -249,9 +250,9 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   return result;
 }
 
-/// Of all poses to start from, the last one that was found among them, the one whose fit explains most of what was seen. As
-/// many keypoints must agree with it as a frame needs: where only some of a few do, the others may have led anywhere.
-/// Nothing but keypoints says where the body stands before an outline is near: they lead even where their weight is 0.
+/// Fits from several initial poses, the last found pose among them, and takes the result of lowest cost. It must have
+/// `min_keypoints` inliers: with fewer, outliers could decide the pose. Keypoints are used even where their weight is
+/// 0, because far from the outline nothing else determines the position of the body.
 LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();

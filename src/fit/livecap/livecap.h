@@ -1,10 +1,10 @@
 #pragma once
 
-/// The one-camera tracker (chapter 4): pose, and then surface, from what one camera sees, frame by frame.
+/// The one-camera tracker (chapter 4): the pose and then the surface of each frame, from one camera.
 ///
-/// A frame's pose starts where the last two lead to. Six Gauss-Newton steps fit keypoints, joints in space where a
-/// network gave some, and the outline (4.1-4.6). The surface then leaves the skeleton and follows outline and colours
-/// (4.7-4.15, `NonrigidStage`).
+/// The pose of a frame starts at the prediction from the last two frames. Six Gauss-Newton steps fit keypoints, 3D
+/// joints (where a network predicts them) and the outline (4.1-4.6). The vertices are then fitted to outline and
+/// colours, on top of the pose (4.7-4.15, `NonrigidStage`).
 
 #include <memory>
 #include <optional>
@@ -21,36 +21,37 @@
 
 namespace doppel {
 
-/// Weights are those of the thesis (4.8), in its units: millimetres, pixels of an image 540 wide, radians. A term of
-/// weight 0 is switched off. Landmarks are held where they were in the last frame, and outlines weigh by the vertex.
+/// Options of the one-camera tracker. Weights are those of the thesis (4.8), in its units: per squared millimetre, per
+/// squared pixel of an image 540 wide, per squared radian. A weight of 0 switches a term off. The temporal term pulls
+/// landmarks to their positions in the last frame. The silhouette's weight is that of one outline vertex.
 struct LivecapOptions : PoseFitOptions {
   LivecapOptions();
 
-  double joint_weight = 28.0;  ///< lambda_3D
-  bool faces = true;           ///< points of the face count 0.326; false: not at all
-  int start_iterations = 60;   ///< of a frame that starts from nothing
+  double joint_weight = 28.0;  ///< lambda_3D, per squared millimetre
+  bool faces = true;           ///< landmarks of the face have weight 0.326; false: weight 0
+  int start_iterations = 60;   ///< of a frame without a prediction
 
-  bool surface = true;  ///< the second stage; false: the skinned template
+  bool surface = true;  ///< run the second stage; false: the surface is the skinned template
   NonrigidOptions nonrigid;
 };
 
-/// What was seen of one instant.
+/// The evidence of one frame.
 struct LivecapInput {
   ViewEvidence view;
-  std::vector<std::optional<Eigen::Vector3d>> joints;  ///< [M] camera axes, from any origin, metres; or none
-  cv::Mat image;                                     ///< 8-bit BGR, without distortion; may be empty
+  std::vector<std::optional<Eigen::Vector3d>> joints;  ///< [M] camera axes, from any origin, metres; may be empty
+  cv::Mat image;                                       ///< 8-bit BGR, without distortion; may be empty
 };
 
 class LivecapTracker {
  public:
-  /// @param landmarks in the order of the keypoints; @param dofs to be found, the others keep the rest pose's values
+  /// @param landmarks in the order of the keypoints @param dofs to find; the others keep the values of the rest pose
   /// @param camera without distortion @param character must outlive the tracker
-  /// @throws Error for fewer than four landmarks, a root that cannot be turned freely, or options out of range
+  /// @throws Error for fewer than four landmarks, a root that cannot rotate freely, or options out of range
   LivecapTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
-                 const Camera& camera, const LivecapOptions& options = {});
+                 const PinholeCamera& camera, const LivecapOptions& options = {});
 
   FrameResult track(const LivecapInput& input);
-  /// The next frame does not follow from those before.
+  /// The next frame begins a new segment.
   void cut();
   /// Frames are missing before the next one. The person is the same and is `recovered` rather than `initialised`.
   void pause();
@@ -73,14 +74,14 @@ class LivecapTracker {
   void track_surface(const LivecapInput& input, FrameResult& frame);
 
   PoseModel model_;
-  std::vector<Camera> cameras_;  ///< the one
+  std::vector<PinholeCamera> cameras_;  ///< [1]
   LivecapOptions options_;
   SurfaceViewer viewer_;
   LandmarkRoles roles_;
   LandmarkTree tree_;
   std::vector<double> rigidity_;  ///< [M]
   PoseHistory history_;
-  std::vector<Eigen::Vector3d> rest_vertices_;  ///< [N] the template, bent as the last frame's surface was
+  std::vector<Eigen::Vector3d> rest_vertices_;  ///< [N] the template with the displacements of the last frame
   NonrigidStage surface_;
 };
 

@@ -13,7 +13,7 @@ void read_photometric(const ConfigReader& reader, NonrigidOptions& surface) {
   for (const int size : surface.blur_kernels)
     if (size < 1 || size > 255 || size % 2 == 0)
       reader.fail_at_key("kernels", "a kernel is {} pixels; it must be odd, 1 to 255", size);
-  if (surface.blur_kernels.empty()) reader.fail_at_key("kernels", "there is no kernel; one step is taken for each");
+  if (surface.blur_kernels.empty()) reader.fail_at_key("kernels", "the list of kernels is empty; each gives a step");
 }
 
 void read_surface(const ConfigReader& reader, LivecapOptions& fit) {

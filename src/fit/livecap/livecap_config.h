@@ -6,12 +6,12 @@
 
 namespace doppel {
 
-/// How a person is tracked with one camera: what `configs/track/livecap.yaml` holds.
+/// The configuration of the one-camera tracker, `configs/track/livecap.yaml`.
 struct LivecapConfig {
   LivecapOptions fit;
   DofChoice dofs;
   double smoothing = 0.0;  ///< sigma of the Gaussian over the poses, frames; 0: none
-  bool filter = true;      ///< averages the vertices with those of the frames before and after, 0.15 0.7 0.15 (4.8)
+  bool filter = true;      ///< average the vertices with those of the adjacent frames, weights 0.15 0.7 0.15 (4.8)
 };
 
 /// Every key may be missing. @throws FileError for unknown keys and impossible values

@@ -13,7 +13,7 @@ using Eigen::Vector3d;
 using Points = std::vector<std::optional<Vector3d>>;
 
 constexpr int kMinStartPoints = 4;
-constexpr double kNearest = 0.3;  // metres in front of the camera that a body may stand
+constexpr double kNearest = 0.3;  // metres: smallest distance of a body from the camera
 constexpr int kSides = 4;
 
 Points landmarks_of(const PoseModel& model, const std::vector<double>& dofs) {
@@ -25,7 +25,7 @@ Points landmarks_of(const PoseModel& model, const std::vector<double>& dofs) {
 
 }  // namespace
 
-std::optional<Vector3d> shift_onto_rays(const Camera& camera, const std::vector<Keypoint>& keypoints,
+std::optional<Vector3d> shift_onto_rays(const PinholeCamera& camera, const std::vector<Keypoint>& keypoints,
                                         const Points& points) {
   const Vector3d centre = camera.centre();
   const Matrix3d ray_of_pixel = camera.R.transpose() * camera.K.inverse();
@@ -49,7 +49,7 @@ std::optional<Vector3d> shift_onto_rays(const Camera& camera, const std::vector<
   return shift;
 }
 
-std::vector<std::vector<double>> single_view_starts(const PoseModel& model, const Camera& camera,
+std::vector<std::vector<double>> single_view_starts(const PoseModel& model, const PinholeCamera& camera,
                                                     const std::vector<Keypoint>& keypoints, const Points& joints,
                                                     const std::vector<double>& rigidity,
                                                     const std::vector<double>& rest) {

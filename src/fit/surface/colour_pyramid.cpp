@@ -3,6 +3,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const std::vector<int>& kernels)
@@ -18,7 +20,7 @@ ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const
 }
 
 bool ColourPyramid::at(int level, const Eigen::Vector2d& pixel, Sample& sample) const {
-  const cv::Mat& image = levels_[static_cast<std::size_t>(level)];
+  const cv::Mat& image = levels_[as_size(level)];
   const double x = pixel.x() - window_.x - 0.5, y = pixel.y() - window_.y - 0.5;
   if (!(x >= 0.0 && y >= 0.0 && x < image.cols - 1 && y < image.rows - 1)) return false;
   const int column = static_cast<int>(x), row = static_cast<int>(y);

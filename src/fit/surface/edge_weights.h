@@ -6,8 +6,8 @@
 
 namespace doppel {
 
-/// How much each edge of a mesh counts in (4.12) and (4.13). The sums there run over the neighbours of every vertex and
-/// meet each edge twice: s_ij / |N_i| + s_ij / |N_j|, with s_ij = (s_i + s_j) / 2 of the materials (Table 4.1).
+/// The weight of each edge in (4.12) and (4.13). Their sums run over the neighbours of every vertex and contain each
+/// edge twice: s_ij / |N_i| + s_ij / |N_j|, with s_ij = (s_i + s_j) / 2 of the materials (Table 4.1).
 /// @param rigidity [N] s_i @return [edges]
 std::vector<double> edge_weights(const MeshTopology& topology, const std::vector<double>& rigidity);
 

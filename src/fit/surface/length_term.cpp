@@ -1,5 +1,7 @@
 #include "doppel/fit/surface/length_term.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 LengthTerm::LengthTerm(const std::vector<Link>& edges, const std::vector<double>& edge_weights,
@@ -7,8 +9,8 @@ LengthTerm::LengthTerm(const std::vector<Link>& edges, const std::vector<double>
     : edges_(edges), edge_weights_(edge_weights), rest_lengths_(rest_lengths), weight_(weight) {}
 
 PointRows LengthTerm::rows(int edge, const SurfacePoints& vertices) const {
-  constexpr double kShortest = 1e-9;  // metres: below there is no direction
-  const auto e = static_cast<std::size_t>(edge);
+  constexpr double kShortest = 1e-9;  // metres; a shorter edge has no direction
+  const auto e = as_size(edge);
   const auto [a, b] = edges_[e];
   const Eigen::Vector3d difference = vertices.col(a) - vertices.col(b);
   const double length = difference.norm();

@@ -6,8 +6,8 @@
 
 namespace doppel {
 
-/// Edges keep the length they have in the template (4.13): |V_i - V_j| - |V^_i - V^_j|, metres. Cloth bends more easily
-/// than it stretches.
+/// Keeps the lengths of edges in the template (4.13): the residual is |V_i - V_j| - |V^_i - V^_j|, metres. Cloth bends
+/// more easily than it stretches.
 class LengthTerm : public SurfaceTerm {
  public:
   /// @param edges, edge_weights, rest_lengths (metres) of the mesh; all must outlive the term
@@ -17,7 +17,7 @@ class LengthTerm : public SurfaceTerm {
 
   std::string name() const override { return "length"; }
   Element element() const override { return Element::edge; }
-  /// An edge without length has a residual and no jacobian.
+  /// An edge of length 0 has a residual but no jacobian.
   PointRows rows(int edge, const SurfacePoints& vertices) const override;
 
  private:

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/geometry/topology.h"
 #include "doppel/fit/surface/colour_pyramid.h"
 #include "doppel/fit/surface/edge_weights.h"
 #include "doppel/fit/surface/length_term.h"
@@ -18,13 +18,14 @@
 #include "doppel/fit/surface/target_term.h"
 #include "doppel/fit/surface/vertex_colours.h"
 #include "doppel/fit/thesis_units.h"
+#include "doppel/geometry/topology.h"
 
 namespace doppel {
 namespace {
 
 using Eigen::Matrix3Xd;
 
-// Gauss-Newton: next to no damping at first. It is raised only for a step that would not gain.
+// Gauss-Newton: almost no initial damping. It is raised only for a step that would not lower the cost.
 constexpr double kDamping = 1e-6;
 
 void check(const NonrigidOptions& o) {
@@ -37,37 +38,36 @@ void check(const NonrigidOptions& o) {
                                                     {"rigidity", o.rigidity},
                                                     {"velocity weight", o.velocity_weight},
                                                     {"acceleration weight", o.acceleration_weight},
-                                                    {"factor of lonely motion", o.max_isolated_motion}};
+                                                    {"largest isolated motion", o.max_isolated_motion}};
   for (const auto& [name, value] : numbers)
     if (!(value >= 0.0) || !std::isfinite(value))
       fail("the {} of the non-rigid stage is {}; it must be 0 or more", name, value);
-  if (!(o.silhouette_scale > 0.0)) fail("the silhouette scale of the non-rigid stage is 0; it must be more");
+  if (!(o.silhouette_scale > 0.0)) fail("the silhouette scale of the non-rigid stage must be more than 0");
   if (o.conjugate_gradients < 1 || o.window_pixels < 16)
-    fail("the non-rigid stage needs 1 iteration of conjugate gradients and a window of 16 pixels, or more");
-  if (o.blur_kernels.empty()) fail("the non-rigid stage needs a level of the pyramid, or more");
+    fail("the non-rigid stage needs at least 1 iteration of conjugate gradients and a window of at least 16 pixels");
+  if (o.blur_kernels.empty()) fail("the non-rigid stage needs at least one level of the pyramid");
   for (const int size : o.blur_kernels)
     if (size < 1 || size % 2 == 0) fail("a kernel of the pyramid is {} pixels; it must be odd", size);
 }
 
 std::vector<double> rest_lengths(const TriangleMesh& mesh, const std::vector<Link>& edges) {
   std::vector<double> lengths;
-  for (const auto& [a, b] : edges)
-    lengths.push_back((mesh.vertices[static_cast<std::size_t>(a)] - mesh.vertices[static_cast<std::size_t>(b)]).norm());
+  for (const auto& [a, b] : edges) lengths.push_back((mesh.vertices[as_size(a)] - mesh.vertices[as_size(b)]).norm());
   return lengths;
 }
 
 std::vector<double> rigidity_of(const Character& character, const NonrigidOptions& options) {
   if (options.materials) return vertex_rigidity(character.labels, character.num_vertices(), RigidityPreset::livecap);
-  return std::vector<double>(static_cast<std::size_t>(character.num_vertices()), options.rigidity);
+  return std::vector<double>(as_size(character.num_vertices()), options.rigidity);
 }
 
-/// The energy of one frame, and all that its terms refer to.
+/// The energy of one frame with the data of its terms.
 struct FrameEnergy {
   SurfaceView view;
   ColourPyramid pyramid;
   Matrix3Xd colours, expected;
   std::vector<std::unique_ptr<SurfaceTerm>> terms;
-  PhotometricTerm* photometric = nullptr;  ///< one of them, or null
+  PhotometricTerm* photometric = nullptr;  ///< one of the terms, or null
 
   template <typename Term, typename... Args>
   Term* add(double weight, Args&&... args) {
@@ -79,9 +79,9 @@ struct FrameEnergy {
   }
 };
 
-/// The part of the image that a surface covers, and as much around it as it may move.
-cv::Rect window_around(const Matrix3Xd& vertices, const Camera& camera) {
-  constexpr double kAround = 24.0;  // pixels; kernels reach 7, a vertex moves some
+/// The part of the image that a surface covers, with a margin for its motion.
+cv::Rect window_around(const Matrix3Xd& vertices, const PinholeCamera& camera) {
+  constexpr double kAround = 24.0;  // pixels: 7 for the blur kernels, the rest for the motion of vertices
   Eigen::Array2d low = Eigen::Array2d::Constant(1e9), high = -low;
   for (Eigen::Index i = 0; i < vertices.cols(); ++i) {
     const auto projected = project_with_jacobian(camera, vertices.col(i));
@@ -96,13 +96,13 @@ cv::Rect window_around(const Matrix3Xd& vertices, const Camera& camera) {
           static_cast<int>((high - low).max(0.0).y())};
 }
 
-/// Template colours as bright as the image is: one factor a channel, from the vertices that the camera sees.
-Matrix3Xd as_bright_as_image(const Matrix3Xd& colours, const FrameEnergy& energy, const Camera& camera,
-                               const Matrix3Xd& vertices) {
+/// Scales the template's colours to the brightness of the image: one factor per channel, from the visible vertices.
+Matrix3Xd as_bright_as_image(const Matrix3Xd& colours, const FrameEnergy& energy, const PinholeCamera& camera,
+                             const Matrix3Xd& vertices) {
   Eigen::Vector3d seen = Eigen::Vector3d::Zero(), own = Eigen::Vector3d::Zero();
   ColourPyramid::Sample sample;
   for (Eigen::Index i = 0; i < colours.cols(); ++i) {
-    if (!energy.view.visible[static_cast<std::size_t>(i)]) continue;
+    if (!energy.view.visible[as_size(i)]) continue;
     const auto projected = project_with_jacobian(camera, vertices.col(i));
     if (!projected || !energy.pyramid.at(0, projected->pixel, sample)) continue;
     seen += sample.colour.cwiseProduct(colours.col(i));
@@ -118,7 +118,7 @@ Matrix3Xd as_bright_as_image(const Matrix3Xd& colours, const FrameEnergy& energy
 
 struct NonrigidStage::State {
   const Character& character;
-  const Camera& camera;
+  const PinholeCamera& camera;
   NonrigidOptions options;
   MeshTopology topology;
   std::vector<double> rigidity;                  // [N]
@@ -126,11 +126,11 @@ struct NonrigidStage::State {
   Matrix3Xd colours;                             // [3,N], or none
   SurfaceViewer viewer;
   SurfaceProblem problem;
-  std::vector<Matrix3Xd> history;              // up to two surfaces, the last one first
+  std::vector<Matrix3Xd> history;              // up to two surfaces, newest first
   std::vector<Eigen::Vector3d> displacements;  // [N] of the last frame, in the rest pose
-  std::vector<char> was_outline;               // [N] in the last frame; empty: there was none
+  std::vector<char> was_outline;               // [N] in the last frame; empty without a last frame
 
-  State(const Character& character_in, const Camera& camera_in, const NonrigidOptions& options_in)
+  State(const Character& character_in, const PinholeCamera& camera_in, const NonrigidOptions& options_in)
       : character(character_in),
         camera(camera_in),
         options(options_in),
@@ -185,7 +185,7 @@ struct NonrigidStage::State {
                                                      energy.colours, o.photometric_weight, o.colour_threshold);
   }
 
-  /// A Gauss-Newton step on each level of the pyramid.
+  /// Takes a Gauss-Newton step on each level of the pyramid.
   NonrigidSurface minimised(const FrameEnergy& energy, const Matrix3Xd& start) {
     SolverOptions solver;
     solver.iterations = 1;
@@ -205,14 +205,14 @@ struct NonrigidStage::State {
     return result;
   }
 
-  /// What is left between the outlines, and what moves alone.
+  /// Snaps the outline and clamps isolated motion.
   void finish(NonrigidSurface& surface, const FrameEnergy& energy, const PosedSurface& start,
               const OutlineField& outline) {
     if (options.snap) {
       surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
                                               topology, rigidity, was_outline);
       was_outline.assign(rigidity.size(), 0);
-      for (const OutlineVertex& vertex : energy.view.outline) was_outline[static_cast<std::size_t>(vertex.vertex)] = 1;
+      for (const OutlineVertex& vertex : energy.view.outline) was_outline[as_size(vertex.vertex)] = 1;
     }
     if (options.max_isolated_motion > 0.0 && !history.empty())
       clamp_isolated_motion(surface.vertices, history[0], topology, options.max_isolated_motion);
@@ -228,7 +228,7 @@ struct NonrigidStage::State {
   }
 };
 
-NonrigidStage::NonrigidStage(const Character& character, const Camera& camera, const NonrigidOptions& options) {
+NonrigidStage::NonrigidStage(const Character& character, const PinholeCamera& camera, const NonrigidOptions& options) {
   check(options);
   state_ = std::make_unique<State>(character, camera, options);
 }

@@ -1,5 +1,6 @@
 #include "doppel/fit/surface/outline_term.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/solver/residuals.h"
 
 namespace doppel {
@@ -16,7 +17,7 @@ void OutlineTerm::freeze(const SurfacePoints& vertices) {
   const RobustKernel kernel{RobustKernel::Kind::geman_mcclure, scale_};
   const double pixels = reference_pixels(evidence_.camera);
   for (const auto& [camera, vertex, own_distance] : outline_) {
-    const auto v = static_cast<std::size_t>(vertex);
+    const auto v = as_size(vertex);
     weights_[v] = 0.0;
     targets_[v] = own_distance;
     const auto projected = project_with_jacobian(evidence_.camera, vertices.col(vertex));
@@ -30,7 +31,7 @@ void OutlineTerm::freeze(const SurfacePoints& vertices) {
 }
 
 PointRows OutlineTerm::rows(int vertex, const SurfacePoints& vertices) const {
-  const auto v = static_cast<std::size_t>(vertex);
+  const auto v = as_size(vertex);
   PointRows rows;
   if (weights_[v] == 0.0) return rows;
   rows.count = 1;

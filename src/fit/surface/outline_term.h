@@ -2,30 +2,31 @@
 
 #include <vector>
 
-#include "doppel/geometry/camera.h"
 #include "doppel/energy/evidence.h"
+#include "doppel/energy/terms/silhouette_term.h"
 #include "doppel/fit/surface/part_mask.h"
 #include "doppel/fit/surface/surface_term.h"
-#include "doppel/energy/terms/silhouette_term.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 
-/// The outline of the surface belongs on the outline of the mask (4.10): the distance of the projection of each outline
-/// vertex to it, in pixels of an image 1024 wide. As in the pose's `SilhouetteTerm`, a vertex that faces away from the
-/// nearest outline is sent to the opposite one (b = -1). A vertex that has wandered onto another part of the body says
-/// nothing (b = 0), and one far from the outline little.
+/// Pulls the outline of the surface to the outline of the mask (4.10): the residual of an outline vertex is the
+/// distance of its projection from the mask's outline, in reference pixels (image 1024 wide). As in `SilhouetteTerm`, a
+/// vertex that faces away from the nearest outline is pulled to the opposite one (b = -1). A vertex projected onto
+/// another part of the body has no residual (b = 0).
 class OutlineTerm : public SurfaceTerm {
  public:
   struct Evidence {
-    const Camera& camera;                         ///< without distortion
+    const PinholeCamera& camera;                  ///< without distortion
     const OutlineField& field;                    ///< not empty
-    const PartMask& parts;                        ///< of the posed surface; an empty one disables nothing
+    const PartMask& parts;                        ///< of the posed surface; an empty one allows everything
     const std::vector<char>& vertex_part;         ///< [N]
     const std::vector<Eigen::Vector3d>& normals;  ///< [N] of the posed surface, unit
   };
-  /// @param evidence what it refers to must outlive the term
-  /// @param outline vertices on the outline of the surface, each once; their `camera` is not looked at
-  /// @param scale of the Geman-McClure kernel, reference pixels; its weights are frozen for each step
+  /// @param evidence its referents must outlive the term
+  /// @param outline vertices on the outline of the surface, each once; their `camera` is ignored
+  /// @param weight of each vertex, per squared reference pixel
+  /// @param scale of the Geman-McClure kernel, reference pixels; its weights stay constant during a step
   OutlineTerm(const Evidence& evidence, std::vector<OutlineVertex> outline, double weight, double scale);
 
   std::string name() const override { return "silhouette"; }
@@ -38,7 +39,7 @@ class OutlineTerm : public SurfaceTerm {
   std::vector<OutlineVertex> outline_;
   double weight_, scale_;
   std::vector<double> weights_;  ///< [N] 0 for those without rows
-  std::vector<double> targets_;  ///< [N] distance that the row is measured from, reference pixels
+  std::vector<double> targets_;  ///< [N] distance for which the residual is 0, reference pixels
 };
 
 }  // namespace doppel

@@ -3,6 +3,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
+#include "doppel/core/as_size.h"
 #include "doppel/fit/words.h"
 
 namespace doppel {
@@ -10,7 +11,7 @@ namespace {
 
 constexpr char kNone = static_cast<char>(BodyPart::none), kTorso = static_cast<char>(BodyPart::torso);
 
-/// The whole word, or its first letter alone at the begin or the end.
+/// Whether the name contains the whole word, or its first letter alone at the start or the end.
 bool is_of_side(const std::string& name, const std::string& side) {
   const std::string letter = side.substr(0, 1);
   return name.find(side) != std::string::npos || name.rfind(letter + "_", 0) == 0 || ends_with(name, "_" + letter);
@@ -38,9 +39,8 @@ std::vector<char> body_parts(const SkinningWeights& skin) {
   }
   for (int v = 0; v < skin.num_vertices(); ++v) {
     const int* bones = skin.vertex_bones.begin(v);
-    char part = part_of[static_cast<std::size_t>(bones[0])];
-    if (is_hip[static_cast<std::size_t>(bones[0])] &&
-        (skin.vertex_bones.size(v) < 2 || part_of[static_cast<std::size_t>(bones[1])] != part))
+    char part = part_of[as_size(bones[0])];
+    if (is_hip[as_size(bones[0])] && (skin.vertex_bones.size(v) < 2 || part_of[as_size(bones[1])] != part))
       part = kTorso;
     parts.push_back(part);
   }

@@ -2,13 +2,15 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/energy/evidence.h"
 #include "doppel/solver/parallel.h"
 
 namespace doppel {
 
-PhotometricTerm::PhotometricTerm(const Camera& camera, const ColourPyramid& pyramid, const std::vector<char>& visible,
-                                 const Eigen::Matrix3Xd& colours, double weight, double threshold)
+PhotometricTerm::PhotometricTerm(const PinholeCamera& camera, const ColourPyramid& pyramid,
+                                 const std::vector<char>& visible, const Eigen::Matrix3Xd& colours, double weight,
+                                 double threshold)
     : camera_(camera),
       pyramid_(pyramid),
       visible_(visible),
@@ -35,13 +37,13 @@ int PhotometricTerm::num_used() const { return static_cast<int>(std::count(used_
 
 PointRows PhotometricTerm::rows(int vertex, const SurfacePoints& vertices) const {
   PointRows rows;
-  if (!used_[static_cast<std::size_t>(vertex)]) return rows;
+  if (!used_[as_size(vertex)]) return rows;
   rows.count = 3;
   rows.weight = weight_;
   const auto projected = project_with_jacobian(camera_, vertices.col(vertex));
   ColourPyramid::Sample sample;
   if (!projected || !pyramid_.at(level_, projected->pixel, sample)) {
-    rows.values[0] = threshold_;  // it left the image during the step: no better than what is just pruned
+    rows.values[0] = threshold_;  // it left the image during the step: the largest allowed difference
     return rows;
   }
   rows.values = sample.colour - colours_.col(vertex);

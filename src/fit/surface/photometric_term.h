@@ -2,25 +2,26 @@
 
 #include <vector>
 
-#include "doppel/geometry/camera.h"
 #include "doppel/fit/surface/colour_pyramid.h"
 #include "doppel/fit/surface/surface_term.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel {
 
-/// The image shows every vertex that the camera sees in the vertex's own colour (4.9): I_Gauss(pi(V_i)) - C_i, RGB
-/// 0..1. Vertices whose colour is farther off than `threshold` when a step begins have no row during it: what they are
-/// compared with is probably something else (sigma_c).
+/// Matches the colours of visible vertices to the image (4.9): the residual is I_Gauss(pi(V_i)) - C_i, RGB 0..1.
+/// Vertices whose colour difference exceeds `threshold` (sigma_c) at the start of a step have no residual during the
+/// step: the image probably shows something else there.
 class PhotometricTerm : public SurfaceTerm {
  public:
-  /// @param camera without distortion; @param visible [N] not 0 for vertices that it sees; @param colours [3,N] RGB
-  /// 0..1; all, and the pyramid, must outlive the term
-  PhotometricTerm(const Camera& camera, const ColourPyramid& pyramid, const std::vector<char>& visible,
+  /// @param camera without distortion @param visible [N] not 0 for visible vertices @param colours [3,N] RGB 0..1;
+  /// these and the pyramid must outlive the term
+  /// @param weight per squared colour difference @param threshold largest colour difference
+  PhotometricTerm(const PinholeCamera& camera, const ColourPyramid& pyramid, const std::vector<char>& visible,
                   const Eigen::Matrix3Xd& colours, double weight, double threshold);
 
-  /// The level of the pyramid to compare with, 0 the most blurred; before the next `freeze`.
+  /// Sets the level of the pyramid, 0 the most blurred. Takes effect with the next `freeze`.
   void set_level(int level) { level_ = level; }
-  int num_used() const;  ///< vertices with rows since the last `freeze`
+  int num_used() const;  ///< vertices with residuals since the last `freeze`
 
   std::string name() const override { return "photometric"; }
   Element element() const override { return Element::vertex; }
@@ -28,7 +29,7 @@ class PhotometricTerm : public SurfaceTerm {
   PointRows rows(int vertex, const SurfacePoints& vertices) const override;
 
  private:
-  const Camera& camera_;
+  const PinholeCamera& camera_;
   const ColourPyramid& pyramid_;
   const std::vector<char>& visible_;
   const Eigen::Matrix3Xd& colours_;

@@ -1,5 +1,7 @@
 #include "doppel/fit/surface/smoothness_term.h"
 
+#include "doppel/core/as_size.h"
+
 namespace doppel {
 
 SmoothnessTerm::SmoothnessTerm(const Eigen::Matrix3Xd& posed, const std::vector<Link>& edges,
@@ -7,7 +9,7 @@ SmoothnessTerm::SmoothnessTerm(const Eigen::Matrix3Xd& posed, const std::vector<
     : posed_(posed), edges_(edges), edge_weights_(edge_weights), weight_(weight) {}
 
 PointRows SmoothnessTerm::rows(int edge, const SurfacePoints& vertices) const {
-  const auto e = static_cast<std::size_t>(edge);
+  const auto e = as_size(edge);
   const auto [a, b] = edges_[e];
   PointRows rows;
   rows.count = 3;

@@ -6,10 +6,11 @@
 
 namespace doppel {
 
-/// Edges keep the direction and the length that skinning gives them (4.12): (V_i - V_j) - (V_i^S - V_j^S), metres.
+/// Keeps edges as skinning poses them, in direction and length (4.12): the residual is (V_i - V_j) - (V_i^S - V_j^S),
+/// metres.
 class SmoothnessTerm : public SurfaceTerm {
  public:
-  /// @param posed V^S, [3,N]; @param edges, edge_weights of the mesh; all must outlive the term
+  /// @param posed V^S, [3,N] @param edges, edge_weights of the mesh; all must outlive the term
   /// @param weight per squared metre
   SmoothnessTerm(const Eigen::Matrix3Xd& posed, const std::vector<Link>& edges, const std::vector<double>& edge_weights,
                  double weight);

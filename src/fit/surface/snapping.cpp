@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/fit/thesis_units.h"
 
 namespace doppel {
@@ -12,45 +13,44 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kSteps = 20;            // of a walk; each is Newton's on the distance
-constexpr double kArrived = 0.1;      // pixels of the thesis's image
-constexpr double kLeastJacobian = 0.05;  // squared: on a ridge of the distance there is no way to go
+constexpr int kSteps = 20;                    // largest number of Newton steps on the distance
+constexpr double kArrived = 0.1;              // pixels of the thesis's image
+constexpr double kMinSquaredGradient = 0.05;  // squared; on a ridge of the distance field the gradient vanishes
 
-/// Where the walk along the distance ends, in pixels of the image.
+/// The pixel at the vertex's target distance, along the gradient of the distance field; nothing if it is not reached.
 std::optional<Vector2d> walk(const OutlineTerm::Evidence& evidence, const OutlineVertex& vertex, const Vector2d& start,
                              double farthest) {
   const double reference = reference_pixels(evidence.camera);
   const double enough = thesis_pixels_to_image(evidence.camera, kArrived);
-  const char part = evidence.vertex_part[static_cast<std::size_t>(vertex.vertex)];
+  const char part = evidence.vertex_part[as_size(vertex.vertex)];
   Vector2d pixel = start;
   for (int step = 0; step < kSteps; ++step) {
     const OutlineField::Sample sample = evidence.field.at(pixel);
     const double ahead = sample.distance - vertex.distance / reference;
     if (std::abs(ahead) < enough) return pixel;
-    if (!(sample.gradient.squaredNorm() > kLeastJacobian)) return std::nullopt;
+    if (!(sample.gradient.squaredNorm() > kMinSquaredGradient)) return std::nullopt;
     pixel -= ahead / sample.gradient.squaredNorm() * sample.gradient;
     if (!((pixel - start).norm() <= farthest) || !evidence.parts.allows(part, pixel)) return std::nullopt;
   }
   return std::nullopt;
 }
 
-/// The point at the same depth that is seen at another pixel.
-Vector3d at_own_depth(const Camera& camera, const Vector3d& point, const Vector2d& pixel) {
+/// The point of the same depth that projects to another pixel.
+Vector3d at_own_depth(const PinholeCamera& camera, const Vector3d& point, const Vector2d& pixel) {
   const double depth = camera.camera_from_world(point).z();
   const Vector3d ray = camera.K.inverse() * Vector3d(pixel.x(), pixel.y(), 1.0);
   return camera.R.transpose() * (depth * ray - camera.t);
 }
 
-/// Vertices within some rings of marked ones that are not marked themselves and may move, ascending.
+/// Unmarked vertices that may move and lie within some rings of marked ones, ascending.
 std::vector<int> followers(const MeshTopology& topology, std::vector<char> marked, const std::vector<double>& rigidity,
                            const SnapOptions& options) {
   const std::vector<char> leaders = marked;
   for (int ring = 0; ring < options.rings; ++ring) {
     const std::vector<char> inner = marked;
     for (int v = 0; v < topology.num_vertices(); ++v)
-      if (inner[static_cast<std::size_t>(v)])
-        for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n)
-          marked[static_cast<std::size_t>(*n)] = 1;
+      if (inner[as_size(v)])
+        for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n) marked[as_size(*n)] = 1;
   }
   std::vector<int> result;
   for (std::size_t v = 0; v < marked.size(); ++v)
@@ -58,7 +58,7 @@ std::vector<int> followers(const MeshTopology& topology, std::vector<char> marke
   return result;
 }
 
-/// Each follower goes where it lies to the middle of its neighbours as it did before.
+/// Moves each follower such that its offset from the mean of its neighbours stays the same.
 void warp(Matrix3Xd& vertices, const Matrix3Xd& before, const std::vector<int>& moving, const MeshTopology& topology,
           int sweeps) {
   for (int sweep = 0; sweep < sweeps; ++sweep)
@@ -80,7 +80,7 @@ int snap_outline(Matrix3Xd& vertices, const OutlineTerm::Evidence& evidence, con
   std::vector<char> snapped(rigidity.size(), 0);
   int count = 0;
   for (const OutlineVertex& vertex : outline) {
-    const auto v = static_cast<std::size_t>(vertex.vertex);
+    const auto v = as_size(vertex.vertex);
     if (rigidity[v] > options.softest) continue;
     const auto projected = project_with_jacobian(evidence.camera, before.col(vertex.vertex));
     if (!projected || belongs_to_opposite_outline(*projected, evidence.normals[v], evidence.field.at(projected->pixel)))

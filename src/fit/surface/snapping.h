@@ -2,22 +2,22 @@
 
 #include <vector>
 
-#include "doppel/geometry/topology.h"
 #include "doppel/fit/surface/outline_term.h"
+#include "doppel/geometry/topology.h"
 
 namespace doppel {
 
 struct SnapOptions {
-  double farthest = 20.0;  ///< pixels of the thesis's image (540 wide) that a vertex may be moved
-  double softest = 3.0;    ///< rigidity of cloth: vertices that are stiffer never move
-  int rings = 4;           ///< of neighbours around snapped vertices that move along
-  int sweeps = 25;         ///< over these neighbours
-  double newcomer = 0.7;   ///< share of the way that a vertex moves which was not on the outline in the last frame
+  double farthest = 20.0;  ///< largest motion of a vertex, pixels of an image 540 wide
+  double softest = 3.0;    ///< largest rigidity of a vertex that may move
+  int rings = 4;           ///< rings of neighbours around snapped vertices that follow
+  int sweeps = 25;         ///< iterations over these neighbours
+  double newcomer = 0.7;   ///< share of the motion for a vertex that was not on the outline in the last frame
 };
 
-/// Puts outline vertices onto the mask's outline in one go (4.6.6), when a surface is already close to it: each walks
-/// along the jacobian of the distance until it lies as it should, and keeps its depth. Vertices that face another outline,
-/// would leave their part of the body or have too far to go stay. Their neighbours follow by a Laplacian warp.
+/// Moves the outline vertices of a nearly fitted surface onto the mask's outline (4.6.6). Each follows the gradient of
+/// the distance field to its target distance and keeps its depth. A vertex stays if it faces another outline, would
+/// leave its part of the body, or would move too far. The neighbours of moved vertices follow by a Laplacian warp.
 /// @param vertices [3,N] moved in place @param rigidity [N] of the materials (Table 4.1)
 /// @param was_outline [N] 1 for vertices that were on the outline in the last frame; empty: no frame before
 /// @return how many were snapped
@@ -26,9 +26,10 @@ int snap_outline(Eigen::Matrix3Xd& vertices, const OutlineTerm::Evidence& eviden
                  const std::vector<double>& rigidity, const std::vector<char>& was_outline,
                  const SnapOptions& options = {});
 
-/// Shortens the motion of vertices that move `factor` times as far as their neighbours do on average, to that average:
-/// what moves alone is a mistake. @param before [3,N] the last frame's @return how many were held back
+/// Clamps isolated motion, which is usually an error: a vertex that moves more than `factor` times the mean motion of
+/// its neighbours is moved by that mean only.
+/// @param before [3,N] vertices of the last frame @return the number of clamped vertices
 int clamp_isolated_motion(Eigen::Matrix3Xd& vertices, const Eigen::Matrix3Xd& before, const MeshTopology& topology,
-                        double factor);
+                          double factor);
 
 }  // namespace doppel

@@ -1,5 +1,6 @@
 #include "doppel/fit/surface/surface_problem.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/solver/parallel.h"
 
 namespace doppel {
@@ -15,8 +16,7 @@ void SurfaceProblem::set_terms(std::vector<SurfaceTerm*> terms) {
 }
 
 std::size_t SurfaceProblem::num_elements(const SurfaceTerm& term) const {
-  return static_cast<std::size_t>(term.element() == SurfaceTerm::Element::vertex ? system_.num_points()
-                                                                                 : system_.num_links());
+  return as_size(term.element() == SurfaceTerm::Element::vertex ? system_.num_points() : system_.num_links());
 }
 
 double SurfaceProblem::cost_of(const SurfaceTerm& term, const Vertices& vertices) const {
@@ -27,7 +27,7 @@ double SurfaceProblem::cost_of(const SurfaceTerm& term, const Vertices& vertices
   });
 }
 
-/// Every part of the sum is one thread's own, so no two threads add at the same vertex or edge.
+/// Each thread sums its own parts, so that no two threads add to the same vertex or edge.
 double SurfaceProblem::add(const SurfaceTerm& term, const Vertices& vertices) {
   const bool at_vertices = term.element() == SurfaceTerm::Element::vertex;
   return sum_in_order(num_elements(term), [&](std::size_t first, std::size_t last) {

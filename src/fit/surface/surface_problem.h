@@ -3,20 +3,20 @@
 #include <memory>
 #include <vector>
 
+#include "doppel/fit/surface/surface_term.h"
 #include "doppel/solver/least_squares.h"
 #include "doppel/solver/point_system.h"
-#include "doppel/fit/surface/surface_term.h"
 
 namespace doppel {
 
-/// The energy of a surface (4.7) as a problem for the loop. The state is the vertices one after the other, [3N] world
-/// metres. Costs and steps have the same bits whatever the number of threads.
+/// The energy of a surface (4.7) as a least-squares problem. The state is the vertices one after the other, [3N] world
+/// metres. Costs and steps are bitwise independent of the number of threads.
 class SurfaceProblem : public LeastSquaresProblem {
  public:
-  /// @param edges of the mesh; @param iterations of conjugate gradients for each step
+  /// @param edges of the mesh @param iterations of conjugate gradients for each step
   SurfaceProblem(int num_vertices, const std::vector<Link>& edges, int iterations);
 
-  /// What is to be minimised from now on. @param terms must outlive the next calls
+  /// Sets the terms to minimise. @param terms must outlive the following calls
   void set_terms(std::vector<SurfaceTerm*> terms);
 
   double cost(const Eigen::VectorXd& state) override;
@@ -37,7 +37,7 @@ class SurfaceProblem : public LeastSquaresProblem {
   int iterations_;
   std::vector<SurfaceTerm*> terms_;
   std::vector<TermCost> costs_;
-  Eigen::VectorXd priced_;  ///< the state that `costs_` belong to
+  Eigen::VectorXd priced_;  ///< the state of `costs_`
 };
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/render/render_mesh.h"
@@ -12,7 +13,7 @@
 namespace doppel {
 namespace {
 
-constexpr float kDepthTolerance = 0.02f;  // metres, so that a jacobian does not hide itself
+constexpr float kDepthTolerance = 0.02f;  // metres, so that a slanted surface does not occlude itself
 
 torch::Tensor to_tensor(const Eigen::Matrix3Xd& vertices) {
   torch::Tensor result = torch::empty({1, vertices.cols(), 3});
@@ -23,27 +24,25 @@ torch::Tensor to_tensor(const Eigen::Matrix3Xd& vertices) {
 }  // namespace
 
 struct SurfaceViewer::State {
-  Camera camera;
+  PinholeCamera camera;
   int pixels;
   torch::Tensor faces;  ///< int32 [F,3]
   Rasterizer rasterizer;
   std::vector<char> vertex_parts, face_parts;
 
-  State(const Character& character, const Camera& camera_in, int pixels_in)
+  State(const Character& character, const PinholeCamera& camera_in, int pixels_in)
       : camera(camera_in),
         pixels(pixels_in),
         faces(RenderMesh(character.mesh).faces),
         rasterizer(faces),
         vertex_parts(body_parts(character.skin)) {
-    for (const Triangle& face : character.mesh.faces)
-      face_parts.push_back(vertex_parts[static_cast<std::size_t>(face[0])]);
+    for (const Triangle& face : character.mesh.faces) face_parts.push_back(vertex_parts[as_size(face[0])]);
   }
 
   cv::Mat parts(const int* face_id) const {
     cv::Mat result(pixels, pixels, CV_8UC1);
     for (int i = 0; i < pixels * pixels; ++i)
-      result.data[i] =
-          face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[static_cast<std::size_t>(face_id[i])]);
+      result.data[i] = face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[as_size(face_id[i])]);
     return result;
   }
 
@@ -54,8 +53,8 @@ struct SurfaceViewer::State {
     return false;
   }
 
-  /// From the middle of a pixel to the nearest one of the other kind, less half a pixel, - inside: the signed distance
-  /// of what is drawn, for pixels that have one of the other kind among the 5x5 around them.
+  /// Signed distance of a pixel to the outline of the drawn surface, - inside: the distance to the nearest pixel on the
+  /// other side, less half a pixel. Exact for pixels that have one of the other side among the 5x5 around them.
   double distance_of_pixel(const int* face_id, int column, int row) const {
     const bool inside = face_id[row * pixels + column] >= 0;
     int nearest = 9;  // squared
@@ -67,8 +66,8 @@ struct SurfaceViewer::State {
     return inside ? -distance : distance;
   }
 
-  /// From a point of the window to the outline of what is drawn, pixels of the window, - inside. Bilinear as
-  /// `OutlineField` reads that of the mask, so that a surface which covers just the mask lies just as it should.
+  /// Signed distance of a point of the window to the outline of the drawn surface, pixels of the window, - inside.
+  /// Interpolated like `OutlineField`, so that a surface that covers exactly the mask has residual 0.
   double distance(const int* face_id, double u, double v) const {
     const double x = u - 0.5, y = v - 0.5;
     const int column = std::clamp(static_cast<int>(x), 0, pixels - 2),
@@ -79,7 +78,7 @@ struct SurfaceViewer::State {
   }
 };
 
-SurfaceViewer::SurfaceViewer(const Character& character, const Camera& camera, int pixels)
+SurfaceViewer::SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels)
     : state_(new State(character, camera, pixels)) {}
 SurfaceViewer::~SurfaceViewer() = default;
 SurfaceViewer::SurfaceViewer(SurfaceViewer&&) noexcept = default;
@@ -90,12 +89,12 @@ const std::vector<char>& SurfaceViewer::vertex_parts() const { return state_->ve
 SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& window, double growth) {
   const torch::NoGradGuard no_grad;
   const int pixels = state_->pixels;
-  const Camera camera = crop_camera(state_->camera, window, pixels);
+  const PinholeCamera camera = crop_camera(state_->camera, window, pixels);
   const RasterImage& image = state_->rasterizer.rasterize_projected(
       to_tensor(surface.vertices), projection_tensor({camera}).unsqueeze(0), pixels, pixels);
   const int* face_id = image.face_id.data_ptr<int>();
   const float* depth = image.depth.data_ptr<float>();
-  const auto count = static_cast<std::size_t>(surface.vertices.cols());
+  const auto count = as_size(surface.vertices.cols());
   const Eigen::Vector3d centre = camera.centre();
   const double reference = reference_pixels(state_->camera) * window.image_pixels_per_pixel(pixels);
   SurfaceView view;

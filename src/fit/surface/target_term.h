@@ -4,11 +4,11 @@
 
 namespace doppel {
 
-/// Vertices stay near given places: V_i - q_i, metres. With the last frame's vertices this is the velocity term (4.14),
-/// with those that the last two frames lead to, 2 V^{t-1} - V^{t-2}, the acceleration term (4.15).
+/// Pulls vertices to given positions: the residual is V_i - q_i, metres. With the vertices of the last frame this is
+/// the velocity term (4.14). With the prediction 2 V^{t-1} - V^{t-2} it is the acceleration term (4.15).
 class TargetTerm : public SurfaceTerm {
  public:
-  /// @param targets [3,N], must outlive the term; @param weight per squared metre
+  /// @param targets [3,N], must outlive the term @param weight per squared metre
   TargetTerm(std::string name, const Eigen::Matrix3Xd& targets, double weight);
 
   std::string name() const override { return name_; }

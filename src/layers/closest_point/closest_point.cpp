@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <array>
 
+#include "doppel/core/as_size.h"
 #include "doppel/layers/closest_point/closest_point_checks.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/layers/transform_math.h"
@@ -17,7 +18,7 @@ using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Points that one thread takes at a time.
+/// Points per piece of work of a thread.
 constexpr int64_t kGrain = 128;
 
 Tensor triangle_tensor(const std::vector<Triangle>& triangles) {
@@ -30,7 +31,7 @@ Tensor triangle_tensor(const std::vector<Triangle>& triangles) {
 
 Vector3d vector_at(const float* p) { return {p[0], p[1], p[2]}; }
 
-/// What a search finds, and the gradient of the distance to the point.
+/// The results of a search, and the gradient of the distance with respect to the point.
 struct Found {
   Tensor distance, weights, face, outward;
 };
@@ -47,7 +48,7 @@ Found search(const ClosedSurface& rest, const Tensor& vertices, const Tensor& po
       int near = -1;
       for (int64_t i = begin; i < end; ++i) {
         const ClosedSurface::Hit hit = surface.closest(vector_at(points.data_ptr<float>() + 3 * i), near);
-        near = hit.face;  // the next point is often close by
+        near = hit.face;  // the next point is often close
         found.distance.data_ptr<float>()[i] = static_cast<float>(hit.distance);
         found.face.data_ptr<int64_t>()[i] = hit.face;
         for (int k = 0; k < 3; ++k) {
@@ -60,8 +61,8 @@ Found search(const ClosedSurface& rest, const Tensor& vertices, const Tensor& po
   return found;
 }
 
-/// lambda_k = the change of the loss with a step of corner k along the offset of point and surface: the gradient to the
-/// weights through the equations that make the point the closest one. 0 for corners that it does not depend on.
+/// lambda_k = the derivative of the loss for a motion of corner k along the offset between point and surface: the
+/// gradient to the weights through the conditions of the closest point. 0 for corners that it does not depend on.
 std::array<double, 3> through_weights(const std::array<Vector3d, 3>& corners, const float* weights, const float* grad) {
   std::array<double, 3> lambda{};
   const int zeros = (weights[0] == 0) + (weights[1] == 0) + (weights[2] == 0);
@@ -99,7 +100,7 @@ void pull_back(const Tensor& vertices, const Tensor& points, const Tensor& faces
       offset -= w[k] * corners[k];
     }
     const std::array<double, 3> lambda = through_weights(corners, w, gw);
-    // Moving the point, or all corners the other way.
+    // A motion of the point, or the opposite motion of all corners.
     Vector3d along = static_cast<double>(grad_distance.data_ptr<float>()[i]) * vector_at(outward);
     for (int k = 0; k < 3; ++k) along += lambda[k] * corners[k];
     for (int axis = 0; axis < 3; ++axis) to_points.data_ptr<float>()[3 * i + axis] = static_cast<float>(along[axis]);
@@ -147,7 +148,7 @@ class ClosestPointFunction : public torch::autograd::Function<ClosestPointFuncti
 std::vector<Vector3d> positions_of(const Tensor& vertices) {
   check_shape("positions_of", "vertices", vertices, {-1, 3}, "[N,3]");
   const Tensor rows = vertices.detach().to(torch::kFloat64).contiguous();
-  std::vector<Vector3d> positions(static_cast<std::size_t>(rows.size(0)));
+  std::vector<Vector3d> positions(as_size(rows.size(0)));
   const double* p = rows.data_ptr<double>();
   for (Vector3d& position : positions) {
     position = {p[0], p[1], p[2]};
@@ -175,7 +176,7 @@ Tensor ClosestPointImpl::interpolate(const ClosestPoints& at, const Tensor& valu
   const Tensor faces = index_like(faces_, values);
   const Tensor item = torch::arange(B, faces.options()).view({B, 1, 1}) * N;
   const Tensor corners = faces.index_select(0, at.face.flatten()).view({B, P, 3}) + item;
-  // The gradient of an embedding adds up rows far faster than that of an index.
+  // The gradient of an embedding sums rows much faster than that of an index.
   return (torch::embedding(values.reshape({B * N, H}), corners) * at.weights.unsqueeze(-1)).sum(2);
 }
 

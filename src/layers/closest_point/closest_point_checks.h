@@ -4,10 +4,10 @@
 
 namespace doppel {
 
-/// Fails unless every number is finite: a distance from nowhere would be no distance.
+/// Fails unless every number is finite: the distance from a point that is not finite is undefined.
 inline void check_finite(const char* argument, const torch::Tensor& tensor) {
   if (!tensor.isfinite().all().item<bool>())
-    fail<UsageError>("closest_point: {} has numbers that are not finite; what made them has gone wrong", argument);
+    fail<UsageError>("closest_point: {} has numbers that are not finite; check how they were computed", argument);
 }
 
 /// The argument checks that reference and kernel share.

@@ -10,25 +10,25 @@ namespace {
 
 using torch::Tensor;
 
-/// Pairs of a point and a face looked at together.
+/// Pairs of a point and a face that are compared at a time.
 constexpr int64_t kPairs = 1 << 19;
 
 Tensor scalar_product(const Tensor& a, const Tensor& b) { return (a * b).sum(-1); }
 Tensor or_one(const Tensor& where, const Tensor& value) { return torch::where(where, value, torch::ones_like(value)); }
 Tensor corner(const Tensor& triangles, int k) { return triangles.select(-2, k % 3); }
-/// [...,3] of three [...]
+/// Stacks three tensors [...] to [...,3].
 Tensor rows(const std::array<Tensor, 3>& parts) { return torch::stack({parts[0], parts[1], parts[2]}, -1); }
 
 Tensor face_normals(const Tensor& triangles) {
   return torch::cross(corner(triangles, 1) - corner(triangles, 0), corner(triangles, 2) - corner(triangles, 0), -1);
 }
-/// Unit vectors; 0 for those without length.
+/// Unit vectors; 0 for vectors without length.
 Tensor directions(const Tensor& v) {
   const Tensor length = v.norm(2, {-1}, true);
   return v / or_one(length > 0, length);
 }
 
-/// How points [...,3] lie to triangles [...,3,3], which broadcast.
+/// Positions of points [...,3] relative to triangles [...,3,3], which broadcast.
 struct Nearest {
   Tensor squared;  ///< [...]
   Tensor active;   ///< bool [...,3]: corners that the closest point depends on
@@ -62,7 +62,8 @@ Nearest nearest(const Tensor& points, const Tensor& triangles) {
   return result;
 }
 
-/// Lowest of the faces closest to each point. @param points [P,3] @param triangles [F,3,3] @return int64 [P]
+/// The face closest to each point, the lowest among equals. @param points [P,3] @param triangles [F,3,3]
+/// @return int64 [P]
 Tensor closest_faces(const Tensor& points, const Tensor& triangles) {
   std::vector<Tensor> faces;
   const int64_t step = std::max<int64_t>(1, kPairs / triangles.size(0));
@@ -71,7 +72,7 @@ Tensor closest_faces(const Tensor& points, const Tensor& triangles) {
   return faces.empty() ? torch::empty({0}, points.options().dtype(torch::kInt64)) : torch::cat(faces);
 }
 
-/// Barycentric weights with the active corners given, differentiable. @return [B,P,3]
+/// Barycentric weights for given active corners, differentiable. @return [B,P,3]
 Tensor weights_of(const Tensor& points, const Tensor& triangles, const Tensor& active) {
   const Tensor count = active.sum(-1);
   // A face: two equations for the weights of corners 1 and 2.
@@ -82,7 +83,7 @@ Tensor weights_of(const Tensor& points, const Tensor& triangles, const Tensor& a
   const Tensor det = or_one(count == 3, aa * bb - ab * ab);
   const Tensor w1 = (bb * qa - ab * qb) / det, w2 = (aa * qb - ab * qa) / det;
   const Tensor on_face = rows({1 - w1 - w2, w1, w2});
-  // An edge: from the corner after the one that is not active to the next.
+  // An edge: from the corner after the inactive corner to the next.
   std::array<Tensor, 3> on_edge{torch::zeros_like(w1), torch::zeros_like(w1), torch::zeros_like(w1)};
   for (int k = 0; k < 3; ++k) {
     const Tensor here = (count == 2) & active.select(-1, k).logical_not();

@@ -35,7 +35,7 @@ DeformationGraph::DeformationGraph(const std::vector<Eigen::Vector3d>& rest_vert
   if (rest.size(0) != weights.num_rows) {
     fail("embedded graph: weights for {} vertices, the template has {}", weights.num_rows, rest.size(0));
   }
-  // Positions from the centre are smaller, so single precision keeps more of them.
+  // Positions relative to the centre are smaller, so single precision keeps more of their digits.
   const torch::Tensor middle = rest.size(0) > 0 ? rest.mean(0) : torch::zeros({3}, torch::kFloat64);
   centre = middle.to(torch::kFloat32);
   rest_float = (rest - centre).to(torch::kFloat32);

@@ -1,6 +1,6 @@
 #pragma once
 
-/// Embedded deformation: a graph of nodes bends the template, displacements refine it, node transforms pose it.
+/// Embedded deformation: the graph deforms the template, displacements refine it, and node transforms pose it.
 ///
 ///   y_i = D_i + sum_k w_ik (R(A_k) (v_i - g_k) + g_k + T_k)          Equation: 6.2
 ///   x_i = sum_k w_ik M_k y_i                                          Equation: 6.3
@@ -24,7 +24,7 @@ struct DeformationGraph {
 
   torch::Tensor rest;         ///< float64 [N,3]
   torch::Tensor nodes;        ///< float64 [K,3]
-  torch::Tensor rest_float;   ///< float32 [N,3], from the centre of the template
+  torch::Tensor rest_float;   ///< float32 [N,3], relative to the centre of the template
   torch::Tensor nodes_float;  ///< float32 [K,3], likewise
   torch::Tensor centre;       ///< float32 [3]
   SparseRows weights;         ///< vertices over nodes
@@ -46,7 +46,7 @@ torch::Tensor embedded_deformation_reference(const torch::Tensor& A, const torch
 
 /// [...,3] angles about x, y, z -> [...,3,3] = Rz Ry Rx.
 torch::Tensor euler_to_matrix(const torch::Tensor& angles);
-/// The inverse: angles with the one about y in [-pi/2, pi/2]. Where that is within 1e-6 of the pole, z is set to 0.
+/// The inverse. The angle about y lies in [-pi/2, pi/2]. If it is within 1e-6 of the pole, the angle about z is 0.
 torch::Tensor matrix_to_euler(const torch::Tensor& rotation);
 
 /// Embedded deformation of a character.

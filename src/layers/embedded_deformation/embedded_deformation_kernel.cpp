@@ -3,21 +3,21 @@
 #include "doppel/layers/embedded_deformation/euler_lanes.h"
 #include "doppel/layers/lanes.h"
 
-// With v and g counted from the centre c of the template:
+// With v and g relative to the centre c of the template:
 //   y - c = v + D + sum w ((R - I) v + (T + g - R g))
 //   x - o = sum w (R_M (y - c) + R_M c + t_M - o)
-// so that small deformations and distant people lose no digits to large sums.
+// so that large sums cost no digits of small deformations or of people far from the origin.
 
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr int kBlock = 16;  // vertices or nodes that pass through the transposition buffers together
+constexpr int kBlock = 16;  // vertices or nodes transposed at a time
 
 inline int block_size(int64_t start, int64_t end) {
   return static_cast<int>(end - start < kBlock ? end - start : kBlock);
 }
 
-/// A [B,rows,width] tensor's rows [start, start+n) of the items at hand, [n,width,L].
+/// Loads rows [start, start+n) of a [B,rows,width] tensor for the current items, [n,width,L].
 template <int L>
 inline void load_rows(const DeformationParams& p, const float* tensor, int64_t rows, int width, int64_t start, int n,
                       float* lanes) {
@@ -114,7 +114,7 @@ void forward(const DeformationParams& p, int64_t begin, int64_t end) {
 template <int L>
 void backward_vertices(const DeformationParams& p, int64_t begin, int64_t end) {
   if (!p.node_transforms) {
-    // x = y: the nodes gather the gradient as it comes.
+    // x = y: the nodes gather the gradient unchanged.
     for (int64_t start = begin; start < end; start += kBlock) {
       load_rows<L>(p, p.grad_out, p.num_vertices, 3, start, block_size(start, end),
                    p.canonical_gradient + start * 3 * L);

@@ -41,19 +41,20 @@ std::vector<Tensor> constants_of(const DeformationGraph& graph) {
 }
 
 void check_tensor(const Tensor& tensor, const char* name, at::IntArrayRef shape) {
-  TORCH_CHECK(tensor.scalar_type() == torch::kFloat32 && tensor.sizes() == shape, kDeformationOp, ": ", name, " must be float32 ",
-              shape, ", found ", describe(tensor));
+  TORCH_CHECK(tensor.scalar_type() == torch::kFloat32 && tensor.sizes() == shape, kDeformationOp, ": ", name,
+              " must be float32 ", shape, ", found ", describe(tensor));
 }
 
-/// What one call works on; the tensors keep alive what `params` points to.
+/// The data of one call. The tensors own the memory that `params` points to.
 struct DeformationCall {
   Tensor A, T, D, M, table, pose_table, origin;
   DeformationParams params{};
   int64_t batch = 0;
 
   DeformationCall(const Tensor& A_in, const Tensor& T_in, const OptionalTensor& D_in, const OptionalTensor& M_in,
-       at::TensorList graph) {
-    TORCH_CHECK(graph.size() == kConstants, kDeformationOp, ": graph must hold ", static_cast<int>(kConstants), " tensors");
+                  at::TensorList graph) {
+    TORCH_CHECK(graph.size() == kConstants, kDeformationOp, ": graph must hold ", static_cast<int>(kConstants),
+                " tensors");
     TORCH_CHECK(A_in.dim() == 3, kDeformationOp, ": A must be float32 [B,K,3], found ", describe(A_in));
     take_constants(graph);
     batch = A_in.size(0);
@@ -91,12 +92,12 @@ struct DeformationCall {
   }
 
   Tensor lanes_of(int64_t numbers) const {
-    // A chunk takes 4, 8 or 16 lanes, so 16 holds it whatever the instruction set.
+    // A chunk has 4, 8 or 16 lanes, so 16 suffice for any instruction set.
     const int64_t lanes = batch > 8 ? 16 : batch > 4 ? 8 : 4;
     return at::empty({numbers * lanes}, A.options());
   }
 
-  /// Calls `work` for each group of items. @param tables whether it needs the nodes' tables
+  /// Calls `work` for each group of items. @param tables whether `work` needs the nodes' tables
   template <typename Work>
   void for_each_chunk(bool tables, const Work& work) {
     if (tables) {
@@ -124,28 +125,31 @@ struct DeformationCall {
 
   template <typename Work>
   static void in_blocks(int64_t count, const Work& work) {
-    at::parallel_for(0, (count + kDeformationBlock - 1) / kDeformationBlock, 4,
-                     [&](int64_t begin, int64_t end) { work(begin * kDeformationBlock, std::min(end * kDeformationBlock, count)); });
+    at::parallel_for(0, (count + kDeformationBlock - 1) / kDeformationBlock, 4, [&](int64_t begin, int64_t end) {
+      work(begin * kDeformationBlock, std::min(end * kDeformationBlock, count));
+    });
   }
 };
 
 Tensor deformation_cpu(const Tensor& A, const Tensor& T, const OptionalTensor& D, const OptionalTensor& node_transforms,
-                   at::TensorList graph) {
+                       at::TensorList graph) {
   DeformationCall call(A, T, D, node_transforms, graph);
   DeformationParams& p = call.params;
   const Tensor out = at::empty({call.batch, p.num_vertices, 3}, call.A.options());
   p.out = out.data_ptr<float>();
   call.for_each_chunk(true, [&] {
-    DeformationCall::in_blocks(p.num_vertices, [&](int64_t begin, int64_t end) { kernels::deformation_forward(p, begin, end); });
+    DeformationCall::in_blocks(p.num_vertices,
+                               [&](int64_t begin, int64_t end) { kernels::deformation_forward(p, begin, end); });
   });
   return out;
 }
 
 /// @param wants which of A with T, D, node_transforms need a gradient
 /// @return gradients to A, T, D, node_transforms; undefined where not wanted
-std::tuple<Tensor, Tensor, Tensor, Tensor> deformation_backward_cpu(const Tensor& grad_in, const Tensor& A, const Tensor& T,
-                                                        const OptionalTensor& D, const OptionalTensor& node_transforms,
-                                                        at::TensorList graph, std::array<bool, 3> wants) {
+std::tuple<Tensor, Tensor, Tensor, Tensor> deformation_backward_cpu(const Tensor& grad_in, const Tensor& A,
+                                                                    const Tensor& T, const OptionalTensor& D,
+                                                                    const OptionalTensor& node_transforms,
+                                                                    at::TensorList graph, std::array<bool, 3> wants) {
   DeformationCall call(A, T, D, node_transforms, graph);
   DeformationParams& p = call.params;
   check_tensor(grad_in, "the gradient", {call.batch, p.num_vertices, 3});
@@ -175,11 +179,11 @@ std::tuple<Tensor, Tensor, Tensor, Tensor> deformation_backward_cpu(const Tensor
   p.posed_gradient = posed ? p.canonical_gradient + plane : nullptr;
   p.canonical = posed ? p.posed_gradient + plane : nullptr;
   call.for_each_chunk(posed, [&] {
-    DeformationCall::in_blocks(p.num_vertices,
-                    [&](int64_t begin, int64_t end) { kernels::deformation_backward_vertices(p, begin, end); });
+    DeformationCall::in_blocks(
+        p.num_vertices, [&](int64_t begin, int64_t end) { kernels::deformation_backward_vertices(p, begin, end); });
     if (!wants[0] && !p.grad_node_transforms) return;
     DeformationCall::in_blocks(p.num_nodes,
-                    [&](int64_t begin, int64_t end) { kernels::deformation_backward_nodes(p, begin, end); });
+                               [&](int64_t begin, int64_t end) { kernels::deformation_backward_nodes(p, begin, end); });
   });
   return {grad_A, grad_T, grad_D, grad_M};
 }
@@ -220,7 +224,7 @@ class DeformationFunction : public torch::autograd::Function<DeformationFunction
 };
 
 Tensor deformation_autograd(const Tensor& A, const Tensor& T, const OptionalTensor& D, const OptionalTensor& M,
-                        at::TensorList graph) {
+                            at::TensorList graph) {
   return DeformationFunction::apply(A, T, D, M, graph.vec());
 }
 

@@ -6,8 +6,8 @@
 
 namespace doppel::kernels::DOPPEL_ISA {
 
-/// Rz(A_3) Ry(A_2) Rx(A_1), row-major, from angles [3,L]; and the x and y of the (horizontal) axis about which A_2
-/// turns the result. A_1 turns it about its own column 0, A_3 about z.
+/// Rz(A_3) Ry(A_2) Rx(A_1), row-major, from angles [3,L]; and the x and y of the (horizontal) axis about which a change
+/// of A_2 rotates the result. A change of A_1 rotates it about its own column 0, a change of A_3 about z.
 template <int L>
 inline void euler_rotation(const float* angles, Vector<L>* R, Vector<L>* axis_y) {
   Vector<L> sx, cx, sy, cy, sz, cz;
@@ -27,8 +27,8 @@ inline void euler_rotation(const float* angles, Vector<L>* R, Vector<L>* axis_y)
   axis_y[1] = cz;
 }
 
-/// Gradient [3,L] to the angles from the gradient G to the rotation. Turning R by an angle about an axis a changes it
-/// by [a]x R, and <G, [a]x R> = a . torque with torque = sum over columns of R_k x G_k.
+/// Gradient [3,L] to the angles from the gradient G to the rotation. The derivative of R for a rotation about an axis a
+/// is [a]x R, and <G, [a]x R> = a . torque with torque = sum over columns of R_k x G_k.
 template <int L>
 inline void euler_adjoint(const float* angles, const Vector<L>* G, float* grad_angles) {
   Vector<L> R[9], axis_y[2], torque[3];

@@ -5,7 +5,7 @@
 
 namespace doppel {
 
-/// Shapes of all arguments, for reference and op alike.
+/// Checks the shapes of all arguments, for both the reference and the op.
 inline void check_alignment_arguments(const torch::Tensor& points, const LandmarkRays& rays,
                                       const torch::Tensor& prior) {
   constexpr const char* kName = "global_alignment";

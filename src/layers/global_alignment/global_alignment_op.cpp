@@ -126,10 +126,11 @@ class Sample {
   bool valid_ = false;
 };
 
-/// What one call works on; the tensors keep alive what it points to.
+/// The data of one call. The tensors own the memory that the pointers refer to.
 struct AlignmentCall {
   /// @param rays origin, direction, confidence
-  AlignmentCall(const Tensor& points_in, at::TensorList rays, double threshold, bool binary, double damping, double condition)
+  AlignmentCall(const Tensor& points_in, at::TensorList rays, double threshold, bool binary, double damping,
+                double condition)
       : options{threshold, binary, damping, condition} {
     TORCH_CHECK(rays.size() == 3 && points_in.dim() == 3 && points_in.scalar_type() == torch::kFloat32, kAlignmentOp,
                 ": points must be float32 [B,M,3] and rays hold origin, direction, confidence; found ",
@@ -164,7 +165,7 @@ struct AlignmentCall {
 };
 
 std::tuple<Tensor, Tensor> alignment_cpu(const Tensor& points, at::TensorList rays, const Tensor& prior_in,
-                                       double threshold, bool binary, double damping, double condition) {
+                                         double threshold, bool binary, double damping, double condition) {
   const AlignmentCall call(points, rays, threshold, binary, damping, condition);
   TORCH_CHECK(prior_in.dim() == 2 && prior_in.size(0) == points.size(0) && prior_in.size(1) == 3, kAlignmentOp,
               ": prior must be [B,3], found ", describe(prior_in));
@@ -180,7 +181,7 @@ std::tuple<Tensor, Tensor> alignment_cpu(const Tensor& points, at::TensorList ra
 }
 
 Tensor alignment_backward_cpu(const Tensor& grad_in, const Tensor& points, at::TensorList rays, const Tensor& valid,
-                    double threshold, bool binary, double damping, double condition) {
+                              double threshold, bool binary, double damping, double condition) {
   const AlignmentCall call(points, rays, threshold, binary, damping, condition);
   TORCH_CHECK(grad_in.scalar_type() == torch::kFloat32 && grad_in.numel() == 3 * points.size(0), kAlignmentOp,
               "_backward: grad must be float32 [B,3], found ", describe(grad_in));
@@ -229,7 +230,7 @@ class AlignmentFunction : public torch::autograd::Function<AlignmentFunction> {
 };
 
 std::tuple<Tensor, Tensor> alignment_autograd(const Tensor& points, at::TensorList rays, const Tensor& prior,
-                                            double threshold, bool binary, double damping, double condition) {
+                                              double threshold, bool binary, double damping, double condition) {
   const variable_list out = AlignmentFunction::apply(points, rays.vec(), prior, threshold, binary, damping, condition);
   return {out[0], out[1]};
 }

@@ -24,7 +24,7 @@ Tensor frobenius(const Tensor& matrix) { return matrix.square().sum({-2, -1}).sq
 Tensor times(const Tensor& matrix, const Tensor& vector) { return (matrix * vector.unsqueeze(-2)).sum(-1); }
 Tensor finite_or_zero(const Tensor& value) { return torch::where(value.isfinite(), value, torch::zeros_like(value)); }
 
-/// sigma of 5.2 [B,C,M]: 0 for what does not count.
+/// sigma of 5.2 [B,C,M]: 0 for rays that do not count.
 Tensor ray_weights(const LandmarkRays& rays, const GlobalAlignmentOptions& options) {
   const Tensor& sigma = rays.confidence;
   const Tensor counts = (sigma >= options.confidence_threshold) & (sigma > 0.0) & sigma.isfinite() &
@@ -60,7 +60,7 @@ LandmarkRays keypoint_rays(const Tensor& keypoints, const Tensor& projection, co
   const torch::NoGradGuard no_grad;
   const Tensor exact = keypoints.to(torch::kFloat64);
   const Tensor pixel = torch::cat({exact.narrow(-1, 0, 2), torch::ones_like(exact.narrow(-1, 2, 1))}, -1);
-  // d ~ (K R)^-1 (u,v,1). The determinant of K R is positive; the adjugate does not even change with the matrix's sign.
+  // d ~ (K R)^-1 (u,v,1). The determinant of K R is positive, and the adjugate does not depend on the matrix's sign.
   const Tensor adjugate = Adjugate(rotation_of(projection.to(torch::kFloat64))).value;
   const Tensor along = torch::matmul(pixel, adjugate.transpose(-2, -1));
   const Tensor length = along.square().sum(-1, true).sqrt();

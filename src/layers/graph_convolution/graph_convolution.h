@@ -1,16 +1,16 @@
 #pragma once
 
-/// Structure-aware graph convolution: every node has its own kernel, neighbours are mixed by ring weights.
+/// Structure-aware graph convolution: every node has its own kernel, and ring weights mix neighbours.
 ///
 ///   f'_k = b_k + sum_l a_kl K_l f_l                 Equation: 6.5
 ///   a_kl = r_kl / sum_l r_kl,  r_kl = R - hops(k,l)  Equation: 6.6
 ///
-/// Shapes: B batch, K nodes, Hin/Hout features. Two layouts: `[B,K,H]`, the public one, and node-major `[K,B,H]`, in
-/// which a network can stay from stem to head. Kernels are `[K,Hin,Hout]` (node, in, out), so K_l f_l is a row
-/// vector times a matrix.
+/// Shapes: B batch, K nodes, Hin/Hout features. There are two layouts: `[B,K,H]`, the public layout, and node-major
+/// `[K,B,H]`, which a network can use from stem to head. Kernels are `[K,Hin,Hout]` (node, in, out), so K_l f_l is a
+/// row vector times a matrix.
 ///
-/// float32 on the CPU runs the fused kernel, everything else the reference in plain tensor operations. Gradients reach
-/// every tensor argument; there is no double backward through the kernel.
+/// float32 on the CPU runs the fused kernel, everything else the reference in plain tensor operations. Gradients go to
+/// every tensor argument. The kernel has no second derivative.
 
 #include <torch/torch.h>
 
@@ -23,7 +23,7 @@ struct EmbeddedGraph;
 class MeshTopology;
 
 /// The matrix a_kl of 6.6, prepared once per graph. Nodes at `rings` hops have weight 0 and are left out, so "R = 3"
-/// reaches two hops. A value type: copies share the tensors, which nobody writes after construction.
+/// reaches two hops. Copies share the tensors, which do not change after construction.
 struct RingWeights {
   int64_t num_nodes = 0;
   int rings = 0;
@@ -36,14 +36,14 @@ struct RingWeights {
 
   // The same rows without padding, for traces.
   torch::Tensor entries;              ///< int32 [E]
-  torch::Tensor entry_offsets;        ///< int32 [K], where each row begins
+  torch::Tensor entry_offsets;        ///< int32 [K], first entry of each row
   torch::Tensor entry_weights;        ///< float64 [E]
   torch::Tensor entry_weights_float;  ///< the same in float32
 
-  // For the kernel: nodes renumbered so that neighbours lie near each other in memory. Row p belongs to node order[p];
-  // columns are positions in that order. The pattern is symmetric, so the transpose shares it.
+  // For the kernel: nodes renumbered so that neighbours are close in memory. Row p belongs to node order[p]; columns
+  // are indices into that order. The sparsity pattern is symmetric, so the transpose has the same pattern.
   torch::Tensor order;              ///< int32 [K]
-  torch::Tensor places;             ///< int32 [K], its inverse: node order[p] has place p
+  torch::Tensor places;             ///< int32 [K], the inverse of `order`: places[order[p]] = p
   torch::Tensor offsets;            ///< int32 [K+1]
   torch::Tensor columns;            ///< int32 [E]
   torch::Tensor values;             ///< float32 [E] a_kl in row k
@@ -57,7 +57,7 @@ struct RingWeights {
   std::vector<torch::Tensor> packed() const { return {order, places, offsets, columns, values, transposed_values}; }
 };
 
-/// 6.5 in the public layout.
+/// Equation 6.5 in the public layout.
 /// @param features [B,K,Hin]  @param kernels [K,Hin,Hout]  @param bias [K,Hout]
 /// @return [B,K,Hout]
 /// @throws Error naming the argument and the shape received
@@ -67,7 +67,7 @@ torch::Tensor graph_convolution(const torch::Tensor& features, const torch::Tens
 torch::Tensor graph_convolution_node_major(const torch::Tensor& features, const torch::Tensor& kernels,
                                            const torch::Tensor& bias, const RingWeights& ring);
 
-/// Batch normalisation of each (node, feature) separately, over the batch. Without `weight` there is none.
+/// Batch normalisation of each (node, feature) separately, over the batch. An undefined `weight` means none.
 struct NodeNorm {
   torch::Tensor weight, bias;               ///< [K,H]
   torch::Tensor running_mean, running_var;  ///< [K,H], updated in place while training
@@ -78,8 +78,8 @@ struct NodeNorm {
   bool defined() const { return weight.defined(); }
 };
 
-/// Half a residual block in one pass: skip + conv(elu(norm(features))). All of it is local to a node but the
-/// neighbourhood sum, so it costs no more memory traffic than the convolution alone.
+/// Half a residual block in one pass: skip + conv(elu(norm(features))). Everything except the neighbourhood sum is
+/// local to a node, so the memory traffic is that of the convolution alone.
 /// @param features [K,B,Hin]
 /// @param norm   applied first, when defined
 /// @param skip   [K,B,Hout] added to the result, or an undefined tensor
@@ -104,7 +104,7 @@ torch::Tensor dense_broadcast(const torch::Tensor& features, const torch::Tensor
 /// @param kernels [K,H,H]  @param bias [K,H] @return [K,B,H]
 torch::Tensor elu_dense_broadcast_node_major(const torch::Tensor& features, const torch::Tensor& kernels,
                                              const torch::Tensor& bias, double scale);
-/// What public checkpoints hold instead: f'_k = b_k + sum_l m_kl f_l with a learned matrix shared by all features.
+/// The dense layer of public checkpoints: f'_k = b_k + sum_l m_kl f_l with a learned matrix shared by all features.
 /// @param features [B,K,H]  @param matrix [K,K]  @param bias [K,H]
 torch::Tensor dense_matrix(const torch::Tensor& features, const torch::Tensor& matrix, const torch::Tensor& bias);
 

@@ -1,8 +1,8 @@
-// Structure-aware graph convolution (6.5), fused with the normalisation and ELU in front of it.
+// Structure-aware graph convolution (6.5), fused with the normalisation and ELU before it.
 //
-// The neighbourhood sum is the cost: about 39 neighbours, each a row of batch * outputs floats. Rows are stored next to
-// each other in an order where neighbours are near, so the sum streams from the cache with full vectors. Everything
-// else is local to one node and stays in a few kilobytes of scratch.
+// The neighbourhood sum dominates the cost: about 39 neighbours, each a row of batch * outputs floats. Rows are stored
+// in an order in which neighbours are close, so the sum reads full vectors from the cache. Everything else is local to
+// one node and uses a few kilobytes of scratch memory.
 
 #include "doppel/layers/graph_convolution/graph_convolution_kernel.h"
 
@@ -78,7 +78,7 @@ inline void multiply_block(const float* a, int64_t row, int64_t step, const floa
   for (int i = 0; i < kRows; ++i) store(c + i * c_row, sum[i]);
 }
 
-// One row alone would wait for each sum; four chains hide that.
+// A single sum would wait for each addition; four independent sums hide this latency.
 inline Vec multiply_row(const float* a, int64_t step, const float* b, int64_t b_row, int64_t depth) {
   Vec sum[4] = {};
   int64_t h = 0;
@@ -105,7 +105,7 @@ inline void multiply(const float* a, int64_t row, int64_t step, const float* b, 
 template <int kVectors, int kChains>
 inline void gather_piece(const float* rows, int64_t row, const int32_t* columns, const float* values, int64_t count,
                          float* sum) {
-  // Few vectors would wait for each other's additions; separate chains hide that.
+  // With few vectors the additions would wait for each other; independent sums hide this latency.
   Vec total[kChains][kVectors] = {};
   int64_t e = 0;
   for (; e + kChains <= count; e += kChains)
@@ -167,8 +167,8 @@ void store_rows(const float* from, int64_t from_stride, int64_t rows, int64_t co
       store_some(to + i * to_stride + v, load(from + i * from_stride + v), count - v);
 }
 
-// Kernels are asked for some nodes ahead, into the second-level cache: the first has too few places for lines on their
-// way, and everything else that is loaded would queue behind them.
+// Kernels are prefetched some nodes ahead into the second-level cache. The first-level cache has too few slots for
+// pending lines, so prefetches into it would delay all other loads.
 constexpr int64_t kNodesAhead = 8;
 
 inline void prefetch_kernel(const GraphConvolutionParams& p, int64_t node) {
@@ -178,7 +178,7 @@ inline void prefetch_kernel(const GraphConvolutionParams& p, int64_t node) {
   for (int64_t i = 0; i < size; i += kLine) __builtin_prefetch(kernel + i, 0, 2);
 }
 
-// K_l with rows of whole vectors: in place when it already is, else a padded copy.
+// K_l with rows of whole vectors: the original if it has them, otherwise a padded copy.
 const float* padded_kernel(const GraphConvolutionParams& p, int64_t node, const Scratch& s) {
   const float* kernel = p.kernels + node * p.inputs * p.outputs;
   if (p.outputs == padded(p.outputs)) return kernel;
@@ -259,7 +259,7 @@ void find_statistics(const GraphConvolutionParams& p, int64_t node, const Scratc
   }
 }
 
-// active = elu(norm(input)); the statistics stand in p.mean and p.inverse_std.
+// active = elu(norm(input)); the statistics are in p.mean and p.inverse_std.
 void activate(const GraphConvolutionParams& p, int64_t node, const float* input, float* active) {
   const int64_t in = padded(p.inputs), at = node * p.inputs;
   for (int64_t v = 0; v < in; v += kWidth) {
@@ -331,7 +331,7 @@ int64_t graph_convolution_scratch(const GraphConvolutionParams& p) {
 
 namespace {
 
-// One sample, no norm, 16 features: what a playing character runs. Everything stays in registers.
+// One sample, no norm, 16 features: the case of an actor at run time. Everything stays in registers.
 constexpr int64_t kSampleInputs = 16;
 
 bool is_sample(const GraphConvolutionParams& p) {
@@ -408,7 +408,7 @@ void graph_convolution_pack(const GraphConvolutionParams& p, float*, int64_t beg
 
 namespace {
 
-// dK, dy and what follows from them, of one node: dz_l stands in s.grad_output, y_l in `input`.
+// dK, dy and the gradients derived from them, of one node: dz_l is in s.grad_output, y_l in `input`.
 void backward_of_node(const GraphConvolutionParams& p, int64_t node, const Scratch& s, const float* input) {
   const int64_t in = padded(p.inputs), out = padded(p.outputs);
   float* grad_kernel = p.grad_kernels + node * p.inputs * p.outputs;

@@ -6,7 +6,7 @@
 
 namespace doppel::kernels {
 
-/// A float tensor seen as [batch][node][feature] whatever its layout; features lie next to each other.
+/// A float tensor indexed as [batch][node][feature] in either layout. The features of a node are contiguous.
 struct GraphFeatures {
   float* data = nullptr;
   int64_t batch_stride = 0, node_stride = 0;
@@ -16,8 +16,8 @@ struct ConstGraphFeatures {
   int64_t batch_stride = 0, node_stride = 0;
 };
 
-/// One convolution, forward or backward. "Packed" arrays follow `order`, one row of batch * padded(features) floats per
-/// node; padded() rounds up to the vector width, so that inner loops never meet a remainder.
+/// One convolution, forward or backward. "Packed" arrays follow `order`, with one row of batch * padded(features)
+/// floats per node. padded() rounds up to the vector width, so that inner loops have no remainder.
 struct GraphConvolutionParams {
   int64_t nodes = 0, batch = 0, inputs = 0, outputs = 0;
 
@@ -43,7 +43,7 @@ struct GraphConvolutionParams {
   const float* norm_bias = nullptr;
   float* running_mean = nullptr;
   float* running_var = nullptr;
-  float* mean = nullptr;  ///< what normalised: written forward, read backward
+  float* mean = nullptr;  ///< statistics of the normalisation: written forward, read backward
   float* inverse_std = nullptr;
 
   // backward
@@ -52,21 +52,21 @@ struct GraphConvolutionParams {
   float* grad_bias = nullptr;
   float* grad_norm_weight = nullptr;
   float* grad_norm_bias = nullptr;
-  GraphFeatures grad_features;  ///< data may be null: not wanted
+  GraphFeatures grad_features;  ///< data is null when not wanted
 
   float* packed = nullptr;  ///< workspace [nodes][batch * padded(outputs)]
 };
 
 /// Floats per vector in the instruction set in use.
 DOPPEL_DECLARE_KERNEL(int64_t, graph_convolution_width, ())
-/// Floats of scratch one thread needs, 64-byte aligned.
+/// The number of floats of scratch memory per thread, 64-byte aligned.
 DOPPEL_DECLARE_KERNEL(int64_t, graph_convolution_scratch, (const GraphConvolutionParams& p))
 
-// Forward: first all nodes through `transform`, then all through `gather`. Backward: `pack`, then `backward`.
-// Each runs for packed rows [begin, end), `transform` for nodes, and writes only what belongs to them, so any split
-// gives the same bits.
+// Forward: `transform` for all nodes, then `gather` for all packed rows. Backward: `pack`, then `backward`. Each call
+// covers the packed rows (for `transform`, the nodes) [begin, end) and writes only their results, so any split gives
+// the same bits.
 
-/// packed[places[l]] = act(f_l) K_l for the nodes l of [begin, end): kernels stream as they lie in memory.
+/// packed[places[l]] = act(f_l) K_l for the nodes l of [begin, end). Kernels are read in the order of memory.
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_transform,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
 /// output[k] = b_k + sum_l a_kl packed[l] (+ skip[k]).
@@ -75,11 +75,11 @@ DOPPEL_DECLARE_KERNEL(void, graph_convolution_gather,
 /// packed[p] = grad_output[order[p]] and grad_bias, its sum over the batch.
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_pack,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
-/// Everything else of the backward pass.
+/// The rest of the backward pass.
 DOPPEL_DECLARE_KERNEL(void, graph_convolution_backward,
                       (const GraphConvolutionParams& p, float* scratch, int64_t begin, int64_t end))
 
-// The dense block: every node hears the same sum.
+// The dense block: every node receives the same sum.
 
 constexpr int64_t kGraphDenseBlock = 64;  ///< nodes whose sum is taken in one piece
 

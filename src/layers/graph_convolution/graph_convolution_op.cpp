@@ -15,7 +15,7 @@ using torch::Tensor;
 
 namespace {
 
-/// Everything of a call that is not a differentiable tensor.
+/// All arguments of a call that are not differentiable tensors.
 struct ConvolutionSetting {
   std::vector<Tensor> ring;  ///< RingWeights::packed()
   Tensor running_mean, running_var;
@@ -100,7 +100,7 @@ using Pass = void (*)(const kernels::GraphConvolutionParams&, float*, int64_t, i
 
 /// One parallel region over all nodes. `work` is the multiply-adds of a node, so that tiny calls stay on one thread.
 void for_all_nodes(Pass pass, const kernels::GraphConvolutionParams& p, int64_t work) {
-  constexpr int64_t kWorkPerTask = 100000;  // about 10 us: below that waking a thread costs more than it saves
+  constexpr int64_t kWorkPerTask = 100000;  // about 10 us; less work does not pay for another thread
   const int64_t grain = std::max<int64_t>(1, kWorkPerTask / std::max<int64_t>(1, work));
   const int64_t scratch_size = kernels::graph_convolution_scratch(p);
   at::parallel_for(0, p.nodes, grain, [&](int64_t begin, int64_t end) {
@@ -119,7 +119,7 @@ struct Forward {
 };
 
 Forward convolution_cpu(const Tensor& features, const Tensor& kernels, const Tensor& bias, const Tensor& skip,
-                    const Tensor& norm_weight, const Tensor& norm_bias, const ConvolutionSetting& setting) {
+                        const Tensor& norm_weight, const Tensor& norm_bias, const ConvolutionSetting& setting) {
   const ConvolutionSizes n = sizes_of(features, kernels, setting.node_major);
   Forward result;
   result.output = setting.node_major ? at::empty({n.nodes, n.batch, n.outputs}, features.options())
@@ -154,8 +154,8 @@ struct Backward {
 };
 
 Backward convolution_backward_cpu(const Tensor& grad_output, const Tensor& features, const Tensor& kernels,
-                      const Tensor& norm_weight, const Tensor& norm_bias, const Tensor& mean, const Tensor& inverse_std,
-                      const ConvolutionSetting& setting, bool features_wanted) {
+                                  const Tensor& norm_weight, const Tensor& norm_bias, const Tensor& mean,
+                                  const Tensor& inverse_std, const ConvolutionSetting& setting, bool features_wanted) {
   const ConvolutionSizes n = sizes_of(features, kernels, setting.node_major);
   Backward result;
   result.kernels = at::empty_like(kernels);
@@ -226,8 +226,9 @@ class GraphConvolutionFunction : public torch::autograd::Function<GraphConvoluti
     setting.training = context->saved_data["training"].toBool();
     setting.node_major = context->saved_data["node_major"].toBool();
     const Tensor grad_output = grad_outputs[0].contiguous();
-    const Backward gradient = convolution_backward_cpu(grad_output, saved[0], saved[1], saved[2], saved[3], saved[4], saved[5],
-                                           setting, context->saved_data["features_wanted"].toBool());
+    const Backward gradient =
+        convolution_backward_cpu(grad_output, saved[0], saved[1], saved[2], saved[3], saved[4], saved[5], setting,
+                                 context->saved_data["features_wanted"].toBool());
     const Tensor skip = context->saved_data["skip"].toBool() ? grad_output : Tensor();
     return once_differentiable(
         {gradient.features, gradient.kernels, gradient.bias, skip, gradient.norm_weight, gradient.norm_bias, Tensor()},
@@ -269,7 +270,7 @@ class DenseSumFunction : public torch::autograd::Function<DenseSumFunction> {
     const Tensor sums = at::empty({blocks, p.batch, out}, features.options());
     p.packed = sums.data_ptr<float>();
     for_each_piece(kernels::graph_dense_sum, p, blocks);
-    // Block after block: at::sum may split its work by the number of threads.
+    // Added block by block, because at::sum may split its work by the number of threads.
     Tensor total = sums[0].clone();
     for (int64_t block = 1; block < blocks; ++block)
       for (int64_t i = 0; i < p.batch * out; ++i) total.data_ptr<float>()[i] += p.packed[block * p.batch * out + i];
@@ -300,7 +301,7 @@ Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor&
   setting.node_major = node_major;
   setting.momentum = norm.momentum;
   setting.epsilon = norm.epsilon;
-  // Autograd takes no undefined tensors; an empty one without a gradient stands for "absent".
+  // Autograd does not accept undefined tensors; an empty tensor without gradient means "absent".
   const auto dense = [](const Tensor& tensor) { return tensor.defined() ? tensor.contiguous() : absent(); };
   return GraphConvolutionFunction::apply(dense(features), dense(kernels), dense(bias), dense(skip), dense(norm.weight),
                                          dense(norm.bias), setting);
@@ -335,8 +336,9 @@ Tensor op_forward_autograd(const Tensor& features, const Tensor& kernels, const 
 
 std::tuple<Tensor, Tensor, Tensor> op_backward(const Tensor& grad_output, const Tensor& features, const Tensor& kernels,
                                                at::TensorList ring, bool node_major) {
-  const Backward gradient = convolution_backward_cpu(grad_output.contiguous(), features.contiguous(), kernels.contiguous(), {}, {},
-                                         {}, {}, op_setting(ring, node_major), true);
+  const Backward gradient =
+      convolution_backward_cpu(grad_output.contiguous(), features.contiguous(), kernels.contiguous(), {}, {}, {}, {},
+                               op_setting(ring, node_major), true);
   return {gradient.features, gradient.kernels, gradient.bias};
 }
 

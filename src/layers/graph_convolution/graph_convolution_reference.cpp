@@ -10,13 +10,13 @@ using torch::Tensor;
 
 namespace {
 
-/// An index where `like` is; untouched (and unrecorded by a trace) if it is there already.
+/// An index on the device of `like`. If it is already there, it is returned unchanged, and a trace records nothing.
 Tensor on_device_of(const Tensor& index, const Tensor& like) {
   return index.device() == like.device() ? index : index.to(like.device());
 }
 
-/// out[i] = the sum over the entries of bag i, from offsets[i] on, of weights[e] table[items[e]]: one pass that torch
-/// runs at the speed of memory. It has no second derivative.
+/// out[i] = the sum over the entries of bag i, from offsets[i] on, of weights[e] table[items[e]]. torch computes it in
+/// one pass at memory bandwidth. It has no second derivative.
 Tensor sums_of_rows(const Tensor& table, const Tensor& items, const Tensor& offsets, const Tensor& weights) {
   constexpr int64_t kSum = 0;
   return std::get<0>(at::embedding_bag(table, items, offsets, /*scale_grad_by_freq=*/false, kSum, /*sparse=*/false,
@@ -37,7 +37,7 @@ Tensor apply_kernels_by_rows(const Tensor& features, const Tensor& kernels) {
 
 /// z_l = K_l f_l for every node: [B,K,Hin] -> [K,B,Hout].
 Tensor apply_kernels(const Tensor& features, const Tensor& kernels) {
-  // What runs a trace has nothing else, and torch multiplies thousands of small matrices one by one.
+  // A traced model runs without the kernel, and torch multiplies thousands of small matrices one by one.
   if (torch::jit::tracer::isTracing()) return apply_kernels_by_rows(features, kernels);
   return at::bmm(features.transpose(0, 1), kernels);
 }
@@ -67,7 +67,7 @@ Tensor graph_convolution_reference(const Tensor& features, const Tensor& kernels
 
 Tensor node_norm_reference(const Tensor& features, const NodeNorm& norm) {
   if (!norm.defined()) return features;
-  if (features.size(0) == 0) return features * norm.weight + norm.bias;  // no statistics of nothing, but zero gradients
+  if (features.size(0) == 0) return features * norm.weight + norm.bias;  // no statistics, but zero gradients
   const int64_t K = features.size(1), H = features.size(2);
   return at::batch_norm(features.flatten(1), norm.weight.flatten(), norm.bias.flatten(), norm.running_mean.view({-1}),
                         norm.running_var.view({-1}), norm.training, norm.momentum, norm.epsilon, false)

@@ -30,8 +30,8 @@ std::vector<Row> weight_rows(const MeshTopology& topology, int rings) {
   return rows;
 }
 
-/// Breadth-first from the last node that a first search reaches (a far end of each component): nodes that are near on
-/// the graph come near in the order.
+/// Breadth-first order from the last node that a first search reaches (a far end of each component). Nodes that are
+/// close on the graph are close in the order.
 std::vector<int> breadth_first(const MeshTopology& topology, int start, std::vector<char>& seen) {
   std::vector<int> queue{start};
   seen[start] = 1;

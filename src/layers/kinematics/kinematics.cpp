@@ -84,7 +84,7 @@ KinematicChain::KinematicChain(const Skeleton& skeleton)
       rows[j][3 + c] = joint.axis[c];
       offset[j][c] = joint.offset[c];
       if (slides) slide[j][c] = joint.axis[c];
-      // [axis]x: the entry that turns component c+2 into c+1 is +axis_c, its mirror -axis_c.
+      // [axis]x: the entry in row c+2 and column c+1 is +axis_c, its transpose is -axis_c.
       if (!slides) {
         cross[j][(c + 2) % 3][(c + 1) % 3] = joint.axis[c];
         cross[j][(c + 1) % 3][(c + 2) % 3] = -joint.axis[c];

@@ -1,12 +1,13 @@
 #pragma once
 
-/// Forward kinematics: from DoFs to the world transforms of joints, bones and markers (formats.md 1 and 4).
+/// Forward kinematics: from DoFs to the world transforms of joints, bones and markers.
 ///
 ///   q_j = sum over DoFs d of weight_jd * dof_d
 ///   A_j = A_parent(j) * Trans(offset_j) * X_j,  X_j = Rot(axis_j, q_j) or Trans(axis_j * q_j)
 ///
-/// The chain is composed in double precision whatever the type of the DoFs, and rounded once at the output: a person
-/// several metres from the origin keeps micrometres. Letters: B batch, D DoFs, J joints, Bn bones, M markers.
+/// The chain is composed in double precision for every type of the DoFs, and rounded once at the output, so that
+/// positions several metres from the origin are exact to micrometres.
+/// Letters: B batch, D DoFs, J joints, Bn bones, M markers.
 
 #include <torch/torch.h>
 
@@ -16,7 +17,7 @@
 
 namespace doppel {
 
-/// A skeleton as tensors (on the CPU): what both the reference and the kernel read.
+/// A skeleton as tensors on the CPU, which both the reference and the kernel read.
 struct KinematicChain {
   explicit KinematicChain(const Skeleton& skeleton);
 
@@ -28,7 +29,7 @@ struct KinematicChain {
   torch::Tensor drive_weight;   ///< float64 [E]
   int64_t num_joints = 0, num_dofs = 0;
 
-  // The same for the reference, with a joint J added that never moves.
+  // The same for the reference, with an additional joint J that never moves.
   /// int64 [J+1] each: round r maps a joint to its 2^r-th ancestor, or to J when there is none.
   std::vector<torch::Tensor> ancestors;
   torch::Tensor weights;  ///< float64 [D,J+1]: the drives as a matrix
@@ -37,20 +38,20 @@ struct KinematicChain {
   torch::Tensor offset, slide;  ///< float64 [J+1,3]; slide is the axis of a prismatic joint, else 0
 };
 
-/// M frames that ride on joints: frame m stands at A_joint(m) * local_m.
+/// M coordinate frames fixed to joints: frame m is A_joint(m) * local_m.
 struct RiddenFrames {
   torch::Tensor joint;  ///< int32 [M]
   torch::Tensor local;  ///< float64 [M,3,4]
 };
 
-/// Frames at landmarks, turned like their joints. @param markers [M]
+/// Frames at landmarks, oriented like their joints. @param markers [M]
 /// @throws UsageError for a marker on a joint that the skeleton does not have
 RiddenFrames marker_frames(const Skeleton& skeleton, const std::vector<Marker>& markers);
 
-/// World transforms of frames that ride on the joints.
+/// World transforms of frames fixed to joints.
 /// @param dofs [B,D] in the units of the skeleton's file (its weights turn them into radians and metres)
 /// @return [B,M,3,4] world-from-frame, metres, in the type of `dofs`
-/// Gradient: exact, to `dofs`; joints with several DoFs and DoFs with several joints add up.
+/// Gradient: exact, to `dofs`, also for joints with several DoFs and DoFs with several joints.
 /// @throws Error for another shape or type
 torch::Tensor forward_kinematics(const torch::Tensor& dofs, const KinematicChain& chain, const RiddenFrames& frames);
 
@@ -75,7 +76,7 @@ class KinematicsImpl : public torch::nn::Module {
   void pretty_print(std::ostream& stream) const override;
 
  private:
-  // Not registered as buffers: they are the character's, must stay double, and have no place in a checkpoint.
+  // Not registered as buffers: they belong to the character, must stay double, and are not part of a checkpoint.
   KinematicChain chain_;
   RiddenFrames joint_frames_, bone_frames_, marker_frames_;
 };

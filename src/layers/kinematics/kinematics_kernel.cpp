@@ -34,14 +34,14 @@ double joint_value(const KinematicsParams& p, int64_t j, const float* dofs) {
   return q;
 }
 
-/// parent-from-joint: Trans(offset) * Rot(axis, q) or Trans(offset + axis q).
+/// Parent-from-joint transform: Trans(offset) * Rot(axis, q) or Trans(offset + axis q).
 void local_transform(const KinematicsParams& p, int64_t j, double q, double* local) {
   const double* offset = p.geometry + 6 * j;
   const double* axis = offset + 3;
   const bool slides = p.prismatic[j] != 0;
   const double s = slides ? 0.0 : std::sin(q), v = slides ? 0.0 : 1.0 - std::cos(q);
   const double x = axis[0], y = axis[1], z = axis[2];
-  // I + s K + v K^2 with K = [axis]x, written out for any length of the axis, as the reference has it.
+  // I + s K + v K^2 with K = [axis]x, for any length of the axis, as in the reference.
   const double rotation[9] = {1.0 - v * (y * y + z * z), -s * z + v * x * y,        s * y + v * x * z,
                               s * z + v * x * y,         1.0 - v * (x * x + z * z), -s * x + v * y * z,
                               -s * y + v * x * z,        s * x + v * y * z,         1.0 - v * (x * x + y * y)};
@@ -75,8 +75,8 @@ double joint_gradient(const KinematicsParams& p, int64_t j, const double* world,
     }
     return sum;
   }
-  // R = R_parent exp(q [axis]x): dR/dq = R [axis]x; the translation does not depend on q. Row r of R [axis]x is r x
-  // axis.
+  // R = R_parent exp(q [axis]x): dR/dq = R [axis]x; the translation does not depend on q. A row r of R gives the row
+  // r x axis of R [axis]x.
   for (int r = 0; r < 3; ++r) {
     const double* w = world + 4 * r;
     const double* g = grad + 4 * r;
@@ -99,7 +99,7 @@ void backward_item(const KinematicsParams& p, const float* dofs, const float* gr
     for (int i = 0; i < 12; ++i) grad_frame[i] = grad_frames[12 * m + i];
     add_left_adjoint(grad_frame, p.frame_local + 12 * m, grad + 12 * p.frame_joint[m]);
   }
-  // Children stand behind their parents, so going back a joint's adjoint is complete when it is reached.
+  // Children come after their parents, so in reverse order the adjoint of a joint is complete when it is read.
   for (int64_t j = p.num_joints - 1; j >= 0; --j) {
     const double gradient = joint_gradient(p, j, world + 12 * j, grad + 12 * j);
     for (int32_t e = p.drive_offsets[j]; e < p.drive_offsets[j + 1]; ++e) {

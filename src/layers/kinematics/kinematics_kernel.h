@@ -6,7 +6,7 @@
 
 namespace doppel {
 
-/// A kinematic chain and the frames that ride on it, as pointers (kinematics.h explains them).
+/// A kinematic chain and the frames fixed to it, as pointers (documented in kinematics.h).
 struct KinematicsParams {
   int64_t num_joints, num_dofs, num_frames;
   const int32_t* parent;

@@ -19,10 +19,10 @@ const char* const kKinematicsOp = "doppel::forward_kinematics";
 
 void check_arguments(const Tensor& dofs, const Tensor& weights_of, const Tensor& frame_joint,
                      const Tensor& frame_local) {
-  TORCH_CHECK(dofs.dim() == 2 && dofs.scalar_type() == torch::kFloat32, kKinematicsOp, ": dofs must be float32 [B,D], found ",
-              describe(dofs));
-  TORCH_CHECK(weights_of.scalar_type() == torch::kFloat64 && frame_local.scalar_type() == torch::kFloat64, kKinematicsOp,
-              ": geometry, drive_weight and frame_local must be float64");
+  TORCH_CHECK(dofs.dim() == 2 && dofs.scalar_type() == torch::kFloat32, kKinematicsOp,
+              ": dofs must be float32 [B,D], found ", describe(dofs));
+  TORCH_CHECK(weights_of.scalar_type() == torch::kFloat64 && frame_local.scalar_type() == torch::kFloat64,
+              kKinematicsOp, ": geometry, drive_weight and frame_local must be float64");
   TORCH_CHECK(frame_local.dim() == 3 && frame_local.size(0) == frame_joint.size(0), kKinematicsOp,
               ": frame_joint and frame_local differ: ", describe(frame_joint), " and ", describe(frame_local));
 }

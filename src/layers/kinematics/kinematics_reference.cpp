@@ -5,11 +5,11 @@
 namespace doppel {
 namespace {
 
-/// parent-from-joint transforms, with an identity as joint J: [B,J+1,3,4].
+/// Parent-from-joint transforms, with an identity as joint J: [B,J+1,3,4].
 torch::Tensor local_transforms(const torch::Tensor& q, const KinematicChain& chain) {
   const auto on = [&](const torch::Tensor& constant) { return constant_like(constant, q); };
   const torch::Tensor angle = q.unsqueeze(-1).unsqueeze(-1);
-  // Rodrigues; the skew matrices of sliding joints are zero.
+  // Rodrigues' formula; the skew matrices of prismatic joints are zero.
   const torch::Tensor rotation =
       torch::eye(3, q.options()) + angle.sin() * on(chain.skew) + (1.0 - angle.cos()) * on(chain.skew_squared);
   const torch::Tensor translation = on(chain.offset) + q.unsqueeze(-1) * on(chain.slide);
@@ -23,8 +23,8 @@ torch::Tensor forward_kinematics_reference(const torch::Tensor& dofs, const Kine
   check_shape("forward_kinematics", "dofs", dofs, {-1, chain.num_dofs}, "[B,D]");
   const torch::Tensor exact = dofs.to(torch::kFloat64);
   torch::Tensor transforms = local_transforms(torch::matmul(exact, constant_like(chain.weights, exact)), chain);
-  // Pointer jumping: before round r, joint j knows its transform from its 2^r-th ancestor; the round doubles that. A
-  // chain of 60 joints takes 6 rounds instead of 60 steps.
+  // Pointer jumping: before round r, each joint has its transform from its 2^r-th ancestor. The round doubles this
+  // distance. A chain of 60 joints takes 6 rounds instead of 60 steps.
   for (const torch::Tensor& ancestor : chain.ancestors) {
     transforms = compose(transforms.index_select(1, index_like(ancestor, exact)), transforms);
   }

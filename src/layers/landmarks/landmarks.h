@@ -1,6 +1,6 @@
 #pragma once
 
-/// Landmarks: points that detectors find in images, on a posed character (5.5.1) and on its deformed one (5.6.3).
+/// Landmarks: points that detectors find in images, on a posed character (5.5.1) and on a deformed character (5.6.3).
 /// Letters: B batch, D DoFs, M landmarks, K graph nodes. Metres.
 
 #include <torch/torch.h>
@@ -13,13 +13,13 @@
 
 namespace doppel {
 
-/// Landmarks that ride on joints.
+/// Landmarks that are fixed to joints.
 class LandmarksImpl : public torch::nn::Module {
  public:
   /// @throws UsageError for a landmark on a joint that the skeleton does not have
   LandmarksImpl(const Skeleton& skeleton, const std::vector<Marker>& landmarks);
 
-  /// Positions in the world. With the DoFs of PoseDofs::root_relative: relative to the root, which is not turned.
+  /// Positions in the world. With the DoFs of PoseDofs::root_relative they are relative to the unrotated root.
   /// @param dofs [B,D] @return [B,M,3]; gradient to `dofs` as forward_kinematics
   torch::Tensor forward(const torch::Tensor& dofs) const;
 
@@ -32,10 +32,10 @@ class LandmarksImpl : public torch::nn::Module {
 };
 TORCH_MODULE(Landmarks);
 
-/// Turns landmarks [B,M,3] by rotations [B,3,3]: root-relative ones to the axes of the world (5.1, without t).
+/// Rotates landmarks [B,M,3] by [B,3,3], for example from root-relative to world axes (5.1, without t).
 torch::Tensor turn_points(const torch::Tensor& rotation, const torch::Tensor& points);
 
-/// Landmarks that ride on the embedded graph: each follows the node nearest to it in the rest pose, with weight 1.
+/// Landmarks that follow the embedded graph: each follows the node nearest to it in the rest pose, with weight 1.
 /// Equation: 5.12 (their positions M_m)
 class GraphLandmarksImpl : public torch::nn::Module {
  public:
@@ -46,7 +46,7 @@ class GraphLandmarksImpl : public torch::nn::Module {
   /// @return [B,M,3] world; gradients to all three
   torch::Tensor forward(const torch::Tensor& A, const torch::Tensor& T, const torch::Tensor& node_transforms) const;
 
-  const std::vector<int>& nodes() const { return nodes_; }  ///< [M] the node each landmark rides on
+  const std::vector<int>& nodes() const { return nodes_; }  ///< [M] the node of each landmark
 
  private:
   std::vector<int> nodes_;

@@ -10,7 +10,7 @@ SkinningWeights node_skinning_weights(const Character& character) {
   const IndexRows& rows = character.skin.vertex_bones;
   for (int vertex : character.graph.node_vertex) {
     if (vertex < 0 || vertex >= rows.num_rows()) {
-      fail("a graph node sits on vertex {}, the skin has {} vertices", vertex, rows.num_rows());
+      fail("a graph node is at vertex {}, the skin has {} vertices", vertex, rows.num_rows());
     }
     for (int e = rows.offsets[vertex]; e < rows.offsets[vertex + 1]; ++e) {
       nodes.vertex_bones.items.push_back(rows.items[e]);

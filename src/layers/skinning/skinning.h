@@ -3,8 +3,8 @@
 /// Skinning: moves points with a weighted blend of bone transforms.
 ///
 ///   linear:          x_i' = sum_b w_ib (R_b x_i + t_b)
-///   dual_quaternion: x_i' = M_i x_i,  M_i = the rigid transform of  sum_b s_ib w_ib dq_b,  normalised by its real
-///   part;
+///   dual_quaternion: x_i' = M_i x_i,  M_i = the rigid transform of  sum_b s_ib w_ib dq_b,
+///                    normalised by its real part;
 ///                    s_ib = +-1 aligns the sign of bone b with that of the vertex's first (largest) bone.
 ///
 /// Letters: B batch, N points, Bn bones. Metres.
@@ -23,12 +23,12 @@ enum class SkinningMode { dual_quaternion = 0, linear = 1 };
 /// @param bones   [B,Bn,3,4] rigid transforms
 /// @return [B,N,3]
 /// Gradients: to points (summed over the batch if shared) and to bones. The sign s_ib is constant. The gradient to a
-/// rotation is the one of reading a quaternion from the matrix: right along rotations, arbitrary across them. No second
-/// derivative.
+/// rotation matrix is that of its conversion to a quaternion: exact for changes that keep the matrix a rotation,
+/// arbitrary for others. No second derivative.
 /// @throws Error naming the argument, with the shape found
 torch::Tensor skinning(const torch::Tensor& points, const torch::Tensor& bones, const SparseRows& weights,
                        SkinningMode mode);
-/// The blended transform of each point, [B,N,3,4]. With `linear` it is in general not rigid.
+/// The blended transform of each point, [B,N,3,4]. With `linear` it is generally not rigid.
 torch::Tensor skinning_blend(const torch::Tensor& bones, const SparseRows& weights, SkinningMode mode);
 
 /// The same in plain tensor operations: any device and float type, traceable.
@@ -36,7 +36,7 @@ torch::Tensor skinning_reference(const torch::Tensor& points, const torch::Tenso
                                  SkinningMode mode);
 torch::Tensor skinning_blend_reference(const torch::Tensor& bones, const SparseRows& weights, SkinningMode mode);
 
-/// The weights of the graph nodes: node k takes those of the template vertex it sits on.
+/// The skinning weights of the graph nodes: node k has those of its template vertex.
 SkinningWeights node_skinning_weights(const Character& character);
 
 /// Skinning with fixed weights.

@@ -2,14 +2,14 @@
 
 #include "doppel/layers/lanes.h"
 
-// Bones are re-expressed about a local frame before anything is rounded to single precision: with c a point of the
-// template and o where the first bone takes it, T(-o) M_b T(c) blends to T(-o) M_i T(c) in both modes, and its numbers
-// are as small as the body, wherever the body stands.
+// Bones are expressed in a local frame before anything is rounded to single precision. Let c be a point of the template
+// and o its position under the first bone. T(-o) M_b T(c) blends to T(-o) M_i T(c) in both modes. Its numbers have the
+// size of the body, for any position of the body in the world.
 
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-constexpr int kBlock = 16;  // points that pass through the transposition buffers together
+constexpr int kBlock = 16;  // points transposed at a time
 constexpr float kSmallestSquaredNorm = 1e-12f;
 
 // ---------------------------------------------------------------------------------------------- bones, in double
@@ -80,8 +80,8 @@ void cross(const double* a, const double* b, double* c) {
   for (int r = 0; r < 3; ++r) c[r] = a[(r + 1) % 3] * b[(r + 2) % 3] - a[(r + 2) % 3] * b[(r + 1) % 3];
 }
 
-/// Dual quaternion: R(q) c + t - o. The change of frame is exact only for a rotation, so it takes that of the
-/// quaternion, which is one even where the matrix is not quite.
+/// Dual quaternion: R(q) c + t - o. The change of frame is exact only for a rotation. R(q) is a rotation even if the
+/// matrix is only nearly one.
 void local_translation(const SkinningParams& p, const double* m, int lane, const double* q, double* t) {
   const double c[3] = {p.frame[lane], p.frame[p.lanes + lane], p.frame[2 * p.lanes + lane]};
   double once[3], twice[3];
@@ -159,7 +159,7 @@ struct Transform {
   Vector<L> m[12];
 };
 
-/// +-w: the weight with the sign that aligns a bone's quaternion with the first one's.
+/// +-w: the weight with the sign that aligns a bone's quaternion with that of the first bone.
 template <int L>
 inline Vector<L> aligned_weight(float weight, const float* bone, const Vector<L>* first) {
   const Vector<L> cosine = load<L>(bone) * first[0] + load<L>(bone + L) * first[1] + load<L>(bone + 2 * L) * first[2] +
@@ -261,7 +261,7 @@ void load_points(const SkinningParams& p, int64_t begin, int n, float* lanes) {
   for (int f = 0; f < 3 * n; ++f) store<L>(lanes + f * L, load<L>(lanes + f * L) - load<L>(p.frame + (f % 3) * L));
 }
 
-/// The result of one point: [3,L], or [12,L] when only the blend is asked for.
+/// The result of one point: [3,L], or [12,L] for `blend_only`.
 template <int L>
 inline void write_result(const SkinningParams& p, const Transform<L>& blend, const float* point, float* result) {
   const float* origin = p.frame + 3 * L;
@@ -300,7 +300,7 @@ void forward(const SkinningParams& p, int64_t begin, int64_t end) {
   }
 }
 
-/// Gradient to the blended transform of a point from that of the result; also to the point (its local coordinates).
+/// Gradients to the blended transform and to the local coordinates of a point, from the gradient to the result.
 template <int L>
 inline void result_adjoint(const SkinningParams& p, const Transform<L>& blend, const float* point, const float* grad,
                            Vector<L>* grad_blend, float* grad_point) {
@@ -442,7 +442,7 @@ void skinning_finish(const SkinningParams& p, int64_t begin, int64_t end) {
   const int width = p.linear ? 12 : 8;
   const int64_t part_size = p.num_bones * width * p.lanes;
   for (int64_t bone = begin; bone < end; ++bone) {
-    float* sums = p.grad_tables + bone * width * p.lanes;  // of part 0, to which the others are added
+    float* sums = p.grad_tables + bone * width * p.lanes;  // of part 0, to which the other parts are added
     for (int64_t part = 1; part < p.num_parts; ++part) {
       for (int i = 0; i < width * p.lanes; ++i) sums[i] += sums[part * part_size + i];
     }

@@ -17,11 +17,11 @@ using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
 const char* const kSkinningOp = "doppel::skinning";
-// The points are cut into this many parts whatever the number of threads, so that sums over them have the same bits.
+// The points are divided into this many parts for any number of threads, so that sums over them have the same bits.
 constexpr int64_t kParts = 8;
 constexpr int64_t kSkinningBlock = 16;
 
-/// What one call works on; the tensors keep alive what `params` points to.
+/// The data of one call. The tensors own the memory that `params` points to.
 struct SkinningCall {
   Tensor points, bones, table, frame;
   SkinningParams params{};
@@ -64,7 +64,7 @@ struct SkinningCall {
     params.point_stride = shared ? 0 : 3 * params.num_points;
   }
 
-  /// Calls `work` for each group of items, with their bones prepared.
+  /// Prepares the bones of each group of items and calls `work` for it.
   template <typename Work>
   void for_each_chunk(const Work& work) {
     for (params.first = 0; params.first < batch; params.first += params.count) {
@@ -99,8 +99,8 @@ std::tuple<Tensor, Tensor> run_backward(const Tensor& grad_in, const Tensor& poi
   SkinningParams& p = call.params;
   const Tensor grad = grad_in.contiguous();
   TORCH_CHECK(
-      grad.scalar_type() == torch::kFloat32 && grad.numel() == call.batch * p.num_points * (p.blend_only ? 12 : 3), kSkinningOp,
-      "_backward: unexpected gradient ", describe(grad_in));
+      grad.scalar_type() == torch::kFloat32 && grad.numel() == call.batch * p.num_points * (p.blend_only ? 12 : 3),
+      kSkinningOp, "_backward: unexpected gradient ", describe(grad_in));
   Tensor grad_points, grad_bones, tables;
   if (wants_points) {
     grad_points = p.point_stride == 0 ? at::zeros_like(call.points) : at::empty_like(call.points);
@@ -137,7 +137,8 @@ Tensor skinning_cpu(const OptionalTensor& points, const Tensor& bones, at::Tenso
 }
 
 std::tuple<Tensor, Tensor> skinning_backward_cpu(const Tensor& grad, const OptionalTensor& points, const Tensor& bones,
-                                        at::TensorList rows, int64_t mode, bool wants_points, bool wants_bones) {
+                                                 at::TensorList rows, int64_t mode, bool wants_points,
+                                                 bool wants_bones) {
   return run_backward(grad, points.value_or(Tensor()), bones, rows, mode, wants_points, wants_bones);
 }
 
@@ -184,7 +185,7 @@ Tensor skinning_autograd(const OptionalTensor& points, const Tensor& bones, at::
   return SkinningFunction::apply(points, bones, rows.vec(), mode);
 }
 
-// Without points the op gives the blended transforms.
+// Without points the op returns the blended transforms.
 TORCH_LIBRARY_FRAGMENT(doppel, m) {
   m.def("skinning(Tensor? points, Tensor bones, Tensor[] rows, int mode) -> Tensor");
   m.def(

@@ -8,7 +8,7 @@ namespace {
 constexpr double kSmallestSquaredNorm = 1e-12;  // of a blended real part: 1e-6 squared
 
 /// Unit quaternions (w,x,y,z) of rotation matrices [...,3,3]. Each row of `candidates` is the quaternion times four
-/// times one of its components; the row of the largest component is well conditioned.
+/// times one of its components. The row of the largest component is well conditioned.
 torch::Tensor quaternion_of(const torch::Tensor& rotation) {
   const auto m = [&](int row, int column) { return rotation.select(-2, row).select(-1, column); };
   const torch::Tensor x = m(2, 1) - m(1, 2), y = m(0, 2) - m(2, 0), z = m(1, 0) - m(0, 1);

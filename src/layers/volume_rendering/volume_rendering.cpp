@@ -8,11 +8,11 @@ using torch::Tensor;
 
 namespace {
 
-/// Optical depth of a cell beyond which it is opaque: exp(-60) is nothing beside 1, even in double.
+/// Optical depth above which a cell is opaque: exp(-60) is negligible beside 1, even in double.
 constexpr double kOpaque = 60.0;
-constexpr double kLargestDensity = 1e12;  // so that its product with a length is finite
-constexpr double kLeastShare = 1e-5;      // of every cell when samples are drawn by weight: none is left out for good
-constexpr double kFaint = 1e-6;           // opacity below which a depth means nothing
+constexpr double kLargestDensity = 1e12;  // makes its product with a length finite
+constexpr double kLeastShare = 1e-5;      // added to the weight of every cell, so that no cell is excluded
+constexpr double kFaint = 1e-6;           // opacity below which a depth is undefined
 
 struct Absorption {
   Tensor weights;  ///< [R,K]
@@ -48,7 +48,7 @@ RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples,
   check_shape("sample_cells", "near", near, {-1}, "[R]");
   check_shape("sample_cells", "far", far, {near.size(0)}, "[R]");
   check_same_kind("sample_cells", "far", far, near);
-  if (samples < 1) fail<UsageError>("sample_cells: {} samples a ray; there must be at least 1", samples);
+  if (samples < 1) fail<UsageError>("sample_cells: {} samples per ray; there must be at least 1", samples);
   Tensor place = torch::full({near.size(0), samples}, 0.5, near.options());
   if (generator) place = torch::rand({near.size(0), samples}, *generator, torch::kFloat32).to(near.options());
   const Tensor cell = (torch::arange(samples, near.options()) + place) / static_cast<double>(samples);
@@ -60,7 +60,7 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
   const torch::NoGradGuard no_grad;
   const int64_t R = coarse.t.size(0), K = coarse.t.size(1);
   check_shape("sample_by_weight", "weights", weights, {R, K}, "[R,K]");
-  if (count < 1) fail<UsageError>("sample_by_weight: {} samples a ray; there must be at least 1", count);
+  if (count < 1) fail<UsageError>("sample_by_weight: {} samples per ray; there must be at least 1", count);
   const Tensor share = weights.to(coarse.t.options()) + kLeastShare;
   const Tensor sum = (share / share.sum(1, true)).cumsum(1).contiguous();
   Tensor quantile = torch::full({R, count}, 0.5, coarse.t.options());
@@ -89,7 +89,7 @@ RenderedRays render_volume(const Tensor& density, const Tensor& colour, const Ra
   result.weights = seen.weights;
   result.opacity = seen.opacity;
   result.colour = (seen.weights.unsqueeze(-1) * torch::nan_to_num(colour)).sum(1);
-  // Places within the interval, so that neither the distance of the camera nor the unit costs digits.
+  // Positions relative to the interval, so that neither the camera distance nor the unit costs digits.
   const Tensor length = samples.far - samples.near;
   const Tensor place =
       (samples.t - samples.near.unsqueeze(1)) / torch::where(length > 0, length, torch::ones_like(length)).unsqueeze(1);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/shading/shading_terms.h"
@@ -19,7 +20,7 @@ bool takes_kernel(const Tensor& vertices, bool use_reference) {
   return vertices.scalar_type() == torch::kFloat32 && !use_reference && !torch::jit::tracer::isTracing();
 }
 
-/// Fails unless `t` is on the CPU, of the vertices' type, and has the sizes (-1: any).
+/// Fails unless `t` is on the CPU, has the type of the vertices and the given sizes (-1: any).
 void check(const char* op, const char* name, const Tensor& t, const Tensor& vertices, torch::IntArrayRef sizes,
            const char* letters) {
   bool good = t.defined() && t.device().is_cpu() && t.scalar_type() == vertices.scalar_type() &&
@@ -108,7 +109,7 @@ shading::ViewTensors shading::view_tensors(const char* op, const Tensor& project
 }
 
 std::vector<shading::ViewGeometry> shading::view_geometry(const ViewTensors& views) {
-  std::vector<ViewGeometry> out(static_cast<std::size_t>(views.centre.size(0) * views.centre.size(1)));
+  std::vector<ViewGeometry> out(as_size(views.centre.size(0) * views.centre.size(1)));
   const double* ray = views.ray.data_ptr<double>();
   const double* centre = views.centre.data_ptr<double>();
   for (ViewGeometry& g : out) {

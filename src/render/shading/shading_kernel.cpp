@@ -6,16 +6,16 @@
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-/// A vector of pixels that the mesh covers in part: place, then face (-1: none), three barycentrics, depth, and with a
-/// texture the coordinates on it.
-constexpr int kFragmentWords = 16 + 7 * kLanes;  // the place on a cache line of its own keeps the rest aligned
+/// A vector of pixels that the mesh covers at least in part: position, then face (-1: none), three barycentrics, depth,
+/// and texture coordinates if there is a texture.
+constexpr int kFragmentWords = 16 + 7 * kLanes;  // the position has its own cache line, which aligns the rest
 constexpr int kVectorsPerTile = kTile * kTile / kLanes;
 
 struct Fragment {
   int x, y;  ///< of the first pixel, in the image
   Int face;
   Float b[3], z;
-  Float u, v;  ///< on the texture; left alone where there is none
+  Float u, v;  ///< on the texture; not set without a texture
 };
 
 inline void store_fragment(std::int32_t* out, const Fragment& f, bool textured) {
@@ -70,7 +70,7 @@ inline void load_corners(const RasterView& raster, Int face, std::int32_t (*corn
 
 // --- normal and light ------------------------------------------------------------------------------------------------
 
-/// The interpolated normal; `scale` is 1 / length with the sign of the turn, 0 where there is none.
+/// The interpolated normal; `scale` is 1 / length, negative for a flipped normal, 0 without a normal.
 struct Normal {
   Float corner[3][3];  ///< [corner][axis]
   Float n[3], scale;
@@ -122,7 +122,7 @@ inline void illuminate(const float* lighting, const Float* sh, Float* light) {
   }
 }
 
-/// Gradient to the normal sums, from `g_light`, that to the light.
+/// Gradient to the normal sums, from the gradient `g_light` to the light.
 inline void normal_gradient(const float* lighting, const Float* g_light, const Normal& normal, Float* out) {
   Float s[9];
   for (int j = 1; j < 9; ++j)
@@ -138,7 +138,7 @@ inline void normal_gradient(const float* lighting, const Float* g_light, const N
 
 struct Sample {
   Float value[3];
-  Float du[3], dv[3];  ///< derivative by u and v
+  Float du[3], dv[3];  ///< derivatives with respect to u and v
 };
 
 /// The left texel and the fraction of a coordinate in texels; `inside`: the coordinate is not clamped.
@@ -181,7 +181,7 @@ inline void find_uv(const ShadeView& view, Fragment& f) {
   f.v = dot(f.b, corner.v);
 }
 
-/// Where on the texture each pixel looks.
+/// The position of each pixel on the texture.
 struct Place {
   Int texel, inside_x, inside_y;
   Float fx, fy;
@@ -197,7 +197,7 @@ inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
   store(p.offset, p.texel * 3);
 }
 
-/// Texels lie anywhere in memory: asking for them before other work hides the wait.
+/// Texels are scattered in memory: a prefetch before other work hides the latency.
 inline void prefetch_texels(const ShadeView& view, const Place& p) {
   const std::int64_t row = 3 * static_cast<std::int64_t>(view.texture_width);
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -206,7 +206,7 @@ inline void prefetch_texels(const ShadeView& view, const Place& p) {
   }
 }
 
-/// To be called one vector of pixels before sample_texture.
+/// Prefetches texels. Call it one vector of pixels before sample_texture.
 inline void look_ahead(const ShadeView& view, const Fragment& f, Place& place) {
   if (!view.texture) return;
   find_place(view, f, place);
@@ -284,7 +284,7 @@ void clear_around(const RasterView& raster, int x0, int y0, int x_begin, int x_e
   }
 }
 
-/// A vector of pixels that is resolved and waits for its texels.
+/// A resolved vector of pixels whose texels are being loaded.
 struct Waiting {
   Fragment f;
   Place place;
@@ -316,7 +316,7 @@ inline void finish_pixels(const ShadeView& view, const Waiting& w, int inside, f
 
 // --- sums per face ---------------------------------------------------------------------------------------------------
 
-/// The record of a face within the tile, made on first sight.
+/// The record of a face within the tile, created at its first pixel.
 inline FaceGradient& record_of(const RasterView& raster, std::int32_t face, TileGradient& out) {
   std::int32_t& slot = out.slot_of_face[face];
   if (slot < out.num_faces && out.faces[slot].face == face) return out.faces[slot];
@@ -328,8 +328,8 @@ inline FaceGradient& record_of(const RasterView& raster, std::int32_t face, Tile
   return record;
 }
 
-/// Adds b_k * values to corner k of each pixel's face, pixel by pixel from left to right; neighbours of one face in one
-/// go. Without kNormals the last three values are 0.
+/// Adds b_k * values to corner k of each pixel's face, from left to right. Neighbouring pixels of the same face are
+/// added together. Without kNormals the last three values are 0.
 template <bool kNormals>
 inline void add_to_faces(const RasterView& raster, const Fragment& f, const Float* values, TileGradient& out) {
   alignas(64) float low[4 * kLanes], high[4 * kLanes], b[4 * kLanes];
@@ -370,8 +370,8 @@ inline void cross(const float* a, const float* b, float* out) {
 }
 inline float dot(const float* a, const float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/// Without light, the gradient to barycentric j is du (u_j - u) + dv (v_j - v): the sums over du, dv and their product
-/// with (u, v) become those over barycentrics here, once a face.
+/// Without light, the gradient to barycentric j is du (u_j - u) + dv (v_j - v). This function converts the sums over
+/// du, dv and their products with (u, v) to sums over barycentrics, once per face.
 inline void sums_over_barycentrics(const ShadeView& view, FaceGradient& record) {
   const float* uv = view.uvs + 8 * static_cast<std::int64_t>(record.face);
   for (auto& sum : record.sum) {
@@ -408,14 +408,14 @@ inline void finish_face(const ShadeView& view, FaceGradient& record) {
 
 // --- one vector of pixels backward -----------------------------------------------------------------------------------
 
-/// Asks for the upstream gradient of a fragment to come: the rows of an image are too far apart for the processor to
-/// guess.
+/// Prefetches the upstream gradient of a later fragment. The hardware prefetcher does not predict the distance between
+/// rows of an image.
 inline void prefetch_upstream(const float* upstream, int width, const std::int32_t* fragment) {
   const float* pixel = upstream + 3 * (static_cast<std::int64_t>(fragment[1]) * width + fragment[0]);
   for (int i = 0; i < 3 * kLanes; i += 16) __builtin_prefetch(pixel + i);
 }
 
-/// What a tile collects in registers and on the stack.
+/// The sums of a tile in registers and on the stack.
 struct LightSums {
   Float sum[27];
 };
@@ -474,7 +474,7 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
     }
   }
   if (!out.faces) return;
-  const Int within = (f.b[0] > 0) & (f.b[1] > 0) & (f.b[2] > 0);  // moved to an edge, b does not follow the vertices
+  const Int within = (f.b[0] > 0) & (f.b[1] > 0) & (f.b[2] > 0);  // b of a pixel moved to an edge is constant
   if (!view.normals) {
     values[0] = within ? du : zero();
     values[1] = within ? dv : zero();
@@ -491,10 +491,10 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
   add_to_faces<true>(*view.raster, f, values, out);
 }
 
-// --- slope of the target ---------------------------------------------------------------------------------------------
+// --- gradient of the target ------------------------------------------------------------------------------------------
 
-/// Sums weight_u, weight_v times the target around `count` pixels from (x, y) on, times `upstream`: per float of the
-/// interleaved row. The row must lie `radius` inside the image.
+/// Sums weight_u and weight_v times the target around `count` pixels from (x, y) on, times `upstream`, for each float
+/// of the interleaved row. The row must lie `radius` inside the image.
 inline void correlate(const TargetView& view, int x, int y, int count, const float* upstream, float* du, float* dv) {
   const int floats = 3 * count, r = view.radius;
   const std::int64_t stride = 3 * static_cast<std::int64_t>(view.raster->width);
@@ -523,7 +523,7 @@ inline void correlate(const TargetView& view, int x, int y, int count, const flo
   }
 }
 
-/// Slope of (upstream . target) by u and v at the pixels of a fragment; 0 where it is not defined.
+/// Gradient of (upstream . target) along u and v at the pixels of a fragment; 0 where it is not defined.
 inline void target_slopes(const TargetView& view, const Fragment& f, const float* upstream, Float& du, Float& dv) {
   alignas(64) float u[kLanes] = {}, v[kLanes] = {};
   const int width = view.raster->width, height = view.raster->height, r = view.radius;
@@ -698,7 +698,7 @@ void face_normal_gradients(const NormalMesh& mesh, const float* sums, std::int64
   for (std::int64_t f = begin; f < end; ++f) {
     const std::int32_t* face = mesh.faces + 4 * f;
     Float4 g = {0, 0, 0, 0};
-    // A face that names a vertex twice has no area however that moves.
+    // A face with a repeated vertex has no area for any position of the vertex.
     if (face[0] != face[1] && face[1] != face[2] && face[2] != face[0]) {
       for (int k = 0; k < 3; ++k) g += load<Float4>(sums + 8 * static_cast<std::int64_t>(face[k]) + 4);
     }

@@ -7,7 +7,7 @@
 
 namespace doppel::kernels {
 
-/// One view as the shading kernels see it. Null pointers leave their part out.
+/// One view for the shading kernels. A null pointer omits its part.
 struct ShadeView {
   const RasterView* raster = nullptr;  ///< backward reads only `vertices` and `faces`
   const float* normals = nullptr;      ///< [N,4] sums of the face normals at a vertex; null: unlit
@@ -17,26 +17,26 @@ struct ShadeView {
   int texture_width = 0, texture_height = 0;
   int nearest = 0, flip = 0;
   float ray[9] = {};     ///< direction of the ray through pixel (u, v, 1), away from the camera
-  float centre[3] = {};  ///< of the camera, world
+  float centre[3] = {};  ///< camera centre, world
 };
 
-/// What a face of a tile receives: first sums over its pixels, then the gradient to its corners.
+/// Gradient of one face of a tile: first sums over its pixels, then the gradient to its corners.
 struct FaceGradient {
   std::int32_t face;
   std::int32_t corner[3];
-  /// Per corner k: sums of b_k * (gradient to the barycentrics, tangential), 0, b_k * (gradient to the normal), 0; in
-  /// the end the gradient to its position, 0, to its normal sum, 0.
+  /// Per corner k: sums of b_k * (gradient to the barycentrics, tangential), 0, b_k * (gradient to the normal), 0. At
+  /// the end: the gradient to the position, 0, the gradient to the normal sum, 0.
   alignas(32) float sum[3][8];
 };
 
-/// What four texels receive from a pixel: `gradient` weighted by the fractions.
+/// Gradient of one pixel to four texels: `gradient` weighted by the fractions.
 struct TexelGradient {
   std::int32_t texel;  ///< y * width + x of the upper left one
   float fx, fy;
   float gradient[3];
 };
 
-/// Where a tile's backward pass writes; null parts are not computed.
+/// Outputs of a tile's backward pass. Null parts are not computed.
 struct TileGradient {
   FaceGradient* faces = nullptr;         ///< room for kTile * kTile
   std::int32_t* slot_of_face = nullptr;  ///< [F] scratch, any content within [0, kTile * kTile)
@@ -45,7 +45,7 @@ struct TileGradient {
   std::int32_t num_faces = 0, num_texels = 0;
 };
 
-/// Words of memory that hold the fragments of one tile.
+/// The number of words of memory for the fragments of one tile.
 DOPPEL_DECLARE_KERNEL(std::int64_t, fragment_words, ())
 
 /// Resolves, shades and resets `rect` of the tile at (x0, y0) and writes 0 to the rest of it.
@@ -60,7 +60,7 @@ DOPPEL_DECLARE_KERNEL(void, shade_tile_backward,
                       (const ShadeView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,
                        std::int32_t count, TileGradient& out))
 
-/// Derivative filter of the target: `slope = sum weight * target[offset]`.
+/// Derivative filter of the target: `gradient = sum weight * target[offset]`.
 struct TargetView {
   const RasterView* raster = nullptr;
   const float* target = nullptr;  ///< [H,W,3]
@@ -73,7 +73,7 @@ DOPPEL_DECLARE_KERNEL(void, target_tile_backward,
                        std::int32_t count, TileGradient& out))
 
 // --- normals -------------------------------------------------------------------------------------------------------
-/// The mesh as these see it: vertices [N,3], faces [F,4], the faces at each vertex.
+/// The mesh for these kernels: vertices [N,3], faces [F,4], the faces at each vertex.
 struct NormalMesh {
   const float* vertices;
   const std::int32_t* faces;
@@ -95,12 +95,13 @@ DOPPEL_DECLARE_KERNEL(void, add_face_gradients,
 /// Gradient to the face normals from that to the normal sums (`sums` [N,8]) -> [F,4]
 DOPPEL_DECLARE_KERNEL(void, face_normal_gradients,
                       (const NormalMesh& mesh, const float* sums, std::int64_t begin, std::int64_t end, float* out))
-/// Gradient to the vertices: position part of `sums` plus what comes through the normals of their faces (may be null).
+/// Gradient to the vertices: the position part of `sums` plus the gradient through the normals of their faces (may be
+/// null).
 DOPPEL_DECLARE_KERNEL(void, vertex_gradients,
                       (const NormalMesh& mesh, const float* sums, const float* face_gradients, std::int64_t begin,
                        std::int64_t end, float* out))
 
-/// Adds those gradients that fall into texel rows [begin,end).
+/// Adds the gradients that fall into texel rows [begin,end).
 DOPPEL_DECLARE_KERNEL(void, add_texel_gradients,
                       (const TexelGradient* texels, std::int64_t count, int width, int begin, int end, float* texture))
 

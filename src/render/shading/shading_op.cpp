@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/recycled.h"
 #include "doppel/render/shading/shading_kernel.h"
 #include "doppel/render/shading/shading_terms.h"
@@ -29,11 +30,11 @@ using OptionalTensor = c10::optional<Tensor>;
 
 // --- scratch ---------------------------------------------------------------------------------------------------------
 
-/// Memory that grows and is not initialised.
+/// Growing memory without initialisation.
 template <typename T>
 class Arena {
  public:
-  /// Room for `more` items beyond size(); moves what is there.
+  /// Reserves room for `more` items beyond size() and moves the existing items.
   T* room(std::size_t more) {
     if (size_ + more > capacity_) {
       const std::size_t capacity = std::max(size_ + more, 2 * capacity_);
@@ -54,14 +55,14 @@ class Arena {
   std::size_t size_ = 0, capacity_ = 0;
 };
 
-/// What one thread collects.
+/// The gradients that one thread collects.
 struct Collected {
   Arena<FaceGradient> faces;
   Arena<TexelGradient> texels;
   std::vector<std::int32_t> slot_of_face;
 };
 
-/// Where a tile's part of a thread's collection lies.
+/// The location of a tile's part in a thread's collection.
 struct TilePart {
   std::size_t thread = 0, first_face = 0, first_texel = 0;
   std::int32_t num_faces = 0, num_texels = 0;
@@ -75,7 +76,7 @@ struct Workspace {
   std::vector<float> face_normals, sums;
 };
 
-/// Workspaces are kept for the next call; each call has one to itself.
+/// Exclusive use of a workspace for one call. Workspaces are kept for later calls.
 class WorkspaceLease {
  public:
   WorkspaceLease() {
@@ -107,13 +108,13 @@ class WorkspaceLease {
 
 // --- arguments -------------------------------------------------------------------------------------------------------
 
-constexpr std::int64_t kItemsPerThread = 4096;  ///< vertices or faces: fewer are done faster than a thread is woken
+constexpr std::int64_t kItemsPerThread = 4096;  ///< vertices or faces: fewer do not pay for another thread
 
 Tensor floats(const Tensor& t) { return t.to(torch::kFloat32).contiguous(); }
 
 const float* data_or_null(const Tensor& t) { return t.defined() ? t.data_ptr<float>() : nullptr; }
 
-/// The arguments of one call as the kernels take them.
+/// The arguments of one call in the form of the kernels.
 struct Scene {
   Tensor vertices, texture, lighting, projection, faces, uvs, offsets, incident;
   std::vector<ViewGeometry> geometry;
@@ -170,13 +171,13 @@ struct Scene {
     }
     out.nearest = nearest;
     out.flip = flip;
-    const ViewGeometry& g = geometry[static_cast<std::size_t>(v)];
+    const ViewGeometry& g = geometry[as_size(v)];
     std::copy(g.ray.begin(), g.ray.end(), out.ray);
     std::copy(g.centre.begin(), g.centre.end(), out.centre);
     return out;
   }
 
-  /// What the backward kernels read of a view.
+  /// The part of a view that the backward kernels read.
   RasterView raster_view(std::int64_t v) const {
     RasterView out;
     out.vertices = vertices_of(v / cameras);
@@ -191,7 +192,7 @@ struct Scene {
 // --- forward ---------------------------------------------------------------------------------------------------------
 
 void compute_normals(const Scene& scene, Workspace& workspace, Tensor& normals) {
-  workspace.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
+  workspace.face_normals.resize(as_size(4 * scene.num_faces));
   float* of_faces = workspace.face_normals.data();
   for (std::int64_t b = 0; b < scene.batch; ++b) {
     const kernels::NormalMesh mesh = scene.normal_mesh(b);
@@ -261,26 +262,26 @@ std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> shade_cpu(const Tensor& verti
 
 // --- backward --------------------------------------------------------------------------------------------------------
 
-/// Runs kernel(view in item, tile, gradient) over the tiles of one batch item and remembers what each one left, in the
-/// order of views and tiles.
+/// Runs kernel(view in item, tile, gradient) over the tiles of one batch item and stores the results in the order of
+/// views and tiles.
 template <typename Kernel>
 void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texels, bool wants_lighting,
              const Kernel& kernel) {
   const std::int64_t tasks = scene.cameras * scene.tiles();
   const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
-  if (w.collected.size() < static_cast<std::size_t>(threads)) w.collected.resize(static_cast<std::size_t>(threads));
-  w.parts.assign(static_cast<std::size_t>(tasks), {});
-  if (wants_lighting) w.lighting.assign(static_cast<std::size_t>(27 * tasks), 0.0);
-  constexpr std::size_t kPixels = static_cast<std::size_t>(kTile) * kTile;
+  if (w.collected.size() < as_size(threads)) w.collected.resize(as_size(threads));
+  w.parts.assign(as_size(tasks), {});
+  if (wants_lighting) w.lighting.assign(as_size(27 * tasks), 0.0);
+  constexpr std::size_t kPixels = as_size(kTile) * kTile;
   std::atomic<std::int64_t> next{0};
   at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
     for (std::int64_t thread = first; thread < last; ++thread) {
-      Collected& own = w.collected[static_cast<std::size_t>(thread)];
+      Collected& own = w.collected[as_size(thread)];
       own.faces.clear();
       own.texels.clear();
-      // Any index below the number of records is harmless: a record knows its face.
-      if (own.slot_of_face.size() < static_cast<std::size_t>(scene.num_faces)) {
-        own.slot_of_face.resize(static_cast<std::size_t>(scene.num_faces), 0);
+      // Any index below the number of records is harmless, because a record holds its face.
+      if (own.slot_of_face.size() < as_size(scene.num_faces)) {
+        own.slot_of_face.resize(as_size(scene.num_faces), 0);
       }
       for (std::int64_t task = next++; task < tasks; task = next++) {
         TileGradient gradient;
@@ -289,19 +290,19 @@ void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texe
         if (wants_lighting) gradient.lighting = w.lighting.data() + 27 * task;
         gradient.slot_of_face = own.slot_of_face.data();
         kernel(task / scene.tiles(), task % scene.tiles(), gradient);
-        w.parts[static_cast<std::size_t>(task)] = {static_cast<std::size_t>(thread), own.faces.size(),
-                                                   own.texels.size(), gradient.num_faces, gradient.num_texels};
-        own.faces.add(static_cast<std::size_t>(gradient.num_faces));
-        own.texels.add(static_cast<std::size_t>(gradient.num_texels));
+        w.parts[as_size(task)] = {as_size(thread), own.faces.size(), own.texels.size(), gradient.num_faces,
+                                  gradient.num_texels};
+        own.faces.add(as_size(gradient.num_faces));
+        own.texels.add(as_size(gradient.num_texels));
       }
     }
   });
 }
 
-/// Gradient to the vertices of one batch item. Each thread has some vertices and takes all tiles in their order.
+/// Gradient to the vertices of one batch item. Each thread has a range of vertices and reads all tiles in order.
 void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool through_normals, float* out) {
   const kernels::NormalMesh mesh = scene.normal_mesh(item);
-  w.sums.resize(static_cast<std::size_t>(8 * scene.num_vertices));
+  w.sums.resize(as_size(8 * scene.num_vertices));
   float* sums = w.sums.data();
   at::parallel_for(0, scene.num_vertices, kItemsPerThread / 4, [&](std::int64_t begin, std::int64_t end) {
     std::fill(sums + 8 * begin, sums + 8 * end, 0.0f);
@@ -313,7 +314,7 @@ void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool t
     if (!through_normals) kernels::vertex_gradients(mesh, sums, nullptr, begin, end, out);
   });
   if (!through_normals) return;
-  w.face_normals.resize(static_cast<std::size_t>(4 * scene.num_faces));
+  w.face_normals.resize(as_size(4 * scene.num_faces));
   float* to_faces = w.face_normals.data();
   at::parallel_for(0, scene.num_faces, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
     kernels::face_normal_gradients(mesh, sums, begin, end, to_faces);
@@ -323,7 +324,7 @@ void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool t
   });
 }
 
-/// Gradient to the textures that the views of one batch item show. Each thread has some rows.
+/// Gradient to the textures of the views of one batch item. Each thread has a range of rows.
 void reduce_texels(const Scene& scene, const Workspace& w, std::int64_t item, float* gradient) {
   const std::int64_t rows = scene.texture.size(1), width = scene.texture.size(2), tiles = scene.tiles();
   at::parallel_for(
@@ -331,7 +332,7 @@ void reduce_texels(const Scene& scene, const Workspace& w, std::int64_t item, fl
         for (std::int64_t c = 0; c < scene.cameras; ++c) {
           float* out = gradient + 3 * rows * width * scene.texture_of(item * scene.cameras + c);
           for (std::int64_t t = 0; t < tiles; ++t) {
-            const TilePart& part = w.parts[static_cast<std::size_t>(c * tiles + t)];
+            const TilePart& part = w.parts[as_size(c * tiles + t)];
             if (part.num_texels == 0) continue;
             kernels::add_texel_gradients(w.collected[part.thread].texels.data() + part.first_texel, part.num_texels,
                                          static_cast<int>(width), static_cast<int>(begin), static_cast<int>(end), out);
@@ -340,7 +341,7 @@ void reduce_texels(const Scene& scene, const Workspace& w, std::int64_t item, fl
       });
 }
 
-/// Adds the tiles of each view in their order, in double.
+/// Adds the tiles of each view in order, in double.
 void reduce_lighting(const Scene& scene, const Workspace& w, std::int64_t item, double* gradient) {
   const bool shared = scene.lighting.size(0) == 1;
   for (std::int64_t c = 0; c < scene.cameras; ++c) {
@@ -440,7 +441,7 @@ auto find_op(const char* name) {
 OptionalTensor optional(const Tensor& t) { return t.defined() ? OptionalTensor(t) : c10::nullopt; }
 Tensor tensor_or_none(const OptionalTensor& t) { return t.has_value() ? *t : Tensor(); }
 
-/// Gradients that may be used but not differentiated again; doing so throws.
+/// Gradients without a derivative of their own: differentiating them throws.
 variable_list once_differentiable(variable_list gradients, const char* op) {
   if (!torch::GradMode::is_enabled()) return gradients;
   variable_list defined;
@@ -476,7 +477,7 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
                                 mesh.face_records, mesh.uv_records, mesh.incident_offsets, mesh.incident_faces, normals,
                                 records, counts});
     context->mark_non_differentiable({mask, records, counts});
-    context->set_materialize_grads(false);  // else the backward pass is handed zeros of the size of the records
+    context->set_materialize_grads(false);  // otherwise backward receives zeros for the records
     return {colour, mask, records, counts};
   }
 

@@ -49,7 +49,7 @@ Tensor barycentrics(const Pixels& pixels, const Tensor& vertices, const ViewTens
   const Tensor w1 = torch::cross(q, r[0], 1), w2 = torch::cross(r[0], p, 1);
   const Tensor g = torch::stack({row_dot(n - w1 - w2, ray), row_dot(w1, ray), row_dot(w2, ray)}, 1);
 
-  // Limited to the face, without gradient, where the pixel is not strictly inside.
+  // A pixel that is not strictly inside its face is clamped to the face, without gradient.
   const Tensor total = g.detach().sum(1, true);
   const Tensor limited =
       (g.detach() * torch::where(total < 0, -torch::ones_like(total), torch::ones_like(total))).clamp_min(0);
@@ -88,7 +88,7 @@ Tensor pixel_normals(const Pixels& pixels, const Tensor& b, const Tensor& vertic
 
 namespace {
 
-/// Bilinear (or nearest) look-up. @param uv [P,2] @param image int64 [P], which texture
+/// Bilinear (or nearest) look-up. @param uv [P,2] @param image int64 [P], index of the texture
 Tensor sample(const Tensor& texture, const Tensor& image, const Tensor& uv, bool nearest) {
   const std::int64_t height = texture.size(1), width = texture.size(2);
   Tensor x = uv.select(1, 0) * static_cast<double>(width) - 0.5;
@@ -119,7 +119,8 @@ Tensor albedo(const Pixels& pixels, const Tensor& b, const Tensor& texture, cons
   return sample(texture, image, uv, nearest);
 }
 
-/// Slope of the images by u and v, 0 within `radius` of the border. @param images [V,H,W,3] @return 2 x [V,H,W,3]
+/// Gradient of the images along u and v, 0 within `radius` of the border. @param images [V,H,W,3]
+/// @return 2 x [V,H,W,3]
 std::pair<Tensor, Tensor> slopes(const Tensor& images, int radius) {
   const std::int64_t height = images.size(1), width = images.size(2);
   Tensor by_u = torch::zeros_like(images), by_v = torch::zeros_like(images);

@@ -8,16 +8,16 @@
 #include "doppel/render/render_mesh.h"
 #include "doppel/render/shading/shading_types.h"
 
-/// The two ways to shade; arguments already checked, see shade and target_on_surface.
+/// Kernel and reference of `shade` and `target_on_surface`, with checked arguments.
 namespace doppel::shading {
 
-/// What the formulas need of a projection matrix P = [M | p].
+/// Quantities derived from a projection matrix P = [M | p].
 struct ViewGeometry {
   std::array<float, 9> ray{};     ///< M^-1: pixel (u, v, 1) to the direction of its ray, away from the camera
   std::array<float, 3> centre{};  ///< -M^-1 p
 };
 
-/// float64 [B,C,3,3] M^-1 and [B,C,3] centres; 0 for a view whose matrix is all 0, which draws nothing.
+/// float64 [B,C,3,3] M^-1 and [B,C,3] centres. Both are 0 for a view whose matrix is all 0; it draws nothing.
 /// @throws Error for a matrix without a centre (an affine camera) or with NaN
 struct ViewTensors {
   torch::Tensor ray, centre;
@@ -25,13 +25,13 @@ struct ViewTensors {
 ViewTensors view_tensors(const char* op, const torch::Tensor& projection);
 std::vector<ViewGeometry> view_geometry(const ViewTensors& views);
 
-/// A texture with at least two texels to each side: one that has a single row or column is repeated, which changes
-/// nothing.
+/// A texture with at least two texels along each side. A single row or column is repeated, which does not change the
+/// image.
 torch::Tensor at_least_two_texels(const torch::Tensor& texture);
 
 /// Cosine between ray and face below which no gradient passes through barycentrics.
 constexpr double kGrazing = 0.001;
-/// Squared length below which a normal counts as none.
+/// Squared length below which a normal counts as undefined.
 constexpr double kTinyNormal = 1e-30;
 
 ShadedImage reference(const torch::Tensor& vertices, const torch::Tensor& texture, const torch::Tensor& lighting,

@@ -6,13 +6,14 @@ namespace doppel {
 
 struct ShadingOptions {
   bool lit = true;             ///< false: the albedo alone; `lighting` is then ignored
-  bool nearest = false;        ///< the texel under the point instead of four; no gradient through the UVs then
-  bool flip_normals = true;    ///< interpolated normals that face away from the camera are turned towards it
-  float z_near = 0.01f;        ///< metres: what lies nearer to the camera plane is cut away
+  bool nearest = false;        ///< the nearest texel instead of bilinear; no gradient through the UVs
+  bool flip_normals = true;    ///< interpolated normals that face away from the camera are negated
+  float z_near = 0.01f;        ///< metres; parts nearer to the camera plane are cut away
   bool use_reference = false;  ///< plain tensor operations instead of the kernel
 };
 
-/// What was seen where; handed from `shade` to functions that need the same visibility. Opaque, of the kernel's form.
+/// The visible faces of a drawing, which `shade` returns for functions that need the same visibility. The format is
+/// private to the kernel.
 struct Fragments {
   torch::Tensor records;  ///< int32 [B*C, tiles, words]
   torch::Tensor counts;   ///< int32 [B*C, tiles]
@@ -22,11 +23,11 @@ struct Fragments {
 struct ShadedImage {
   torch::Tensor colour;  ///< [B,C,H,W,3], background 0; not clamped
   torch::Tensor mask;    ///< bool [B,C,H,W], true where the mesh is seen
-  Fragments fragments;   ///< undefined when the reference was taken
+  Fragments fragments;   ///< undefined when the reference ran
 };
 
 struct TargetOptions {
-  int radius = 1;  ///< pixels of the derivative filter to each side
+  int radius = 1;  ///< of the derivative filter, pixels
   float z_near = 0.01f;
   bool use_reference = false;
 };

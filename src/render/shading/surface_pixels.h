@@ -4,10 +4,10 @@
 
 #include "doppel/render/shading/shading_terms.h"
 
-/// The pixels that a mesh covers and what of the surface they show, in plain tensor operations.
+/// The pixels that a mesh covers and the surface points that they show, in plain tensor operations.
 namespace doppel::shading {
 
-/// P pixels of all views, in their order.
+/// P pixels of all views, in the order of the views.
 struct Pixels {
   torch::Tensor place;       ///< int64 [P], index into [B*C*H*W]
   torch::Tensor view, item;  ///< int64 [P]
@@ -28,7 +28,7 @@ torch::Tensor barycentrics(const Pixels& pixels, const torch::Tensor& vertices, 
 torch::Tensor interpolate(const torch::Tensor& b, const torch::Tensor& at0, const torch::Tensor& at1,
                           const torch::Tensor& at2);
 
-/// Unit normals [P,3], turned towards the camera if wanted; 0 where the surface has none.
+/// Unit normals [P,3], flipped towards the camera on request; 0 where the surface has none.
 torch::Tensor pixel_normals(const Pixels& pixels, const torch::Tensor& b, const torch::Tensor& vertices,
                             const RenderMesh& mesh, const ViewTensors& views, bool flip);
 

@@ -19,10 +19,10 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-constexpr Seconds kNap{0.02};             // between two looks whether there is anything to do
-constexpr double kCameraPatience = 10.0;  // seconds without an image after which a camera counts as gone
+constexpr Seconds kNap{0.02};             // between two checks for work
+constexpr double kCameraPatience = 10.0;  // seconds without an image after which a camera is disconnected
 
-/// Waits, unless a stop is asked for. @return false for a stop
+/// Waits unless a stop is requested. @return false for a stop
 bool sleep_until(Clock::time_point time) {
   while (!stop_requested() && Clock::now() < time)
     std::this_thread::sleep_for(std::min<Seconds>(kNap, time - Clock::now()));
@@ -32,12 +32,12 @@ bool sleep_until(Clock::time_point time) {
 class CameraSource : public FrameSource {
  public:
   CameraSource(int index, double frames_per_second) : name_(fmt::format("camera {}", index)) {
-    if (!video_.open(index)) fail<UsageError>("--source {}: there is no such camera, or another program has it", index);
+    if (!video_.open(index)) fail<UsageError>("--source {}: no such camera, or another program uses it", index);
     const double stated = video_.get(cv::CAP_PROP_FPS);
     frames_per_second_ = stated > 0.0 ? stated : frames_per_second;
   }
 
-  /// A camera that falls silent is asked again until patience ends.
+  /// Asks a camera that delivers no image again, for at most kCameraPatience seconds.
   std::optional<SourceImage> next() override {
     const auto start = Clock::now();
     while (!stop_requested()) {
@@ -47,7 +47,7 @@ class CameraSource : public FrameSource {
         return SourceImage{number, number, image.clone(), Clock::now()};
       }
       if (seconds_since(start) > kCameraPatience) {
-        log::warn("{}: no image for {:.0f} seconds; it seems to be gone", name_, kCameraPatience);
+        log::warn("{}: no image for {:.0f} seconds; it seems to be disconnected", name_, kCameraPatience);
         return std::nullopt;
       }
       std::this_thread::sleep_for(kNap);
@@ -69,7 +69,7 @@ class CameraSource : public FrameSource {
   long count_ = 0;
 };
 
-/// Images on disk in order, which can be begun again.
+/// Images on disk in order; can be read from the start again.
 class Reel {
  public:
   virtual ~Reel() = default;
@@ -77,7 +77,7 @@ class Reel {
   virtual cv::Mat next() = 0;
   virtual void rewind() = 0;
   virtual cv::Size size() const = 0;
-  /// 0 where the file does not say.
+  /// 0 where the file does not state it.
   virtual double frames_per_second() const = 0;
 };
 
@@ -94,7 +94,7 @@ class VideoReel : public Reel {
     try {
       opened = video_.open(path_);
     } catch (const cv::Exception&) {
-      // what no backend understands may surface as an exception instead of a plain "no"
+      // a backend may throw an exception for an unknown format instead of returning false
     }
     if (!opened || size().area() <= 0)
       fail_at({path_, 0}, "is no video that OpenCV can decode; it may be truncated, empty or in an unknown format");
@@ -136,7 +136,7 @@ class FolderReel : public Reel {
  private:
   static cv::Mat read(const fs::path& path) {
     cv::Mat image = cv::imread(path.string(), cv::IMREAD_COLOR);
-    if (image.empty()) fail_at({path.string(), 0}, "is no image that OpenCV can decode");
+    if (image.empty()) fail_at({path.string(), 0}, "is not an image that OpenCV can decode");
     return image;
   }
 

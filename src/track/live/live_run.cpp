@@ -8,9 +8,9 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "doppel/energy/root_rotation.h"
 #include "doppel/track/livecap/surface_file.h"
 #include "doppel/track/prefetch.h"
-#include "doppel/energy/root_rotation.h"
 #include "doppel/track/thread_share.h"
 #include "doppel/track/tracked_sequence.h"
 
@@ -20,10 +20,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kPatience = 0.05;       // seconds that the calling thread waits for a result before it looks around
+constexpr double kPatience = 0.05;       // seconds that the calling thread waits for a result at a time
 constexpr double kBetweenReports = 5.0;  // seconds
 constexpr char kName[] = "live";
-constexpr std::size_t kSettled = 100;  // frames after which all buffers have their size
+constexpr std::size_t kSettled = 100;  // frames after which all buffers have their final size
 
 /// An image on its way through the stages.
 struct SeenImage {
@@ -31,14 +31,14 @@ struct SeenImage {
   FootageFrame seen;
 };
 
-/// What there is to show.
+/// A result to show.
 struct Shown {
   cv::Mat image;
   Eigen::Matrix3Xd vertices;
   LiveState state = LiveState::lost;
 };
 
-/// The time that something took, again and again.
+/// Mean and maximum of a repeatedly measured time.
 struct Timing {
   double sum = 0.0, largest = 0.0;
   long count = 0;
@@ -56,13 +56,13 @@ LiveState live_state(FrameState state) {
   return state == FrameState::recovered ? LiveState::recovered : LiveState::tracking;
 }
 
-/// What the stages measure; each figure is written by one stage alone, and read when all have ended.
+/// Measurements of the stages. Only one stage writes each figure; it is read when all stages have ended.
 struct LiveTimings {
   Timing capture, preprocess, detect, pose, surface, latency;
-  long behind = 0;                                  ///< images that came while a frame was under way, at most
-  std::vector<std::pair<long, LiveState>> changes;  ///< image, and the state from there on
-  double settled_megabytes = 0.0;                   ///< of main memory after the first hundred frames
-  Clock::time_point first, last;                    ///< of the results
+  long behind = 0;                                  ///< largest number of images that arrived during one frame
+  std::vector<std::pair<long, LiveState>> changes;  ///< image, and the state from this image on
+  double settled_megabytes = 0.0;                   ///< main memory after the first hundred frames
+  Clock::time_point first, last;                    ///< times of the first and the last result
 };
 
 class LiveRun {
@@ -152,7 +152,7 @@ class LiveRun {
     return source_.live() && !first && gap > options_.silence;
   }
 
-  /// Of each frame only what the files need: a live source may go on for hours.
+  /// Keeps only what the files need of each frame, because a live source may run for hours.
   void record(const SourceImage& image, const FrameResult& found) {
     const auto now = Clock::now();
     if (result_.frames.empty()) timings_.first = now;
@@ -178,7 +178,7 @@ class LiveRun {
   }
 
   void note_state(long number, LiveState state) {
-    // A frame that was found again is followed from then on.
+    // A recovered frame is tracked from then on.
     const bool goes_on = !timings_.changes.empty() &&
                          (timings_.changes.back().second == state ||
                           (state == LiveState::tracking && timings_.changes.back().second == LiveState::recovered));
@@ -231,8 +231,8 @@ class LiveRun {
   std::atomic<LiveState> state_{LiveState::lost};
   std::atomic<double> rate_{0.0}, latency_ms_{0.0};
   bool silent_ = false;
-  // Last, so that all else is there when their threads begin, and in this order, so that each ends before what it
-  // takes from.
+  // Last, so that all other members exist when the threads begin. In this order, so that each stage ends before the
+  // stage that feeds it.
   Prefetch<SourceImage> images_;
   Prefetch<SeenImage> preprocessed_, detected_;
   Prefetch<Shown> solved_;

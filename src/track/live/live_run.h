@@ -1,6 +1,6 @@
 #pragma once
 
-/// Tracking what comes as it comes (4.7.3).
+/// Tracking of live images (4.7.3).
 
 #include <string>
 
@@ -17,27 +17,27 @@ struct LiveRunOptions : TrackTask {
   std::string method = "livecap";
   bool filter = false;     ///< average the written vertices with those of the frames before and after (4.8)
   double smoothing = 0.0;  ///< sigma of the Gaussian over the written poses, frames; 0: none
-  double silence = 1.0;    ///< seconds without an image after which the person counts as lost
+  double silence = 1.0;    ///< seconds without an image after which the state is `lost`
 };
 
-/// What is said of a frame while it happens.
+/// The state of a live run.
 enum class LiveState { tracking, lost, recovered };
 const char* to_string(LiveState state);
 
-/// Four stages, each on a thread of its own: images are taken; masks are cut out; points are found; pose and surface
-/// are solved. What comes out is shown on the calling thread. Between two stages waits one frame at most, so that a
-/// result is two frames behind the image that is being looked at. Where the source is live an image that is not
-/// taken in time is replaced by the next, and counted; where it is not, none is dropped and the results do not depend
-/// on the number of threads.
+/// Tracks live images in four stages, each on its own thread: capture of images, preprocessing (masks), detection of
+/// keypoints, and the fit of pose and surface. The calling thread shows the results. At most one frame waits between
+/// two stages, so that a result is two frames behind the newest image. With a live source, an image that is not taken
+/// in time is replaced by the next one and counted as dropped. With other sources no image is dropped, and the results
+/// do not depend on the number of threads.
 ///
-/// Ends with the source, after `limit_frames` images, when a stop is asked for (`stop_requested`) or when whoever
-/// watches the preview ends it; what was under way is finished and written.
+/// The run ends with the source, after `limit_frames` images, on a stop request (`stop_requested`), or when the user
+/// ends the preview. Frames in progress are finished and written.
 ///
-/// Writes into `options.out` `live.motion` and `live.bvh` (a row a tracked image), `live_vertices.npy` where asked
-/// for, and `track.json`: what is returned: states and when they changed, rate, latency, what was dropped, milliseconds
-/// of every stage.
-/// @param view sees what `source` takes @param preview may be null
-/// @throws Error when no image came, and whatever a stage throws
+/// Writes into `options.out`: `live.motion` and `live.bvh` (one row per tracked image), `live_vertices.npy` with
+/// `vertices`, and `track.json`, the returned report: state changes, rate, latency, dropped images, milliseconds of
+/// every stage.
+/// @param view of the camera of `source` @param preview may be null
+/// @throws Error when the source delivers no image, and any exception of a stage
 TrackReport track_live(FrameSource& source, LiveView& view, FrameTracker& tracker, const LiveRunOptions& options,
                        Preview* preview = nullptr);
 

@@ -2,9 +2,9 @@
 
 #include <fmt/ranges.h>
 
-#include "doppel/core/error.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -21,21 +21,21 @@ SequenceEntry find_entry(const Capture& capture, const std::string& name) {
   fail<UsageError>("there is no sequence {} in the capture; it has {}", name, fmt::join(known, ", "));
 }
 
-/// The camera that images of this size come from.
+/// The camera of the images, at their size.
 CaptureCameras find_camera(Capture capture, const std::string& name, cv::Size images) {
   if (!name.empty()) capture.cameras = {name};
   CaptureCameras chosen = choose_cameras(capture);
   if (chosen.cameras.size() != 1) {
     std::vector<std::string> names;
     for (const Camera& camera : chosen.cameras) names.push_back(camera.name);
-    fail<UsageError>("images come from one camera, and the capture has {}; say which one it is with --camera: {}",
+    fail<UsageError>("the images come from one camera, and the capture has {}; choose it with --camera: {}",
                      names.size(), fmt::join(names, ", "));
   }
   chosen.cameras.front() = fit_to_images(chosen.cameras.front(), images, "--source");
   return chosen;
 }
 
-/// Where the points of an image come from.
+/// Chooses the source of keypoints.
 PeopleFinder people_finder(const Capture& capture, const SequenceEntry& entry, const PointLayout& layout,
                            const CaptureCameras& filmed, bool from_camera) {
   if (!entry.keypoints.empty() && !from_camera) {
@@ -77,7 +77,7 @@ void LiveView::learn_empty_scene(const std::vector<cv::Mat>& images) {
 }
 
 void LiveView::open_masks(long frame) {
-  // Files of masks are read forwards; where the images begin again, so do they.
+  // Files of masks are read forwards only. They are opened again when the images start again.
   const bool again = masks_ && !masks_->needs_image() && frame <= last_frame_;
   last_frame_ = frame;
   if (masks_ && !again) return;

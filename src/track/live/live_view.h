@@ -1,6 +1,6 @@
 #pragma once
 
-/// What a live image shows: mask, keypoints and joints, found one image at a time.
+/// The evidence of live images: mask, keypoints and 3D joints, one image at a time.
 
 #include <filesystem>
 #include <functional>
@@ -9,53 +9,52 @@
 #include <string>
 #include <vector>
 
-#include "doppel/character/character.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/evidence.h"
 #include "doppel/capture/mask_source.h"
+#include "doppel/character/character.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/live/frame_source.h"
 
 namespace doppel {
 
-/// Finds one person's points in an image. @return nobody when none is seen; pixels of the image as filmed
+/// Finds the keypoints of people in an image. @return nothing when no person is found; pixels of the distorted image
 using PeopleFinder = std::function<std::optional<People>(const SourceImage& image)>;
-/// Places landmarks in space. @param seen image, mask and keypoints of one frame, without lens distortion
-/// @return [M] or none
+/// Finds 3D joints. @param seen image, mask and keypoints of one frame, without lens distortion @return [M] or empty
 using JointFinder = std::function<std::vector<JointDetection>(const FootageFrame& seen)>;
 
 struct LiveViewOptions {
-  std::string camera;        ///< of the capture; empty: its only one
-  std::string sequence;      ///< the one whose masks and keypoints are described; empty: the first
-  int outline_pixels = 256;  ///< side of the window of the outline's field
-  bool from_camera = false;  ///< nothing on disk belongs to these images: points come from the capture's detector
+  std::string camera;        ///< of the capture; empty: its only camera
+  std::string sequence;      ///< whose masks and keypoints belong to the images; empty: the first sequence
+  int outline_pixels = 256;  ///< side of the window of the outline field
+  bool from_camera = false;  ///< no files belong to the images: keypoints come from the capture's detector
 };
 
-/// One camera whose images come as they will. A capture says what stands around them: character, calibration,
-/// landmarks and their map, how masks are cut out, and where points come from: tables or files by frame, or a detector.
+/// The evidence of one camera's live images. A capture supplies the rest: character, calibration, landmarks and their
+/// map, the way masks are found, and the source of keypoints (tables or files by frame, or a detector).
 ///
-/// The two stages keep what they need apart, so each may run on a thread of its own.
+/// The two stages use separate data, so that each may run on its own thread.
 class LiveView {
  public:
-  /// @param capture a capture's folder or capture.yaml @param images their size
+  /// @param capture a capture's folder or capture.yaml @param images size of the images
   /// @throws Error as `find_capture` and `plan_evidence`; UsageError when the capture has several cameras and none is
-  /// named, or nothing says where keypoints come from
+  /// named, or it names no source of keypoints
   LiveView(const std::filesystem::path& capture, cv::Size images, const LiveViewOptions& options = {});
 
   const Capture& capture() const { return capture_; }
   const Character& character() const { return character_; }
-  const Camera& camera() const { return undistort_.pinhole(); }
+  const PinholeCamera& camera() const { return undistort_.pinhole(); }
   const std::vector<Marker>& landmarks() const { return plan_.landmarks; }
 
-  /// Learns the empty scene from these images instead of what the capture says of masks. @param images as filmed
-  /// @throws Error when there is none
+  /// Learns the empty scene for masks, instead of the capture's masks. @param images with lens distortion
+  /// @throws Error when `images` is empty
   void learn_empty_scene(const std::vector<cv::Mat>& images);
-  /// Joints in space come from here instead of the capture's table.
+  /// Sets a finder of 3D joints that replaces the capture's table.
   void find_joints_by(JointFinder finder) { joint_finder_ = std::move(finder); }
 
-  /// The first stage: image and mask without lens distortion, and the outline's field.
+  /// The first stage: image and mask without lens distortion, and the outline field.
   FootageFrame preprocess(const SourceImage& image);
-  /// The second: keypoints, and joints where there are any.
+  /// The second stage: keypoints, and 3D joints where the capture or a finder supplies them.
   void detect(const SourceImage& image, FootageFrame& seen) const;
 
  private:
@@ -67,7 +66,7 @@ class LiveView {
   EvidencePlan plan_;
   LiveViewOptions options_;
   SequenceEntry entry_;
-  CaptureCameras filmed_;  ///< the one, with its distortion
+  CaptureCameras filmed_;  ///< one camera, with its distortion
   Undistorter undistort_;
   LandmarkPicker picker_;
   PeopleFinder people_;

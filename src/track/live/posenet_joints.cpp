@@ -12,7 +12,7 @@ JointFinder joints_of_posenet(const LiveView& view, TrainedPose& trained) {
     std::vector<JointDetection> joints;
     const FrameResult found = tracker->track(seen);
     if (!found.pose.found()) return joints;
-    const Camera& camera = view.camera();
+    const PinholeCamera& camera = view.camera();
     for (const Eigen::Vector3d& point :
          landmark_positions(view.character().skeleton, view.landmarks(), found.pose.dofs))
       joints.push_back({camera.R * point + camera.t, true});

@@ -5,7 +5,7 @@
 
 namespace doppel {
 
-/// PoseNet as a finder of joints in space (4.4). @param trained and @param view must outlive the finder
+/// PoseNet as a finder of 3D joints (4.4). @param trained and @param view must outlive the finder
 /// @throws Error as DeepcapTracker, or when the run was trained for another character
 JointFinder joints_of_posenet(const LiveView& view, TrainedPose& trained);
 

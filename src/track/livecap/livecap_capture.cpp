@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/track/livecap/surface_file.h"
@@ -14,9 +15,9 @@ namespace doppel {
 
 namespace {
 
-constexpr int kFramesAhead = 2;  // the delay that the thesis has (4.7.3)
+constexpr int kFramesAhead = 2;  // the delay of the thesis (4.7.3)
 
-/// What LiveCap adds to a run: vertices in a file, overlaps with the masks, and the preview.
+/// The work that LiveCap adds to a run: a file of vertices, overlaps with the masks, and the preview.
 class LivecapOutputs {
  public:
   LivecapOutputs(const Footage& footage, const FrameTracker& tracker, const LivecapCaptureOptions& options,
@@ -53,8 +54,8 @@ class LivecapOutputs {
     const PosedSurface posed =
         pose_surface(model, model.pose(found.pose.dofs, false), footage_.character().mesh.vertices);
     const cv::Mat& mask = seen.masks.front();
-    overlaps_.push_back({static_cast<std::size_t>(frame - first_frame_), viewer_.overlap(posed.vertices, mask),
-                         viewer_.overlap(found.vertices, mask)});
+    overlaps_.push_back(
+        {as_size(frame - first_frame_), viewer_.overlap(posed.vertices, mask), viewer_.overlap(found.vertices, mask)});
   }
 
   const Footage& footage_;
@@ -73,12 +74,11 @@ SequenceReport track_sequence(const Footage& footage, const LivecapCaptureOption
   const auto tracker =
       make_livecap_tracker(footage.character(), footage.landmarks(), footage.cameras().front(), options.config);
   LivecapOutputs outputs(footage, *tracker, options, sequence, preview);
-  SequenceRunner runner(footage, *tracker,
-                        {options.sheet_frames, options.out / (sequence.name + ".jpg"),
-                         options.config.fit.outline_pixels, kFramesAhead});
-  runner.on_frame([&](long frame, const FootageFrame& seen, const FrameResult& found) {
-    outputs.add(frame, seen, found);
-  });
+  SequenceRunner runner(
+      footage, *tracker,
+      {options.sheet_frames, options.out / (sequence.name + ".jpg"), options.config.fit.outline_pixels, kFramesAhead});
+  runner.on_frame(
+      [&](long frame, const FootageFrame& seen, const FrameResult& found) { outputs.add(frame, seen, found); });
   TrackedSequence tracked = runner.run(sequence, progress);
   make_motion(tracked, tracker->model().root(), options.config.smoothing);
   tracked.vertices = outputs.close();

@@ -1,11 +1,11 @@
 #pragma once
 
-#include "doppel/track/footage.h"
 #include "doppel/fit/livecap/livecap.h"
+#include "doppel/track/footage.h"
 
 namespace doppel {
 
-/// What the tracker of one camera is given of a frame.
+/// The input of the one-camera tracker from a frame.
 inline LivecapInput livecap_input(const FootageFrame& seen) {
   LivecapInput input{seen.evidence.front(), {}, seen.images.front()};
   if (seen.joints.empty()) return input;

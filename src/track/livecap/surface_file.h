@@ -10,7 +10,7 @@ namespace doppel {
 /// Writes the surfaces of consecutive frames, float32 [frames, N, 3], each averaged with its neighbours (4.8).
 class SurfaceFile {
  public:
-  /// @param filter false: each as it is
+  /// @param filter false: surfaces are written unfiltered
   SurfaceFile(const std::filesystem::path& path, int num_vertices, bool filter)
       : file_(path, num_vertices, 3), filter_(filter) {}
 
@@ -20,7 +20,7 @@ class SurfaceFile {
     before_ = held_.cols() > 0 && follows ? held_ : vertices;
     held_ = vertices;
   }
-  /// Writes the last one, and puts the file in its place.
+  /// Writes the last surface and completes the file.
   void close() {
     if (held_.cols() > 0) write(held_);
     file_.close();

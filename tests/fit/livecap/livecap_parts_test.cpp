@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/energy/alignment.h"
 #include "doppel/fit/livecap/bone_lengths.h"
 #include "doppel/fit/livecap/landmark_roles.h"
@@ -51,7 +52,7 @@ TEST(LandmarkTree, HangsOnTheNextLandmarkTowardsTheRoot) {
 TEST(LandmarkTree, GivesANormalisedBodyItsSizeBack) {
   const Body body;
   const std::vector<Vector3d> points = body.points(body.dofs);
-  const auto root = static_cast<std::size_t>(body.tree.root());
+  const auto root = as_size(body.tree.root());
   const auto found = body.tree.with_lengths_of(body.scaled(points, 0.37), points);
   for (std::size_t m = 0; m < points.size(); ++m)
     EXPECT_LT((*found[m] - *found[root] - (points[m] - points[root])).norm(), 1e-9) << "landmark " << m;
@@ -72,7 +73,7 @@ TEST(LandmarkTree, BridgesMissingParentsAndKeepsLonelyPoints) {
 
 TEST(SingleViewStart, ShiftsOntoTheRays) {
   const Body body;
-  const std::vector<Camera> cameras = ring_of_cameras(1, 500, middle_of(body.character));
+  const std::vector<PinholeCamera> cameras = ring_of_cameras(1, 500, middle_of(body.character));
   const std::vector<Keypoint> seen = keypoints_of(body.model, cameras, body.dofs).front().keypoints;
   const Vector3d away(0.3, -0.2, 0.5);
   std::vector<std::optional<Vector3d>> points;
@@ -86,7 +87,7 @@ TEST(SingleViewStart, ShiftsOntoTheRays) {
 
 TEST(SingleViewStart, LaysTheRootOnJointsInSpace) {
   const Body body;
-  const std::vector<Camera> cameras = ring_of_cameras(1, 500, middle_of(body.character));
+  const std::vector<PinholeCamera> cameras = ring_of_cameras(1, 500, middle_of(body.character));
   std::vector<double> truth = body.character.rest_dofs;
   const RootRotation& root = *body.model.root();
   root.set_matrix(truth, rotation_of_vector({0.2, 2.0, -0.1}) * root.matrix(truth));

@@ -3,11 +3,12 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/render/render_mesh.h"
-#include "support/message_of.h"
 #include "energy/body_fixture.h"
+#include "support/message_of.h"
 
 namespace doppel::livecap_test {
 namespace {
@@ -17,12 +18,12 @@ using Eigen::Vector3d;
 constexpr int kWindow = 512;  // pixels of the windows that both outlines are looked for in
 
 /// Exactly the pixels whose centres a posed surface covers.
-cv::Mat coverage_of(const PosedSurface& surface, const Character& character, const Camera& camera) {
+cv::Mat coverage_of(const PosedSurface& surface, const Character& character, const PinholeCamera& camera) {
   torch::Tensor vertices = torch::empty({1, surface.vertices.cols(), 3});
   Eigen::Map<Eigen::Matrix3Xf>(vertices.data_ptr<float>(), 3, surface.vertices.cols()) = surface.vertices.cast<float>();
   Rasterizer rasterizer(RenderMesh(character.mesh).faces);
   torch::Tensor covered =
-      rasterizer.coverage_projected(vertices, projection_tensor({camera}).unsqueeze(0), camera.height, camera.width);
+      rasterizer.coverage_projected(vertices, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
   return cv::Mat(camera.height, camera.width, CV_8UC1, covered.data_ptr()) * 255;
 }
 
@@ -32,14 +33,14 @@ struct Scene {
   std::vector<Marker> landmarks = tube_landmarks(5);
   std::vector<int> dofs = observable_dofs(character.skeleton, landmarks);
   PoseModel model{character, landmarks, dofs};
-  Camera camera = ring_of_cameras(1, 600, middle_of(character)).front();
+  PinholeCamera camera = ring_of_cameras(1, 600, middle_of(character)).front();
   RootRotation root = *model.root();
 
   /// Everything sways, and the body turns about the vertical. @param turn radians a frame
   std::vector<double> truth(int frame, double turn = 0.05) const {
     std::vector<double> pose = character.rest_dofs;
     for (const int dof : dofs)
-      if (!model.moves_root(dof)) pose[static_cast<std::size_t>(dof)] += 0.1 * std::sin(0.15 * frame + 1.9 * dof);
+      if (!model.moves_root(dof)) pose[as_size(dof)] += 0.1 * std::sin(0.15 * frame + 1.9 * dof);
     root.set_matrix(pose, rotation_of_vector({0.0, turn * frame, 0.0}) * root.matrix(character.rest_dofs));
     root.set_position(pose, root.position(character.rest_dofs) + Vector3d(0.01 * frame, 0.0, 0.005 * frame));
     return pose;

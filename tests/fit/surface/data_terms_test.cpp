@@ -3,6 +3,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/core/as_size.h"
 #include "doppel/fit/surface/outline_term.h"
 #include "doppel/fit/surface/photometric_term.h"
 #include "fit/surface/surface_check.h"
@@ -14,13 +15,13 @@ using support::check_surface_term;
 using support::cost_of;
 
 /// An image whose colours run smoothly over it.
-cv::Mat smooth_image(const Camera& camera) {
+cv::Mat smooth_image(const PinholeCamera& camera) {
   cv::Mat image(camera.height, camera.width, CV_8UC3);
   for (int y = 0; y < image.rows; ++y)
     for (int x = 0; x < image.cols; ++x)
       image.at<cv::Vec3b>(y, x) = {cv::saturate_cast<uchar>(128 + 90 * std::sin(0.06 * x)),
-                                     cv::saturate_cast<uchar>(128 + 90 * std::sin(0.05 * y + 1)),
-                                     cv::saturate_cast<uchar>(60 + x / 2 + y / 2)};
+                                   cv::saturate_cast<uchar>(128 + 90 * std::sin(0.05 * y + 1)),
+                                   cv::saturate_cast<uchar>(60 + x / 2 + y / 2)};
   return image;
 }
 
@@ -28,7 +29,7 @@ struct Scene {
   TriangleMesh mesh = support::bumpy_patch(6);
   MeshTopology topology{mesh};
   Eigen::Matrix3Xd vertices = support::columns(mesh.vertices);
-  Camera camera = support::patch_camera();
+  PinholeCamera camera = support::patch_camera();
   int count = mesh.num_vertices();
 };
 
@@ -36,7 +37,7 @@ struct Scene {
 
 struct Coloured : Scene {
   ColourPyramid pyramid{smooth_image(camera), {0, 0, camera.width, camera.height}, {15, 9, 3}};
-  std::vector<char> visible = std::vector<char>(static_cast<std::size_t>(count), 1);
+  std::vector<char> visible = std::vector<char>(as_size(count), 1);
   Eigen::Matrix3Xd colours = Eigen::Matrix3Xd::Zero(3, count);
   /// The colours that the vertices have where they are.
   Coloured() {
@@ -114,7 +115,7 @@ TEST(PhotometricTerm, DropsWhatIsHiddenAndWhatIsOfAnotherColour) {
 struct Outlined : Scene {
   cv::Mat mask = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
   OutlineField field;
-  std::vector<char> parts = std::vector<char>(static_cast<std::size_t>(count), 1);
+  std::vector<char> parts = std::vector<char>(as_size(count), 1);
   std::vector<Eigen::Vector3d> normals;
   PartMask part_mask;
   double own_distance = 0.0;  ///< of all vertices

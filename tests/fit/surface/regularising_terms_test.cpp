@@ -56,7 +56,8 @@ TEST(SmoothnessTerm, JacobianAndWeight) {
   SmoothnessTerm term(patch.rest, patch.edges(), patch.weights, 1.0),
       heavy(patch.rest, patch.edges(), patch.weights, 3.0);
   EXPECT_EQ(check_surface_term(term, patch.edges(), moved), patch.num_edges());
-  EXPECT_EQ(check_surface_term(term, patch.edges(), patch.rest), patch.num_edges()) << "jacobian where it costs nothing";
+  EXPECT_EQ(check_surface_term(term, patch.edges(), patch.rest), patch.num_edges())
+      << "jacobian where it costs nothing";
   EXPECT_NEAR(cost_of(heavy, patch.num_edges(), moved), 3.0 * cost_of(term, patch.num_edges(), moved), 1e-12);
 }
 

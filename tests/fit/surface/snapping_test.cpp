@@ -14,7 +14,7 @@ namespace {
 struct Border {
   TriangleMesh mesh = support::bumpy_patch(7);
   MeshTopology topology{mesh};
-  Camera camera = support::patch_camera();
+  PinholeCamera camera = support::patch_camera();
   Eigen::Matrix3Xd vertices = support::columns(mesh.vertices);
   cv::Mat mask = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
   OutlineField field;

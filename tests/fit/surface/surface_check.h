@@ -6,9 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "doppel/core/as_size.h"
+#include "doppel/fit/surface/surface_term.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/geometry/topology.h"
-#include "doppel/fit/surface/surface_term.h"
 
 namespace doppel::support {
 
@@ -27,8 +28,8 @@ inline TriangleMesh bumpy_patch(int side) {
 }
 
 /// Looks along -z at the patch from 2 m.
-inline Camera patch_camera() {
-  Camera camera;
+inline PinholeCamera patch_camera() {
+  PinholeCamera camera;
   camera.name = "front";
   camera.width = 200;
   camera.height = 160;
@@ -64,7 +65,7 @@ inline int check_surface_term(SurfaceTerm& term, const std::vector<Link>& edges,
     const PointRows rows = term.rows(element, vertices);
     active += rows.count > 0;
     for (int end = 0; end < (on_edges ? 2 : 1); ++end) {
-      const int vertex = on_edges ? edges[static_cast<std::size_t>(element)][static_cast<std::size_t>(end)] : element;
+      const int vertex = on_edges ? edges[as_size(element)][as_size(end)] : element;
       for (int axis = 0; axis < 3; ++axis) {
         const auto at = [&](double step) {
           Eigen::Matrix3Xd moved = vertices;

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/capture/video_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
-#include "doppel/capture/video_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 
@@ -35,8 +35,8 @@ class Sources : public ::testing::Test {
   Sources() {
     std::filesystem::create_directory(folder_ / "pictures");
     for (const int i : {2, 0, 1})
-      cv::imwrite((folder_ / fmt::format("images/{}.png", i)).string(), grey(50 + 60 * i));
-    std::ofstream(folder_ / "images/notes.txt") << "not an image";
+      cv::imwrite((folder_ / fmt::format("pictures/{}.png", i)).string(), grey(50 + 60 * i));
+    std::ofstream(folder_ / "pictures/notes.txt") << "not an image";
     VideoFile video(folder_ / "film.mp4", {48, 32}, 50.0);
     for (int i = 0; i < 4; ++i) video.write(grey(40 * i));
     video.close();
@@ -87,12 +87,12 @@ TEST_F(Sources, WhatIsNoneIsNamed) {
   };
   EXPECT_THAT(complaint(folder_ / "nowhere"), HasSubstr("neither the number of a camera"));
   EXPECT_THAT(complaint("977"), HasSubstr("no such camera"));
-  EXPECT_THAT(complaint(folder_ / "images/notes.txt"), HasSubstr("no video"));
+  EXPECT_THAT(complaint(folder_ / "pictures/notes.txt"), HasSubstr("no video"));
   std::ofstream(folder_ / "empty.mp4");
   EXPECT_THAT(complaint(folder_ / "empty.mp4"), HasSubstr("no video"));
   std::filesystem::create_directory(folder_ / "nothing");
   EXPECT_THAT(complaint(folder_ / "nothing"), HasSubstr("holds no image"));
-  cv::imwrite((folder_ / "images/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
+  cv::imwrite((folder_ / "pictures/3.png").string(), cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0)));
   const auto source = open_source((folder_ / "pictures").string());
   for (int i = 0; i < 3; ++i) source->next();
   EXPECT_THAT(message_of<Error>([&] { source->next(); }), HasSubstr("10 x 10 pixels"));

@@ -3,6 +3,7 @@
 #include <ATen/Parallel.h>
 #include <gmock/gmock.h>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
@@ -75,7 +76,7 @@ TEST_F(LivecapCapture, FiltersTheVertices) {
   track(options("filtered"));
   const NpyArray raw = read_npy(root() / "plain/walk_vertices.npy");
   const NpyArray filtered = read_npy(root() / "filtered/walk_vertices.npy");
-  const auto frame = 3u * static_cast<std::size_t>(character_.num_vertices());
+  const auto frame = 3u * as_size(character_.num_vertices());
   const auto a = raw.as<float>(), b = filtered.as<float>();
   for (std::size_t i = 0; i < frame; i += 17) {
     EXPECT_NEAR(b[frame + i], 0.15f * a[i] + 0.7f * a[frame + i] + 0.15f * a[2 * frame + i], 1e-5f);

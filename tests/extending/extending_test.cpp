@@ -1,0 +1,55 @@
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "doppel/train/stage_table.h"
+#include "energy/body_fixture.h"
+#include "energy/term_check.h"
+#include "extending/calibration_plain.h"
+#include "extending/displacement.h"
+#include "extending/displacement_metric.h"
+#include "extending/floor_term.h"
+#include "extending/sketch_stage.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::extending_test {
+namespace {
+
+TEST(ExtendingPage, TheLossIsTheMeanSquaredDisplacement) {
+  const torch::Tensor before = torch::zeros({1, 4, 3}), after = torch::full({1, 4, 3}, 2.0);
+  EXPECT_NEAR(displacement_loss(after, before).item<double>(), 12.0, 1e-6);
+}
+
+TEST(ExtendingPage, TheTermHasTheJacobianOfItsResiduals) {
+  const Character character = make_test_character(4);
+  const PoseModel model(character, tube_landmarks(4), all_dofs(character));
+  std::vector<double> dofs = bent_pose(character, 0.2);
+  dofs[as_size(character.skeleton.root().translation[1])] -= 5.0;
+  FloorTerm term(3.0);
+  support::check_term(term, model, dofs);
+}
+
+TEST(ExtendingPage, TheReaderReadsItsFormat) {
+  const support::TemporaryFolder folder;
+  std::ofstream(folder / "cameras.txt") << "plain left 640 480 500\n";
+  const PlainCalibration format;
+  EXPECT_TRUE(format.recognises("plain left"));
+  const Camera camera = format.read(folder / "cameras.txt").at(0);
+  EXPECT_EQ(camera.name, "left");
+  EXPECT_TRUE(camera.faults().empty());
+}
+
+TEST(ExtendingPage, TheStageChecksItsOptions) {
+  const StageEntry entry = sketch_entry();
+  entry.check_options(ConfigDocument::parse("stage: sketch\ncapture: /prepared\n", "sketch.yaml"));
+  EXPECT_THROW(entry.check_options(ConfigDocument::parse("stage: sketch\ncapture: /a\nsize: 3\n", "sketch.yaml")),
+               FileError);
+}
+
+TEST(ExtendingPage, TheMetricIsARowOfAnEvaluation) {
+  nlohmann::ordered_json (*metric)(const ActorEvaluation&) = evaluate_displacement;
+  EXPECT_NE(metric, nullptr);
+}
+
+}  // namespace
+}  // namespace doppel::extending_test
