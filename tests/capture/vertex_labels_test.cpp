@@ -144,7 +144,7 @@ TEST(VertexLabels, ThePixelIsThatOfTheLens) {
 TEST(VertexLabels, SomethingMustBeSeen) {
   const Labelled body;
   EXPECT_THAT(message_of<Error>([&] { label_vertices(body.character, body.vertices, {}); }),
-              HasSubstr("no vertex is seen on a label in any of 0 images"));
+              HasSubstr("no vertex is visible on a label in any of 0 images"));
   std::vector<LabelView> views = body.views(2);
   for (LabelView& view : views) view.labels.setTo(0);
   EXPECT_THROW(label_vertices(body.character, body.vertices, views), Error);
@@ -199,7 +199,7 @@ TEST_F(LabelFiles, ImagesBelongToCameras) {
   const auto complaint = [&] {
     return message_of<Error>([&] { read_label_views(folder_.path(), cameras, LabelLegend()); });
   };
-  EXPECT_THAT(complaint(), HasSubstr("called like the cameras (c0, c1, c2)"));
+  EXPECT_THAT(complaint(), HasSubstr("the names of the cameras (c0, c1, c2)"));
   EXPECT_THAT(message_of<Error>([&] { read_label_views(folder_.path() / "none", cameras, LabelLegend()); }),
               HasSubstr("is no folder"));
   cv::imwrite((folder_.path() / "c1.png").string(), cv::Mat(20, 20, CV_8UC1, cv::Scalar(5)));

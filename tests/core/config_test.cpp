@@ -161,7 +161,7 @@ TEST(ConfigRejects, MistakesInAPartWithTheLineOfTheWhole) {
   EXPECT_THAT(message_of([&] { part.root().get<double>("rate"); }), HasSubstr("chain.yaml:3"));
   EXPECT_THAT(message_of([&] { part.root().get<double>("size"); }), HasSubstr("--set first.size=big"));
   EXPECT_THAT(message_of([&] { whole.part("second", {"seed"}); }),
-              AllOf(HasSubstr("chain.yaml:5"), HasSubstr("top of the file")));
+              AllOf(HasSubstr("chain.yaml:5"), HasSubstr("top level of the file")));
 }
 
 TEST(ConfigRejects, TheSameKeyTwice) {

@@ -271,7 +271,7 @@ TEST_F(HybridTraining, AFieldWithoutAMeshIsOfOneFrame) {
   const Dataset dataset = Dataset::open(prepared_);
   const NerfRunConfig config = NerfRunConfig::read(chain({"nerf.data.frames=[1,2]"}).stage("nerf"));
   EXPECT_THAT(message_of([&] { NerfStage(dataset, actor, config); }),
-              AllOf(HasSubstr("the data holds 2"), HasSubstr("nerf.data.frames=[1]")));
+              AllOf(HasSubstr("found 2"), HasSubstr("nerf.data.frames=[1]")));
 }
 
 TEST_F(HybridTraining, AnOpenTemplateIsRefusedWithItsEdges) {
