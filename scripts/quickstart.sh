@@ -18,7 +18,7 @@ cmake --build --preset quickstart
 doppel=build/release/tools/doppel
 
 if [ ! -f "$demo/capture/capture.yaml" ]; then
-  step "A synthetic actor, filmed by eight cameras"
+  step "A synthetic capture of a person, filmed by eight cameras"
   "$doppel" synth --preset small --out "$demo/capture"
 fi
 
@@ -40,6 +40,6 @@ cat <<DONE
 
 Done. Look at
   $demo/run/report.html              curves and overlays
-  $demo/animation/turntable.mp4      the double, moving as in the test sequence
+  $demo/animation/turntable.mp4      the actor in the test motion
   $demo/run/actor.pt                 the model as one TorchScript file (examples/ shows how to load it)
 DONE

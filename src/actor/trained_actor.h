@@ -96,7 +96,7 @@ struct TrainedActor {
 };
 
 /// The input of TexNet (6.8): the normal maps of the window's poses, and the camera. The normals are those of the
-/// skinned surface; with config.surface_normals, those of the last frame are of the finished surface.
+/// skinned surface. With config.surface_normals, those of the last frame are taken from the finished surface instead.
 /// @param dof_window [B,F+1,D] or longer @param projection [B,3,4] of one camera per item
 /// @param surface [B,N,3] the finished surface of the last frame; used only with config.surface_normals
 /// @return [B,3(F+1)+6,T,T]

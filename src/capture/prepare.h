@@ -33,8 +33,8 @@ struct PrepareReport {
 
 /// Turns a capture into a store of cropped masks and images, one record per frame and camera. Each video is decoded
 /// once, in order, in bounded memory, and once more if the capture's detector finds the keypoints. A run that was
-/// killed at any moment can be continued; the records are the same. A sequence without a motion is prepared as well:
-/// its rows are the frames that all of its videos have.
+/// killed at any moment can be continued; the records are the same. A sequence without a motion is prepared too: in
+/// place of the motion's rows, the frames that all of its videos have.
 /// @throws Error when frame counts, sizes, units or camera directions cannot be right, or when `options.out` was
 /// prepared with other settings
 PrepareReport prepare_capture(const Capture& capture, const PrepareOptions& options);

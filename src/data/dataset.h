@@ -25,7 +25,7 @@ namespace doppel {
 struct DatasetSequence {
   std::string name;
   Split split = Split::train;
-  Motion motion;                         ///< without frames: none is known
+  Motion motion;                         ///< no frames: the motion is unknown
   long first_frame = 0, last_frame = 0;  ///< motion rows that were prepared, both included
   std::vector<long> cuts;                ///< motion rows that begin a new segment
 
@@ -44,7 +44,7 @@ struct SampleId {
 
 /// The data of one view for silhouette losses.
 struct SilhouetteCrop {
-  bool valid = false;  ///< false: the person is not seen (or fills the window); all other members are empty
+  bool valid = false;  ///< false: the person is not seen (or fills the crop); all other members are empty
   CropBox box;
   int pixels = 0;                      ///< S
   std::vector<std::int16_t> distance;  ///< [S*S] signed distance in 1/steps_per_pixel
@@ -114,7 +114,7 @@ class Dataset {
   CropBox crop_box(const SampleId& sample, int camera) const;
   /// The cropped mask [S,S]; empty when the person is not seen.
   cv::Mat crop_mask(const SampleId& sample, int camera) const;
-  /// The cropped image, BGR, image_size squared; empty when the person is not seen.
+  /// The cropped image, BGR [I,I], I = image_size(); empty when the person is not seen.
   cv::Mat crop_image(const SampleId& sample, int camera) const;
   /// The cropped image and its mask at one resolution. The mask is cropped from the mask of the whole image.
   /// @param pixels side; 0: as stored

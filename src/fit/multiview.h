@@ -22,12 +22,12 @@
 
 namespace doppel {
 
-/// Options of the multi-view fit, in the units of `PoseFitOptions`. The weights of silhouette and contour are those of
-/// each camera. The temporal term pulls landmarks to their predicted positions.
+/// Options of the multi-view fit, in the units of `PoseFitOptions`. The weights of silhouette and contour are per
+/// camera. The temporal term pulls landmarks to their predicted positions.
 struct MultiviewOptions : PoseFitOptions {
   double silhouette_inside = 1.0;       ///< factor of the silhouette's weight for outline vertices inside the mask
   double contour_weight = 0.0;          ///< per squared reference pixel, each camera; with the silhouette's kernel
-  double contour_reach = 60.0;          ///< reference pixels: largest distance of a contour point and its vertex
+  double contour_reach = 60.0;          ///< reference pixels: largest distance of a contour pixel and its vertex
   int outline_rounds = 2;               ///< how often the surface's outline is found again in a frame
   double max_landmark_distance = 0.15;  ///< metres from the triangulated point; beyond, a new start is tried too
   SharedDofs shared_dofs;               ///< replace values of the rest pose

@@ -13,8 +13,8 @@ struct BoundaryOptions {
 };
 
 /// Boundary vertices: vertices near the outline of the drawn mesh, whose projection has an uncovered pixel in its 3x3
-/// neighbourhood. Vertices of the far side count too unless `visible_only`. Vertices outside the image or within one
-/// pixel of its border never count. No gradient.
+/// neighbourhood. Vertices that face away from the camera count too, unless `visible_only`. Vertices outside the image
+/// or within one pixel of its border never count. No gradient.
 ///
 /// @param vertices float32 [B,N,3], world, metres
 /// @param projection float32 [B,C,3,4], crop pixels from world metres

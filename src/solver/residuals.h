@@ -12,7 +12,7 @@ namespace doppel {
 struct RobustKernel {
   enum class Kind {
     none,           ///< s
-    huber,          ///< s up to scale^2, then growing with sqrt(s)
+    huber,          ///< s up to scale^2; beyond, it grows with sqrt(s)
     geman_mcclure,  ///< scale^2 s / (scale^2 + s): at most scale^2, so gross outliers have almost no influence
   };
   Kind kind = Kind::none;
@@ -57,7 +57,7 @@ class ResidualRows {
   std::vector<double> weights_;
 };
 
-/// Rows that may depend on all of some hundred unknowns: the jacobian is dense.
+/// Rows that may each depend on all unknowns (some hundreds): the jacobian is dense.
 class Residuals : public ResidualRows {
  public:
   /// Removes all rows. @param jacobian whether rows have a jacobian; if not, `jacobian` must not be called

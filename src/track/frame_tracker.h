@@ -16,7 +16,7 @@ class FrameTracker {
   virtual FrameResult track(const FootageFrame& seen) = 0;
   /// The next frame begins a new segment.
   virtual void cut() = 0;
-  /// Frames are missing before the next one. The person is the same and is `recovered` rather than `initialised`.
+  /// Frames are missing before the next one. The person is the same: the next state is `recovered`, not `initialised`.
   virtual void pause() = 0;
 
   virtual bool needs_images() const = 0;

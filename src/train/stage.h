@@ -48,11 +48,12 @@ class Stage {
   /// Describes the batch that `loss` drew last, for error messages ("frames 3, 17; cameras a, b").
   virtual std::string batch_description() const = 0;
 
-  /// The state of the stage's data. After `restore_data` the next batches are the same.
+  /// The position in the stage's data. After `restore_data(s)`, `loss` draws the batches that followed
+  /// `data_state() == s`.
   virtual std::string data_state() const = 0;
   virtual void restore_data(const std::string& state) = 0;
 
-  /// Identifies data and character of a checkpoint; a run does not resume when it differs.
+  /// Identifies data and character. A run does not resume from a checkpoint with another identity.
   virtual std::string identity() const = 0;
 
   /// Recomputes buffers that depend on the weights. Called just before buffers are saved as `evaluation.*`, with the

@@ -15,8 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Every reader of this room on spoilt versions of a good file: an Error that names the file or a valid result, nothing
-/// else.
+/// Every reader of this module on spoilt versions of a good file: an Error that names the file or a valid result,
+/// nothing else.
 class HostileRejects : public ::testing::Test {
  protected:
   void SetUp() override {

@@ -11,8 +11,8 @@
 #include "support/ring_of_cameras.h"
 #include "support/test_character.h"
 
-/// What the tests of this room share: the test character with landmarks on all its segments, a ring of cameras, and
-/// what these would see of a pose.
+/// What the tests of energies and fits share: the test character with landmarks on all its segments, a ring of cameras,
+/// and what these would see of a pose.
 namespace doppel {
 
 /// Two landmarks a segment, off its axis, so that every turn shows.

@@ -20,7 +20,7 @@ class Term {
   virtual std::string name() const = 0;
   /// Called before every step, at the state that the step starts from. Chooses what stays constant during the step.
   virtual void freeze(const Model&, const State&) {}
-  /// Fills `rows`. @param jacobian whether with jacobians; `state` must then have been computed with them
+  /// Fills `rows`. @param jacobian fill the jacobians too; `state` must then have been computed with jacobians
   virtual void evaluate(const Model& model, const State& state, bool jacobian, Rows& rows) const = 0;
   /// `freeze`, then `evaluate` with jacobians. A term overrides this function to share work between the two.
   virtual void linearise(const Model& model, const State& state, Rows& rows) {

@@ -23,7 +23,7 @@ namespace doppel {
 
 /// Options of the one-camera tracker. Weights are those of the thesis (4.8), in its units: per squared millimetre, per
 /// squared pixel of an image 540 wide, per squared radian. A weight of 0 switches a term off. The temporal term pulls
-/// landmarks to their positions in the last frame. The silhouette's weight is that of one outline vertex.
+/// landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
 struct LivecapOptions : PoseFitOptions {
   LivecapOptions();
 
@@ -53,7 +53,7 @@ class LivecapTracker {
   FrameResult track(const LivecapInput& input);
   /// The next frame begins a new segment.
   void cut();
-  /// Frames are missing before the next one. The person is the same and is `recovered` rather than `initialised`.
+  /// Frames are missing before the next one. The person is the same: the next state is `recovered`, not `initialised`.
   void pause();
 
   const PoseModel& model() const { return model_; }

@@ -26,7 +26,7 @@ const char* to_string(LiveState state);
 
 /// Tracks live images in four stages, each on its own thread: capture of images, preprocessing (masks), detection of
 /// keypoints, and the fit of pose and surface. The calling thread shows the results. At most one frame waits between
-/// two stages, so that a result is two frames behind the newest image. With a live source, an image that is not taken
+/// two stages, which bounds how far a result is behind the newest image. With a live source, an image that is not taken
 /// in time is replaced by the next one and counted as dropped. With other sources no image is dropped, and the results
 /// do not depend on the number of threads.
 ///
