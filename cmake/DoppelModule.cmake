@@ -26,7 +26,7 @@ add_library(Doppel::doppel_flags ALIAS doppel_flags)
 target_compile_options(doppel_flags INTERFACE
   $<BUILD_INTERFACE:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wno-unknown-pragmas
   # GCC 12 misreads the inlined operator+ of std::string in C++20 (its bug 105651).
-  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>>)
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>>)
 if(DOPPEL_SANITIZE)
   # GCC 12 reports uninitialised members inside std::regex, std::function and its own intrinsics once sanitizers are on;
   # there are none.
