@@ -220,9 +220,9 @@ Performer make_performer(const AnimateOptions& options) {
   const bool radiance = options.renderer == "radiance";
   if (radiance != !options.run.empty())
     fail<UsageError>(
-        "{}",
-        radiance ? "--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it"
-                 : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
+        "{}", radiance
+                  ? "--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it"
+                  : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
   if (radiance) {
     if (!options.model.empty()) fail<UsageError>("--model and --run both name an actor; give one of them");
     refuse_pose_run("--run", options.run);

@@ -66,9 +66,7 @@ Json surfaces_first(const Json& rows) {
 Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
   const torch::Tensor faces = face_tensor(subject.character().mesh);
   const auto skinned = [&](const std::vector<SampleId>& samples) {
-    std::vector<torch::Tensor> poses;
-    for (const SampleId& sample : samples) poses.push_back(dataset.dof_window(sample, 0).squeeze(0));
-    return subject.surface->skinned(torch::stack(poses));
+    return subject.surface->skinned(dataset.dof_windows(samples, 0).squeeze(1));
   };
   Json rows = Json::object();
   // Only runs that capture poses can be evaluated without known poses; all others fail here.

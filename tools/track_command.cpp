@@ -101,8 +101,8 @@ TrackViewOptions view_options(const TrackArguments& arguments) {
   return options;
 }
 
-std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const PinholeCamera& camera, const Character& character,
-                                    double frames_per_second) {
+std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const PinholeCamera& camera,
+                                    const Character& character, double frames_per_second) {
   if (arguments.preview.empty()) return nullptr;
   return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
 }

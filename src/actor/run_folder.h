@@ -14,7 +14,7 @@ enum class RunMode {
   overwrite   ///< start again
 };
 
-/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `events.out.tfevents.*`, `images/`,
+/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `events.out.tfevents.*`, `pictures/`,
 /// `report.html`, `evaluation.json`.
 class RunFolder {
  public:

@@ -169,6 +169,12 @@ torch::Tensor Dataset::dof_window(const SampleId& sample, int past_frames) const
   return result;
 }
 
+torch::Tensor Dataset::dof_windows(const std::vector<SampleId>& samples, int past_frames) const {
+  std::vector<torch::Tensor> windows;
+  for (const SampleId& sample : samples) windows.push_back(dof_window(sample, past_frames));
+  return torch::stack(windows);
+}
+
 std::string Dataset::key(const SampleId& sample, int camera) const {
   return record_key(sequences_.at(sample.sequence).name, cameras_.at(camera).name, sample.frame);
 }

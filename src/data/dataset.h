@@ -61,7 +61,7 @@ struct ImageCrop {
   std::vector<std::uint8_t> foreground;  ///< [I*I] 1 = person; 0 beyond the camera's image
 };
 
-/// A prepared capture: poses, cameras without distortion, and the store of masks and images. Reading is thread-safe.
+/// A prepared capture: poses, cameras, and the store of masks and images. Reading is thread-safe.
 class Dataset {
  public:
   /// @param folder output of `doppel prepare`
@@ -74,7 +74,7 @@ class Dataset {
   int num_dofs() const { return num_dofs_; }
   double fps() const { return capture_.fps; }
 
-  /// The prepared cameras, without distortion. All camera indices refer to this list.
+  /// The prepared cameras. All camera indices refer to this list.
   const std::vector<PinholeCamera>& cameras() const { return cameras_; }
   const PinholeCamera& camera(int index) const { return cameras_.at(index); }
   /// @throws UsageError listing the available cameras
@@ -107,6 +107,8 @@ class Dataset {
   /// segment has no earlier row, its first row is repeated (thesis 6.9). @throws Error when the sequence was prepared
   /// without a motion
   torch::Tensor dof_window(const SampleId& sample, int past_frames) const;
+  /// The motion windows of several samples: [B,past_frames+1,D]. @throws as above
+  torch::Tensor dof_windows(const std::vector<SampleId>& samples, int past_frames) const;
 
   /// The mask of the whole image, 0 or 255, at the camera's resolution.
   cv::Mat mask(const SampleId& sample, int camera) const;

@@ -13,7 +13,7 @@ struct Inliers {
   double ratio = 0.0;  ///< inliers among the confident keypoints
   double error = 0.0;  ///< mean distance of the inliers, reference pixels
 };
-/// @param cameras without distortion @param frame [C] @param threshold reference pixels
+/// @param cameras, frame [C] @param threshold reference pixels
 Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<PinholeCamera>& cameras,
                       const FrameEvidence& frame, double threshold);
 

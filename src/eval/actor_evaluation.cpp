@@ -19,10 +19,7 @@ std::string titled(const ActorEvaluation& evaluation, const std::string& title) 
 
 /// Motion windows of samples, [B,F+1,D].
 torch::Tensor dof_windows(const ActorEvaluation& evaluation, const std::vector<SampleId>& samples) {
-  std::vector<torch::Tensor> all;
-  for (const SampleId& sample : samples)
-    all.push_back(evaluation.dataset.dof_window(sample, evaluation.actor.past_frames()));
-  return torch::stack(all);
+  return evaluation.dataset.dof_windows(samples, evaluation.actor.past_frames());
 }
 
 /// The image of a radiance field in the camera of a request, for one of its frames.

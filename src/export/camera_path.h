@@ -15,7 +15,7 @@ class CameraPath {
   virtual ~CameraPath() = default;
   /// @param frame 0, 1, 2, ... in order
   /// @param vertices [N,3] world metres, the surface of that frame
-  /// @return a camera without distortion, of the same size in every frame
+  /// @return a camera of the same size in every frame
   virtual PinholeCamera at(int frame, const float* vertices) = 0;
   /// A name for file names: `turntable`, `camera_3`.
   virtual std::string name() const = 0;

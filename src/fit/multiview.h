@@ -44,7 +44,6 @@ class MultiviewTracker {
  public:
   /// @param landmarks in the order of the keypoints
   /// @param dofs to find; the others keep the values of the shared DoFs and, without these, of the rest pose
-  /// @param cameras without distortion
   /// @throws UsageError for fewer than two cameras; Error for fewer than four landmarks or options out of range
   MultiviewTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
                    std::vector<PinholeCamera> cameras, const MultiviewOptions& options = {});

@@ -42,7 +42,7 @@ struct SurfaceFrame {
 
 class SurfaceTracker {
  public:
-  /// @param cameras without distortion @throws Error when the character has no graph, or for options out of range
+  /// @throws Error when the character has no graph, or for options out of range
   SurfaceTracker(const Character& character, const std::vector<Marker>& landmarks, std::vector<PinholeCamera> cameras,
                  const SurfaceOptions& options = {});
 

@@ -12,7 +12,7 @@ namespace doppel {
 /// Tracks frames of one camera by trained networks (chapter 5), each frame independently.
 class DeepcapTracker {
  public:
-  /// @param trained must outlive the tracker @param camera without distortion
+  /// @param trained must outlive the tracker
   /// @param landmarks of the keypoints, in their order
   /// @throws Error when the landmarks lack one that the run was trained with
   DeepcapTracker(TrainedPose& trained, const PinholeCamera& camera, const std::vector<Marker>& landmarks);

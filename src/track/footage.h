@@ -61,7 +61,7 @@ class Footage {
 
   virtual const Capture& capture() const = 0;
   virtual const Character& character() const = 0;
-  virtual const std::vector<PinholeCamera>& cameras() const = 0;  ///< [C] without distortion
+  virtual const std::vector<PinholeCamera>& cameras() const = 0;  ///< [C]
   virtual const std::vector<Marker>& landmarks() const = 0;       ///< [M]
   virtual const std::vector<FootageSequence>& sequences() const = 0;
   /// @param sequence index in `sequences`

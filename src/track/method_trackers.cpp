@@ -25,23 +25,23 @@ class MultiviewFrames : public FrameTracker {
   }
   void cut() override { tracker_.cut(); }
   void pause() override { tracker_.pause(); }
-  bool needs_images() const override { return false; }
+  ImageUse image_use() const override { return ImageUse::none; }
   const PoseModel& model() const override { return tracker_.model(); }
 
  private:
   MultiviewTracker tracker_;
 };
 
-class FrameResults : public FrameTracker {
+class LivecapFrames : public FrameTracker {
  public:
-  FrameResults(const Character& character, const std::vector<Marker>& landmarks, const PinholeCamera& camera,
-               const LivecapConfig& config)
+  LivecapFrames(const Character& character, const std::vector<Marker>& landmarks, const PinholeCamera& camera,
+                const LivecapConfig& config)
       : tracker_(character, landmarks, chosen_dofs(config.dofs, character.skeleton, landmarks), camera, config.fit) {}
 
   FrameResult track(const FootageFrame& seen) override { return tracker_.track(livecap_input(seen)); }
   void cut() override { tracker_.cut(); }
   void pause() override { tracker_.pause(); }
-  bool needs_images() const override { return true; }
+  ImageUse image_use() const override { return ImageUse::optional; }
   const PoseModel& model() const override { return tracker_.model(); }
 
  private:
@@ -58,7 +58,6 @@ class DeepcapFrames : public FrameTracker {
         graph_(6 * as_size(character.num_nodes()), 0.0) {}
 
   FrameResult track(const FootageFrame& seen) override {
-    if (seen.images.front().empty()) fail("the camera has no images, which PoseNet needs");
     const auto start = Clock::now();
     FrameResult result = tracker_.capture(seen.images.front(), seen.masks.front(), seen.evidence.front().keypoints);
     result.pose_seconds = seconds_since(start);
@@ -71,7 +70,7 @@ class DeepcapFrames : public FrameTracker {
   }
   void cut() override { history_.cut(); }
   void pause() override { history_.clear(); }
-  bool needs_images() const override { return true; }
+  ImageUse image_use() const override { return ImageUse::required; }
   const PoseModel& model() const override { return tracker_.model(); }
 
  private:
@@ -102,7 +101,7 @@ std::unique_ptr<FrameTracker> make_multiview_tracker(const Footage& footage, con
 
 std::unique_ptr<FrameTracker> make_livecap_tracker(const Character& character, const std::vector<Marker>& landmarks,
                                                    const PinholeCamera& camera, const LivecapConfig& config) {
-  return std::make_unique<FrameResults>(character, landmarks, camera, config);
+  return std::make_unique<LivecapFrames>(character, landmarks, camera, config);
 }
 
 std::unique_ptr<FrameTracker> make_deepcap_tracker(TrainedPose& trained, const Character& character,

@@ -14,7 +14,7 @@ namespace doppel {
 std::unique_ptr<FrameTracker> make_multiview_tracker(const Footage& footage, const Character& character,
                                                      const TrackConfig& config);
 
-/// The one-camera tracker of chapter 4. @param camera without distortion @param character must outlive the tracker
+/// The one-camera tracker of chapter 4. @param character must outlive the tracker
 /// @throws as LivecapTracker
 std::unique_ptr<FrameTracker> make_livecap_tracker(const Character& character, const std::vector<Marker>& landmarks,
                                                    const PinholeCamera& camera, const LivecapConfig& config);

@@ -28,7 +28,6 @@ class Preview {
 
 /// @param target "window", or an .mp4 file to write
 /// Keys in the window: a and d rotate the second view, q and Escape end.
-/// @param camera without distortion
 /// @throws UsageError for another file type, a window without a screen, or a texture on a mesh without UVs
 std::unique_ptr<Preview> open_preview(const std::string& target, const PinholeCamera& camera, const TriangleMesh& mesh,
                                       double frames_per_second, const TrackViewOptions& options = {});

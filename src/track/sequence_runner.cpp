@@ -8,6 +8,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
+#include "doppel/core/error.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/track_sheet.h"
 #include "doppel/track/track_task.h"
@@ -25,20 +26,22 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
   result.sequence = sequence;
   const std::vector<long> shown = spread_frames(sequence, options_.sheet_frames);
   const auto is_shown = [&](long frame) { return std::find(shown.begin(), shown.end(), frame) != shown.end(); };
-  TrackSheet sheet(footage_.cameras(), tracker_.model(), options_.sheet_pixels);
+  std::optional<TrackSheet> sheet;
+  if (!shown.empty()) sheet.emplace(footage_.cameras(), tracker_.model(), options_.sheet_pixels);
   const auto reader = footage_.read(sequence.index);
-  const auto read = [&, next = sequence.first_frame]() mutable -> std::optional<Read> {
+  const bool images = tracker_.image_use() != ImageUse::none;
+  auto read = [&, next = sequence.first_frame]() mutable -> std::optional<Read> {
     if (next > sequence.last_frame) return std::nullopt;
     const auto start = Clock::now();
     const long frame = next++;
-    Read one{frame, reader->read(frame, tracker_.needs_images() || is_shown(frame)), 0.0};
+    Read one{frame, reader->read(frame, images || is_shown(frame)), 0.0};
     one.seconds = seconds_since(start);
     return one;
   };
   const auto take = [&](const Read& one) {
     check_not_stopped(sequence, one.frame);
     track(one, result);
-    if (is_shown(one.frame)) sheet.add(one.frame, one.seen, result.frames.back());
+    if (is_shown(one.frame)) sheet->add(one.frame, one.seen, result.frames.back());
     progress.advance(1, fmt::format("{} {}", sequence.name, to_string(result.frames.back().state)));
   };
   const auto start = Clock::now();
@@ -46,15 +49,19 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
     Prefetch<Read> frames(read, as_size(options_.frames_ahead));
     while (const std::optional<Read> one = frames.next()) take(*one);
   } else {
-    auto next = read;
-    while (const std::optional<Read> one = next()) take(*one);
+    while (const std::optional<Read> one = read()) take(*one);
   }
   result.times.total = seconds_since(start);
-  if (!sheet.empty()) cv::imwrite(options_.sheet.string(), sheet.image());
+  if (sheet && !sheet->empty()) cv::imwrite(options_.sheet.string(), sheet->image());
   return result;
 }
 
 void SequenceRunner::track(const Read& read, TrackedSequence& result) {
+  if (tracker_.image_use() == ImageUse::required)
+    for (std::size_t c = 0; c < read.seen.images.size(); ++c)
+      if (read.seen.images[c].empty())
+        fail("sequence {}: the camera {} has no images, which this method needs", result.sequence.name,
+             footage_.cameras()[c].name);
   if (result.sequence.begins_segment(read.frame)) tracker_.cut();
   const FrameResult found = tracker_.track(read.seen);
   result.times.reading += read.seconds;

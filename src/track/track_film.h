@@ -13,7 +13,6 @@ namespace doppel {
 /// A film of tracked surfaces, drawn by `TrackView`.
 class TrackFilm {
  public:
-  /// @param camera without distortion
   TrackFilm(const std::filesystem::path& path, const PinholeCamera& camera, const TriangleMesh& mesh,
             double frames_per_second, const TrackViewOptions& options = {})
       : view_(camera, mesh, options), video_(path, view_.size(), frames_per_second) {}

@@ -21,7 +21,6 @@ struct TrackViewOptions {
 /// view from the person's side shows errors of depth.
 class TrackView {
  public:
-  /// @param camera without distortion
   /// @throws UsageError for a texture on a mesh without UVs
   TrackView(const PinholeCamera& camera, const TriangleMesh& mesh, const TrackViewOptions& options = {});
 

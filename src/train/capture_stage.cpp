@@ -54,10 +54,9 @@ std::string CaptureStage::identity() const {
 torch::Tensor CaptureStage::training_windows(std::size_t limit, int past_frames) const {
   const std::vector<SampleId> samples = chosen_samples(dataset_, options_.split, options_.frames);
   const std::size_t count = std::min(limit, samples.size());
-  std::vector<torch::Tensor> windows;
-  for (std::size_t i = 0; i < count; ++i)
-    windows.push_back(dataset_.dof_window(samples[i * samples.size() / count], past_frames));
-  return torch::stack(windows);
+  std::vector<SampleId> chosen;
+  for (std::size_t i = 0; i < count; ++i) chosen.push_back(samples[i * samples.size() / count]);
+  return dataset_.dof_windows(chosen, past_frames);
 }
 
 std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) const {

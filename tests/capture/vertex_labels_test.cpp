@@ -40,8 +40,8 @@ cv::Mat draw(const Character& character, const std::vector<Eigen::Vector3d>& ver
   for (int i = 0; i < character.num_vertices(); ++i)
     for (int k = 0; k < 3; ++k) points[0][i][k] = vertices[as_size(i)][k];
   Rasterizer rasterizer(RenderMesh(character.mesh).faces);
-  const RasterImage& image =
-      rasterizer.rasterize_projected(points, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
+  const RasterImage& image = rasterizer.rasterize_projected(
+      points, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
   const int* face = image.face_id.data_ptr<int>();
   const float* shares = image.barycentrics.data_ptr<float>();
   cv::Mat labels = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);

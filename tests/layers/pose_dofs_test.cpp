@@ -67,7 +67,10 @@ TEST(PoseDofs, ChoosesByPatternsInTheirOrder) {
   EXPECT_THAT(pose_of({"!*_3", "!*_4", "!*_2", "lean_3"}).names(),
               testing::ElementsAre("bend", "lean_1", "flex_1", "stretch", "lean_3"));
   EXPECT_THAT(message_of<UsageError>([] { pose_of({"lean_*", "leen_2"}); }), testing::HasSubstr("'leen_2'"));
-  EXPECT_THAT(message_of<UsageError>([] { pose_of({"idle", "rotate_*"}); }), testing::HasSubstr("none of the named DoFs"));
+  EXPECT_THAT(message_of<UsageError>([] {
+                pose_of({"idle", "rotate_*"});
+              }),
+              testing::HasSubstr("none of the named DoFs"));
 }
 
 TEST(PoseDofs, MeasuresThetaAndItsLimitsInRadiansOfTheJointThatMovesMost) {

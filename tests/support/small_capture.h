@@ -94,9 +94,8 @@ inline torch::Tensor textured_images(const Character& character, const std::vect
   torch::NoGradGuard no_grad;
   const RenderMesh mesh(character.mesh);
   const auto light = true_light().expand({1, static_cast<std::int64_t>(cameras.size()), 3, 9}).contiguous();
-  const ShadedImage drawn =
-      shade(vertices, texture_tensor(character.mesh), light, projection_tensor(cameras).unsqueeze(0),
-            mesh, cameras[0].height, cameras[0].width);
+  const ShadedImage drawn = shade(vertices, texture_tensor(character.mesh), light,
+                                  projection_tensor(cameras).unsqueeze(0), mesh, cameras[0].height, cameras[0].width);
   const torch::Tensor green = torch::tensor({60.0f, 140.0f, 60.0f});
   const torch::Tensor bgr = drawn.colour[0].flip({3}).clamp(0, 1) * 255;
   return torch::where(drawn.mask[0].unsqueeze(3), bgr, green).round().to(torch::kUInt8).contiguous();

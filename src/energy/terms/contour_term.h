@@ -17,7 +17,7 @@ namespace doppel {
 template <typename Model>
 class ContourTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion @param frame [C]; both must outlive the term
+  /// @param cameras, frame [C]; both must outlive the term
   /// @param most points of a camera @param farthest reference pixels
   /// @param weight of each camera, per squared reference pixel @param kernel in reference pixels
   ContourTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,

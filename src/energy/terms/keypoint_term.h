@@ -13,7 +13,7 @@ namespace doppel {
 template <typename Model>
 class KeypointTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion @param frame [C]; both must outlive the term
+  /// @param cameras, frame [C]; both must outlive the term
   /// @param weight per squared reference pixel @param kernel in reference pixels
   /// @param landmark_weights [M] lambda_i; none: 1 each
   KeypointTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame, double weight,

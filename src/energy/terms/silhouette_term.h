@@ -27,7 +27,7 @@ struct OutlineVertex {
 template <typename Model>
 class SilhouetteTerm : public Term<Model> {
  public:
-  /// @param cameras without distortion @param frame [C]; both must outlive the term
+  /// @param cameras, frame [C]; both must outlive the term
   /// @param weight of each camera, per squared reference pixel @param inside factor of the weight inside the mask
   /// @param kernel in reference pixels
   SilhouetteTerm(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,

@@ -45,7 +45,7 @@ struct LivecapInput {
 class LivecapTracker {
  public:
   /// @param landmarks in the order of the keypoints @param dofs to find; the others keep the values of the rest pose
-  /// @param camera without distortion @param character must outlive the tracker
+  /// @param character must outlive the tracker
   /// @throws Error for fewer than four landmarks, a root that cannot rotate freely, or options out of range
   LivecapTracker(const Character& character, const std::vector<Marker>& landmarks, const std::vector<int>& dofs,
                  const PinholeCamera& camera, const LivecapOptions& options = {});

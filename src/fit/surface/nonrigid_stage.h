@@ -53,7 +53,7 @@ struct NonrigidSurface {
 
 class NonrigidStage {
  public:
-  /// @param camera without distortion; both must outlive the stage
+  /// @param camera, character must outlive the stage
   /// @throws Error for options out of range
   NonrigidStage(const Character& character, const PinholeCamera& camera, const NonrigidOptions& options = {});
   ~NonrigidStage();

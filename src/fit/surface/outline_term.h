@@ -17,7 +17,7 @@ namespace doppel {
 class OutlineTerm : public SurfaceTerm {
  public:
   struct Evidence {
-    const PinholeCamera& camera;                  ///< without distortion
+    const PinholeCamera& camera;
     const OutlineField& field;                    ///< not empty
     const PartMask& parts;                        ///< of the posed surface; an empty one allows everything
     const std::vector<char>& vertex_part;         ///< [N]

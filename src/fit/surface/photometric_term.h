@@ -13,7 +13,7 @@ namespace doppel {
 /// step: the image probably shows something else there.
 class PhotometricTerm : public SurfaceTerm {
  public:
-  /// @param camera without distortion @param visible [N] not 0 for visible vertices @param colours [3,N] RGB 0..1;
+  /// @param visible [N] not 0 for visible vertices @param colours [3,N] RGB 0..1;
   /// these and the pyramid must outlive the term
   /// @param weight per squared colour difference @param threshold largest colour difference
   PhotometricTerm(const PinholeCamera& camera, const ColourPyramid& pyramid, const std::vector<char>& visible,

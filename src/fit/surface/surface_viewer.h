@@ -21,7 +21,7 @@ struct SurfaceView {
 
 class SurfaceViewer {
  public:
-  /// @param camera without distortion @param pixels side of the windows in which the surface is drawn
+  /// @param pixels side of the windows in which the surface is drawn
   SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels);
   ~SurfaceViewer();
   SurfaceViewer(SurfaceViewer&&) noexcept;

@@ -22,8 +22,8 @@ cv::Mat coverage_of(const PosedSurface& surface, const Character& character, con
   torch::Tensor vertices = torch::empty({1, surface.vertices.cols(), 3});
   Eigen::Map<Eigen::Matrix3Xf>(vertices.data_ptr<float>(), 3, surface.vertices.cols()) = surface.vertices.cast<float>();
   Rasterizer rasterizer(RenderMesh(character.mesh).faces);
-  torch::Tensor covered =
-      rasterizer.coverage_projected(vertices, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
+  torch::Tensor covered = rasterizer.coverage_projected(
+      vertices, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
   return cv::Mat(camera.height, camera.width, CV_8UC1, covered.data_ptr()) * 255;
 }
 

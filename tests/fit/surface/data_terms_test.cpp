@@ -171,15 +171,15 @@ TEST(OutlineTerm, AVertexOnTheWrongSideIsSentToTheOtherOutline) {
   const Eigen::Vector3d inside(0.0, 0.1, 0.0);
   scene.vertices.col(0) = inside;
   ASSERT_LT(scene.field.at(scene.camera.project(inside)).distance, 0.0);
-  const auto jacobian_along_x = [&](double normal_x) {
+  const auto gradient_along_x = [&](double normal_x) {
     scene.normals[0] = {normal_x, 0.0, 0.0};
     OutlineTerm term = scene.term(1.0);
     term.freeze(scene.vertices);
     const PointRows rows = term.rows(0, scene.vertices);
     return rows.values[0] * rows.jacobian(0, 0);
   };
-  EXPECT_GT(jacobian_along_x(-1.0), 0.0) << "facing left: the energy falls to the left";
-  EXPECT_LT(jacobian_along_x(1.0), 0.0) << "facing right: to the right";
+  EXPECT_GT(gradient_along_x(-1.0), 0.0) << "facing left: the energy falls to the left";
+  EXPECT_LT(gradient_along_x(1.0), 0.0) << "facing right: to the right";
 }
 
 TEST(OutlineTerm, AnotherPartOfTheBodySaysNothing) {

@@ -117,7 +117,7 @@ class SlowTracker : public FrameTracker {
     ++pauses;
     tracker_->pause();
   }
-  bool needs_images() const override { return true; }
+  ImageUse image_use() const override { return tracker_->image_use(); }
   const PoseModel& model() const override { return tracker_->model(); }
   int pauses = 0;
 
