@@ -11,4 +11,7 @@ scripts/install_dependencies.sh tests
 cmake --preset "$preset" >/dev/null
 cmake --build --preset "$preset"
 [ -n "${DOPPEL_SHARED:-}" ] || echo "DOPPEL_SHARED is not set: the tests labelled 'real' will be skipped."
-ctest --preset "$preset"
+# Side by side, one thread each, is faster than one after the other; tests of parallel code set their threads. The
+# allocator keeps freed memory, as the program itself does (core/process.h).
+export OMP_NUM_THREADS=1 MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=4294967296 MALLOC_TOP_PAD_=16777216
+ctest --preset "$preset" --parallel "$(nproc)"

@@ -1,6 +1,7 @@
 #include "character_label.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "character_report.h"
 #include "doppel/capture/vertex_labels.h"

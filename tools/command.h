@@ -8,7 +8,7 @@ namespace doppel::tools {
 
 /// Options of all subcommands.
 struct CommonOptions {
-  int threads = 0;  ///< 0: all cores
+  int threads = 0;  ///< 0: as `resolve_threads`
   bool json = false;
   std::string log_level = "info";
 };

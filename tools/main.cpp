@@ -20,7 +20,8 @@ std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
                                 add_evaluate(program), add_compare(program),   add_animate(program),
                                 add_export(program),   add_info(program)};
   for (Command& command : commands) {
-    command.app->add_option("--threads", common.threads, "Threads to use (0: all cores)")->capture_default_str();
+    command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
+        ->capture_default_str();
     command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
     command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
         ->capture_default_str();

@@ -7,7 +7,8 @@
 // Weights are random: what a frame costs does not depend on them.
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <cstdio>

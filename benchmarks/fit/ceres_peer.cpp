@@ -7,7 +7,6 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/fit/thesis_units.h"
 #include "pose_frame.h"
 
 namespace doppel::bench {
@@ -136,14 +135,14 @@ class PoseFunctor {
   Vector3<T> vertex(const Body<T>& body, int vertex, Vector3<double>& normal) const {
     const Character& character = model_.character();
     const IndexRows& rows = character.skin.vertex_bones;
-    const double* weights = character.skin.weights.data() + rows.offsets[at(vertex)];
-    const DualQuaternion<T>& first = body.bones[at(rows.begin(vertex)[0])];
+    const std::span<const double> weights = rows.row_of(character.skin.weights, vertex);
+    const DualQuaternion<T>& first = body.bones[at(rows.row(vertex)[0])];
     Quaternion<T> real(T(0), T(0), T(0), T(0)), dual(T(0), T(0), T(0), T(0));
     for (int i = 0; i < rows.size(vertex); ++i) {
-      const DualQuaternion<T>& bone = body.bones[at(rows.begin(vertex)[i])];
+      const DualQuaternion<T>& bone = body.bones[at(rows.row(vertex)[at(i)])];
       double cosine = 0.0;
       for (int k = 0; k < 4; ++k) cosine += number(first.real.coeffs()[k]) * number(bone.real.coeffs()[k]);
-      const double weight = cosine < 0.0 ? -weights[i] : weights[i];
+      const double weight = cosine < 0.0 ? -weights[at(i)] : weights[at(i)];
       for (int k = 0; k < 4; ++k) {
         real.coeffs()[k] += weight * bone.real.coeffs()[k];
         dual.coeffs()[k] += weight * bone.dual.coeffs()[k];
@@ -179,7 +178,7 @@ class PoseFunctor {
 
   template <typename T>
   void keypoints(const Body<T>& body, T*& rows) const {
-    const double weight = per_square_reference_pixel(frame_.options.keypoint_weight);
+    const double weight = frame_.options.keypoint_weight;
     const double scale = reference_pixels(frame_.cameras[0]);
     for (std::size_t m = 0; m < body.landmarks.size(); ++m) {
       const Keypoint& keypoint = frame_.evidence[0].keypoints[m];
@@ -187,8 +186,7 @@ class PoseFunctor {
       const Eigen::Matrix<T, 2, 1> pixel = project(body.landmarks[m]);
       rows[0] = scale * (pixel.x() - static_cast<double>(keypoint.x));
       rows[1] = scale * (pixel.y() - static_cast<double>(keypoint.y));
-      finish(rows, 2, weight * frame_.landmark_weights[m] * keypoint.confidence,
-             reference_from_thesis(frame_.options.keypoint_scale));
+      finish(rows, 2, weight * frame_.landmark_weights[m] * keypoint.confidence, frame_.options.keypoint_scale);
     }
   }
 
@@ -200,14 +198,14 @@ class PoseFunctor {
       shift += T(share) * (body.landmarks[at(target.landmark)] - target.point.cast<T>());
     for (const auto& target : frame_.joints)
       write(rows, Vector3<T>(body.landmarks[at(target.landmark)] - target.point.cast<T>() - shift),
-            per_square_metre(frame_.options.joint_weight) * target.weight);
+            frame_.options.joint_weight * target.weight);
   }
 
   template <typename T>
   void previous(const Body<T>& body, T*& rows) const {
     for (const auto& target : frame_.previous)
       write(rows, Vector3<T>(body.landmarks[at(target.landmark)] - target.point.cast<T>()),
-            per_square_metre(frame_.options.temporal_weight) * target.weight);
+            frame_.options.temporal_weight * target.weight);
   }
 
   /// Which vertices belong to the opposite outline is chosen anew wherever jacobian are asked for, as in our term.
@@ -229,8 +227,7 @@ class PoseFunctor {
           targets_[i] = 2.0 * scale * sample.distance - targets_[i];
       }
       rows[0] = scale * distance - targets_[i];
-      finish(rows, 1, per_square_reference_pixel(frame_.options.silhouette_weight),
-             reference_from_thesis(frame_.options.silhouette_scale));
+      finish(rows, 1, frame_.options.silhouette_weight, frame_.options.silhouette_scale);
     }
   }
 

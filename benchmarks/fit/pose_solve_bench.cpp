@@ -18,7 +18,6 @@
 #include "doppel/energy/terms/prior_term.h"
 #include "doppel/energy/terms/relative_point_term.h"
 #include "doppel/fit/livecap/landmark_roles.h"
-#include "doppel/fit/thesis_units.h"
 #include "doppel/synth/actor.h"
 #include "doppel/synth/performance.h"
 #include "doppel/synth/studio.h"
@@ -34,19 +33,16 @@ using Terms = std::vector<std::unique_ptr<PoseTerm>>;
 /// The terms of `LivecapTracker`.
 Terms terms_of(const PoseFrame& frame) {
   const LivecapOptions& o = frame.options;
-  const auto kernel = [](double pixels) {
-    return RobustKernel{RobustKernel::Kind::geman_mcclure, reference_from_thesis(pixels)};
-  };
+  const auto kernel = [](double pixels) { return RobustKernel{RobustKernel::Kind::geman_mcclure, pixels}; };
   Terms terms;
-  terms.push_back(std::make_unique<KeypointTerm<PoseModel>>(frame.cameras, frame.evidence,
-                                                            per_square_reference_pixel(o.keypoint_weight),
+  terms.push_back(std::make_unique<KeypointTerm<PoseModel>>(frame.cameras, frame.evidence, o.keypoint_weight,
                                                             kernel(o.keypoint_scale), frame.landmark_weights));
-  terms.push_back(std::make_unique<RelativePointTerm>("joints", frame.joints, per_square_metre(o.joint_weight)));
-  terms.push_back(std::make_unique<PointTerm>("temporal", frame.previous, per_square_metre(o.temporal_weight)));
+  terms.push_back(std::make_unique<RelativePointTerm>("joints", frame.joints, o.joint_weight));
+  terms.push_back(std::make_unique<PointTerm>("temporal", frame.previous, o.temporal_weight));
   terms.push_back(std::make_unique<LimitTerm>(o.limit_weight));
   terms.push_back(std::make_unique<PriorTerm>("prior", frame.model->character().rest_dofs, o.prior_weight));
   terms.push_back(std::make_unique<PriorTerm>("steady", frame.expected, o.steady_weight));
-  const double all = per_square_reference_pixel(o.silhouette_weight) * static_cast<double>(frame.outline.size());
+  const double all = o.silhouette_weight * static_cast<double>(frame.outline.size());
   terms.push_back(std::make_unique<SilhouetteTerm<PoseModel>>(frame.cameras, frame.evidence, frame.outline, all, 1.0,
                                                               kernel(o.silhouette_scale)));
   return terms;

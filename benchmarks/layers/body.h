@@ -3,7 +3,7 @@
 /// The work of the layer benchmarks: a body of 5,514 vertices with 6 bones and 6 graph nodes per vertex. With
 /// DOPPEL_SHARED it is the real test character, without it an ellipsoid of the same size.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,8 @@
 //   image_losses_bench [threads=2]
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
 
 #include <cstdio>
 #include <cstdlib>

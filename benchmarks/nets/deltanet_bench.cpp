@@ -4,7 +4,9 @@
 //   deltanet_bench [threads] [file.character]        without a file a tube of 5,514 vertices
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cstdio>
 #include <cstdlib>

@@ -4,7 +4,9 @@
 //   egnet_bench [threads]        the built-in torus of 852 nodes; features are random
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/optim/adam.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cstdio>
 #include <cstdlib>

@@ -3,7 +3,8 @@
 //   texnet_bench [threads] [size] [width] [batch]
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <chrono>
 #include <cstdio>

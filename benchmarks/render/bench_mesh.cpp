@@ -1,6 +1,6 @@
 #include "render/bench_mesh.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <cstdlib>

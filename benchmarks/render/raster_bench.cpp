@@ -3,7 +3,7 @@
 // Face ids are compared first; the times count only if the images are equal.
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cstdio>
 #include <cstdlib>

@@ -2,7 +2,9 @@
 //   shading_bench [threads=2] [pixels=512]
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <cstdlib>
 

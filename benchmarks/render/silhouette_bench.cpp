@@ -2,7 +2,8 @@
 //   silhouette_bench [threads=2]
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <cstdlib>

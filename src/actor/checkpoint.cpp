@@ -1,5 +1,7 @@
 #include "doppel/actor/checkpoint.h"
 
+#include <torch/serialize.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>

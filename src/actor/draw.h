@@ -1,6 +1,6 @@
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/actor/trained_actor.h"
 #include "doppel/render/buffers.h"

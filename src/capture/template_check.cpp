@@ -1,7 +1,8 @@
 #include "doppel/capture/template_check.h"
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>

@@ -1,6 +1,7 @@
 #include "doppel/capture/vertex_labels.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <array>
@@ -101,9 +102,9 @@ std::vector<int> nearest_along(const TriangleMesh& mesh, const std::vector<int>&
     const auto v = as_size(vertex);
     if (nearest[v] >= 0) continue;
     nearest[v] = source;
-    for (const int* n = topology.one_ring().begin(vertex); n != topology.one_ring().end(vertex); ++n) {
-      const auto next = as_size(*n);
-      if (nearest[next] < 0) queue.emplace(length + (mesh.vertices[next] - mesh.vertices[v]).norm(), source, *n);
+    for (const int neighbour : topology.one_ring().row(vertex)) {
+      const auto next = as_size(neighbour);
+      if (nearest[next] < 0) queue.emplace(length + (mesh.vertices[next] - mesh.vertices[v]).norm(), source, neighbour);
     }
   }
   return nearest;

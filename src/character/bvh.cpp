@@ -136,17 +136,17 @@ std::vector<Affine3d> BvhClip::pose(const std::vector<double>& row) const {
   std::vector<Affine3d> world_from_joint;
   auto value = row.begin();
   for (const BvhJoint& joint : joints) {
-    Vector3d place = joint.offset;
+    Vector3d position = joint.offset;
     Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
     for (const BvhChannel channel : joint.channels) {
       if (is_position(channel))
-        place[axis_of(channel)] = *value++;
+        position[axis_of(channel)] = *value++;
       else
         turn = turn * Eigen::AngleAxisd(*value++, Vector3d::Unit(axis_of(channel)));
     }
     Affine3d local = Affine3d::Identity();
     local.linear() = turn;
-    local.translation() = place;
+    local.translation() = position;
     world_from_joint.push_back(joint.parent < 0 ? local : world_from_joint[as_size(joint.parent)] * local);
   }
   return world_from_joint;

@@ -93,9 +93,9 @@ std::vector<double> node_rigidity(const std::vector<double>& vertex_values, cons
   std::vector<double> sum(graph.num_nodes(), 0.0);
   std::vector<int> count(graph.num_nodes(), 0);
   for (int v = 0; v < graph.vertex_nodes.num_rows(); ++v)
-    for (const int* k = graph.vertex_nodes.begin(v); k != graph.vertex_nodes.end(v); ++k) {
-      sum[*k] += vertex_values[v];
-      ++count[*k];
+    for (const int k : graph.vertex_nodes.row(v)) {
+      sum[k] += vertex_values[v];
+      ++count[k];
     }
   // A node always influences its own vertex. Only a graph built by hand can have a node without vertices.
   for (int k = 0; k < graph.num_nodes(); ++k) sum[k] = count[k] > 0 ? sum[k] / count[k] : 1.0;

@@ -95,8 +95,8 @@ std::optional<int> Skeleton::find_joint(const std::string& name) const { return 
 std::optional<int> Skeleton::find_dof(const std::string& name) const { return find_by_name(dofs, name); }
 
 int Skeleton::joint_of_bone(const std::string& bone, BoneRule rule) const {
-  for (int place = num_joints() - 1; place >= 0; --place) {
-    const int joint = file_order.empty() ? place : file_order[place];
+  for (int row = num_joints() - 1; row >= 0; --row) {
+    const int joint = file_order.empty() ? row : file_order[row];
     if (carries(joints[joint].name, bone, rule)) return joint;
   }
   fail("no joint of the skeleton carries the bone '{}': none {} '{}'", bone,

@@ -90,8 +90,8 @@ std::vector<FileJoint> read_joints(TextReader& reader) {
 
 /// The index of each joint's parent in the file, -1 for the root.
 std::vector<int> find_parents(const std::vector<FileJoint>& entries) {
-  std::unordered_map<std::string, int> place;
-  for (std::size_t j = 0; j < entries.size(); ++j) place.emplace(entries[j].joint.name, static_cast<int>(j));
+  std::unordered_map<std::string, int> row_of;
+  for (std::size_t j = 0; j < entries.size(); ++j) row_of.emplace(entries[j].joint.name, static_cast<int>(j));
   std::vector<int> parents(entries.size(), -1);
   int root = -1;
   for (std::size_t j = 0; j < entries.size(); ++j) {
@@ -103,8 +103,8 @@ std::vector<int> find_parents(const std::vector<FileJoint>& entries) {
       root = static_cast<int>(j);
       continue;
     }
-    const auto found = place.find(entry.parent);
-    if (found == place.end())
+    const auto found = row_of.find(entry.parent);
+    if (found == row_of.end())
       fail_at(entry.where, "the parent '{}' of joint '{}' is not a joint of this file; the root's parent is 'none'",
               excerpt(entry.parent), excerpt(entry.joint.name));
     parents[j] = found->second;
@@ -146,9 +146,9 @@ void place_joints(Skeleton& skeleton, const std::vector<FileJoint>& entries) {
     index[order[i]] = static_cast<int>(i);
     moved = moved || order[i] != static_cast<int>(i);
   }
-  for (const int place : order) {
-    skeleton.joints.push_back(entries[place].joint);
-    skeleton.joints.back().parent = parents[place] < 0 ? -1 : index[parents[place]];
+  for (const int row : order) {
+    skeleton.joints.push_back(entries[row].joint);
+    skeleton.joints.back().parent = parents[row] < 0 ? -1 : index[parents[row]];
   }
   if (moved) skeleton.file_order = index;
 }
@@ -156,8 +156,8 @@ void place_joints(Skeleton& skeleton, const std::vector<FileJoint>& entries) {
 /// The joint of that name, or the first joint of the file whose name begins with it, as in the original reader.
 int find_joint_of(const TextReader& reader, const Skeleton& skeleton, std::string_view name) {
   if (const auto exact = skeleton.find_joint(std::string(name))) return *exact;
-  for (int place = 0; place < skeleton.num_joints(); ++place) {
-    const int joint = skeleton.file_order.empty() ? place : skeleton.file_order[place];
+  for (int row = 0; row < skeleton.num_joints(); ++row) {
+    const int joint = skeleton.file_order.empty() ? row : skeleton.file_order[row];
     if (skeleton.joints[joint].name.compare(0, name.size(), name) == 0) return joint;
   }
   reader.fail_here("no joint is named '{}', and no joint's name begins with it", excerpt(name));
@@ -265,8 +265,8 @@ std::string vector_text(const Eigen::Vector3d& v, bool millimetres) {
 
 std::string joints_text(const Skeleton& skeleton) {
   std::string text = fmt::format("joints: {}\n", skeleton.num_joints());
-  for (int place = 0; place < skeleton.num_joints(); ++place) {
-    const Joint& joint = skeleton.joints[skeleton.file_order.empty() ? place : skeleton.file_order[place]];
+  for (int row = 0; row < skeleton.num_joints(); ++row) {
+    const Joint& joint = skeleton.joints[skeleton.file_order.empty() ? row : skeleton.file_order[row]];
     const bool prismatic = joint.type == Joint::Type::prismatic;
     text += fmt::format("  {} {} {}{}{} 1.0\n", joint.name, prismatic ? "prismatic" : "revolute",
                         joint.parent < 0 ? "none" : skeleton.joints[joint.parent].name, vector_text(joint.offset, true),

@@ -169,8 +169,10 @@ NpyStream::~NpyStream() {
   std::filesystem::remove(temporary_, ignored);
 }
 
-void NpyStream::append(const float* item) {
-  write(file_, item, as_size(item_size_) * sizeof(float), path_);
+void NpyStream::append(std::span<const float> item) {
+  if (item.size() != as_size(item_size_))
+    fail("writing {}: an item has {} values, received {}", path_.string(), item_size_, item.size());
+  write(file_, item.data(), item.size_bytes(), path_);
   ++items_;
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,8 @@ class NpyStream {
   NpyStream(const NpyStream&) = delete;
   NpyStream& operator=(const NpyStream&) = delete;
 
-  void append(const float* item);
+  /// @param item [item_shape...] @throws Error for another number of values, and when the disk is full
+  void append(std::span<const float> item);
   /// Completes the header and moves the file to its path. Without this call no file remains.
   void close();
 

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <fstream>
 #include <thread>
 
@@ -64,7 +65,10 @@ int resolve_threads(int requested) {
   if (requested < 0 || requested > kMaxThreads) {
     fail<UsageError>("setting the number of threads: found {}; allowed is 0 (all cores) to {}", requested, kMaxThreads);
   }
-  return requested > 0 ? requested : available_cores();
+  if (requested > 0) return requested;
+  const char* environment = std::getenv("OMP_NUM_THREADS");
+  const int threads = environment ? std::atoi(environment) : 0;
+  return threads > 0 && threads <= kMaxThreads ? threads : available_cores();
 }
 
 double private_megabytes() {

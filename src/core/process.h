@@ -8,7 +8,8 @@ namespace doppel {
 /// - Ctrl-C and SIGTERM become a request that `stop_requested` reports. A second signal ends the process at once.
 void setup_process();
 
-/// The number of threads to use: `requested`, or the number of cores of this machine when `requested` is 0.
+/// The number of threads to use: `requested`; when it is 0, what the environment's OMP_NUM_THREADS says; without it,
+/// the number of cores that the process may use.
 /// @throws UsageError when `requested` is negative or above 1024
 int resolve_threads(int requested);
 

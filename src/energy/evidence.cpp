@@ -21,7 +21,7 @@ OutlineField::OutlineField(const cv::Mat& mask, int pixels, double margin) {
 }
 
 std::vector<OutlineField::Point> OutlineField::contour(int most) const {
-  std::vector<Eigen::Vector2d> places;  // pixels of the window
+  std::vector<Eigen::Vector2d> crossings;  // pixels of the window
   for (int row = 0; row < distance_.rows; ++row)
     for (int column = 0; column < distance_.cols; ++column)
       for (const auto& [down, right] : {std::pair(0, 1), std::pair(1, 0)}) {
@@ -29,13 +29,13 @@ std::vector<OutlineField::Point> OutlineField::contour(int most) const {
         const double here = distance_.at<float>(row, column), there = distance_.at<float>(row + down, column + right);
         if ((here < 0.0) == (there < 0.0)) continue;
         const double share = here / (here - there);
-        places.emplace_back(column + 0.5 + share * right, row + 0.5 + share * down);
+        crossings.emplace_back(column + 0.5 + share * right, row + 0.5 + share * down);
       }
   const double scale = box_.image_pixels_per_pixel(pixels());
-  const std::size_t count = std::min(places.size(), as_size(most));
+  const std::size_t count = std::min(crossings.size(), as_size(most));
   std::vector<Point> points;
   for (std::size_t i = 0; i < count; ++i) {
-    const Eigen::Vector2d pixel = Eigen::Vector2d(box_.u0, box_.v0) + scale * places[i * places.size() / count];
+    const Eigen::Vector2d pixel = Eigen::Vector2d(box_.u0, box_.v0) + scale * crossings[i * crossings.size() / count];
     const Eigen::Vector2d way = at(pixel).gradient;
     if (way.norm() > 0.0) points.push_back({pixel, way.normalized()});
   }

@@ -73,7 +73,7 @@ DeformedGraph GraphModel::pose(const std::vector<double>& parameters, bool jacob
     const double* p = parameters.data() + kBlockSize * k;
     const Vector3d angles(p[0], p[1], p[2]);
     graph.rotation.push_back(rotation_of(angles));
-    graph.place.push_back(nodes_[k] + Vector3d(p[3], p[4], p[5]));
+    graph.position.push_back(nodes_[k] + Vector3d(p[3], p[4], p[5]));
     if (jacobian)
       graph.rotation_jacobian.push_back({rotation_of(angles, 0), rotation_of(angles, 1), rotation_of(angles, 2)});
   }
@@ -92,7 +92,7 @@ Vector3d GraphModel::canonical_vertex(const DeformedGraph& graph, int vertex) co
   Vector3d sum = Vector3d::Zero();
   for (int i = weights.vertex_nodes.offsets[vertex]; i < weights.vertex_nodes.offsets[vertex + 1]; ++i) {
     const auto k = as_size(weights.vertex_nodes.items[i]);
-    sum += weights.weights[i] * (graph.rotation[k] * (rest - nodes_[k]) + graph.place[k]);
+    sum += weights.weights[i] * (graph.rotation[k] * (rest - nodes_[k]) + graph.position[k]);
   }
   return sum;
 }
@@ -111,7 +111,7 @@ Vector3d GraphModel::normal(const DeformedGraph& graph, int vertex) const {
 
 Vector3d GraphModel::landmark(const DeformedGraph& graph, int landmark) const {
   const auto m = as_size(landmark), k = as_size(landmark_node_[m]);
-  return landmark_movement_[m] * (graph.rotation[k] * (landmark_rest_[m] - nodes_[k]) + graph.place[k]);
+  return landmark_movement_[m] * (graph.rotation[k] * (landmark_rest_[m] - nodes_[k]) + graph.position[k]);
 }
 
 void GraphModel::add_node_jacobian(const DeformedGraph& graph, int node, double weight, const Vector3d& rest,

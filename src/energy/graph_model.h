@@ -25,7 +25,7 @@ namespace doppel {
 struct DeformedGraph {
   std::vector<double> parameters;  ///< [6K] A_k, T_k of one node after the other
   std::vector<Eigen::Matrix3d> rotation;
-  std::vector<Eigen::Vector3d> place;  ///< g_k + T_k
+  std::vector<Eigen::Vector3d> position;  ///< g_k + T_k
   /// [K] d rotation / d A_1, A_2, A_3. Empty when computed without jacobians.
   std::vector<std::array<Eigen::Matrix3d, 3>> rotation_jacobian;
 };
@@ -61,9 +61,9 @@ class GraphModel {
   struct SkinnedVertex {
     const DeformedGraph& graph;
     int vertex;
-    Eigen::Vector3d position;
+    Eigen::Vector3d point;
 
-    const Eigen::Vector3d& place() const { return position; }
+    const Eigen::Vector3d& position() const { return point; }
   };
   SkinnedVertex skinned(const DeformedGraph& graph, int vertex) const {
     return {graph, vertex, this->vertex(graph, vertex)};

@@ -1,6 +1,7 @@
 #include "doppel/energy/outline.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <opencv2/core.hpp>

@@ -27,7 +27,7 @@ PosedBody::DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
 
 }  // namespace
 
-double PoseModel::SkinnedVertex::signed_weight(const PosedBody& body, int i) const {
+double PoseModel::SkinnedVertex::signed_weight(const PosedBody& body, std::size_t i) const {
   const auto& first = body.world_from_rest[as_size(bones[0])].real;
   return first.dot(body.world_from_rest[as_size(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
 }
@@ -182,10 +182,9 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
   const IndexRows& rows = character_.skin.vertex_bones;
   SkinnedVertex result;
   result.vertex = vertex;
-  result.bones = rows.begin(vertex);
-  result.count = rows.size(vertex);
-  result.weights = character_.skin.weights.data() + rows.offsets[as_size(vertex)];
-  for (int i = 0; i < result.count; ++i) {
+  result.bones = rows.row(vertex);
+  result.weights = rows.row_of(character_.skin.weights, vertex);
+  for (std::size_t i = 0; i < result.bones.size(); ++i) {
     const auto& bone = body.world_from_rest[as_size(result.bones[i])];
     const double weight = result.signed_weight(body, i);
     result.real.coeffs() += weight * bone.real.coeffs();
@@ -201,7 +200,7 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
   return result;
 }
 
-Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const { return skinned(body, vertex).place(); }
+Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const { return skinned(body, vertex).position(); }
 
 Eigen::Affine3d PoseModel::movement(const PosedBody& body, int vertex) const {
   const SkinnedVertex blended = skinned(body, vertex);
@@ -225,7 +224,7 @@ void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& 
   const double e_scalar = 2.0 * (blended.dual * conjugate).w();
   const Vector3d m = (2.0 * blended.turned + blended.translation).cross(gradient) - e_scalar * gradient;
   const double along = blended.translation.dot(gradient);
-  for (int i = 0; i < blended.count; ++i) {
+  for (std::size_t i = 0; i < blended.bones.size(); ++i) {
     const auto bone = as_size(blended.bones[i]);
     const double weight = blended.signed_weight(body, i);
     Quaterniond a = body.world_from_rest[bone].real * conjugate, h = body.world_from_rest[bone].dual * conjugate;

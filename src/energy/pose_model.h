@@ -9,6 +9,7 @@
 
 #include <Eigen/Geometry>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -76,17 +77,16 @@ class PoseModel {
   /// A vertex in a pose: intermediate results that its position, normal and jacobian share.
   struct SkinnedVertex {
     int vertex;
-    const int* bones;
-    const double* weights;
-    int count;  ///< number of bones
+    std::span<const int> bones;
+    std::span<const double> weights;  ///< one for each of `bones`
     Eigen::Quaterniond real = Eigen::Quaterniond(0, 0, 0, 0), dual = Eigen::Quaterniond(0, 0, 0, 0);
     double squared_norm = 0.0;
     Eigen::Vector3d turned;  ///< the rest position, rotated but not translated
     Eigen::Vector3d translation;
 
-    Eigen::Vector3d place() const { return turned + translation; }
+    Eigen::Vector3d position() const { return turned + translation; }
     /// The weight of the i-th bone, its sign aligned with that of the first.
-    double signed_weight(const PosedBody& body, int i) const;
+    double signed_weight(const PosedBody& body, std::size_t i) const;
   };
   SkinnedVertex skinned(const PosedBody& body, int vertex) const;
   /// The unit normal, rotated with the vertex.

@@ -1,6 +1,7 @@
 #include "doppel/eval/image_metrics.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <algorithm>
 #include <chrono>

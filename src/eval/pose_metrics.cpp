@@ -1,6 +1,7 @@
 #include "doppel/eval/pose_metrics.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <Eigen/Dense>
 #include <algorithm>

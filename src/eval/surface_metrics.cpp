@@ -1,7 +1,7 @@
 #include "doppel/eval/surface_metrics.h"
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

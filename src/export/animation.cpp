@@ -33,6 +33,12 @@ void check_belongs_together(const Character& character, const Motion& motion, co
               d.fingerprint, character.fingerprint());
 }
 
+/// @param vertices float32 [frames, N, 3], contiguous
+std::span<const float> frame_of(const torch::Tensor& vertices, int frame) {
+  const auto size = vertices.size(1) * vertices.size(2);
+  return {vertices.data_ptr<float>() + frame * size, as_size(size)};
+}
+
 }  // namespace
 
 torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
@@ -73,8 +79,7 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);
     for (int f = first; f < last; ++f)
-      for (const auto& writer : writers)
-        writer->write({vertices[f - first].data_ptr<float>(), windows[as_size(f - first)]});
+      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[as_size(f - first)]});
     progress.advance(last - first);
   }
   for (const auto& writer : writers) writer->close();

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,7 @@ namespace doppel {
 
 /// One frame of an animation.
 struct PosedFrame {
-  const float* vertices = nullptr;  ///< [N,3], world metres
+  std::span<const float> vertices;  ///< [N,3], world metres
   torch::Tensor window;             ///< float32 [F+1,D], oldest first: the actor's input
 };
 

@@ -16,8 +16,7 @@ using Eigen::Vector3d;
 
 class Orbit : public CameraPath {
  public:
-  Orbit(const Character& character, const OrbitOptions& options)
-      : options_(options), num_vertices_(character.num_vertices()) {
+  Orbit(const Character& character, const OrbitOptions& options) : options_(options) {
     double lowest = HUGE_VAL, highest = -HUGE_VAL;
     for (const Vector3d& v : character.mesh.vertices) {
       lowest = std::min(lowest, v.y());
@@ -26,10 +25,9 @@ class Orbit : public CameraPath {
     distance_ = 2.2 * (highest - lowest);
   }
 
-  PinholeCamera at(int frame, const float* vertices) override {
-    Vector3d middle = Vector3d::Zero();
-    for (int i = 0; i < num_vertices_; ++i)
-      middle += Eigen::Map<const Eigen::Vector3f>(vertices + 3 * i).cast<double>() / num_vertices_;
+  PinholeCamera at(int frame, std::span<const float> vertices) override {
+    const Eigen::Map<const Eigen::Matrix3Xf> points(vertices.data(), 3, static_cast<Eigen::Index>(vertices.size() / 3));
+    const Vector3d middle = points.cast<double>().rowwise().mean();
     // The camera follows smoothly, because jitter of the mean would shake the image.
     middle_ = frame == 0 ? middle : Vector3d(0.85 * middle_ + 0.15 * middle);
     const double angle = 2 * kPi * options_.turns_per_second * frame / options_.frames_per_second;
@@ -49,7 +47,6 @@ class Orbit : public CameraPath {
 
  private:
   OrbitOptions options_;
-  int num_vertices_;
   double distance_ = 0.0;
   Vector3d middle_ = Vector3d::Zero();
 };
@@ -58,7 +55,9 @@ class CalibratedPath : public CameraPath {
  public:
   CalibratedPath(std::vector<PinholeCamera> cameras, std::string name)
       : cameras_(std::move(cameras)), name_("camera_" + std::move(name)) {}
-  PinholeCamera at(int frame, const float*) override { return cameras_[std::min(as_size(frame), cameras_.size() - 1)]; }
+  PinholeCamera at(int frame, std::span<const float>) override {
+    return cameras_[std::min(as_size(frame), cameras_.size() - 1)];
+  }
   std::string name() const override { return name_; }
   int width() const override { return cameras_.front().width; }
   int height() const override { return cameras_.front().height; }

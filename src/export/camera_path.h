@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,7 @@ class CameraPath {
   /// @param frame 0, 1, 2, ... in order
   /// @param vertices [N,3] world metres, the surface of that frame
   /// @return a camera of the same size in every frame
-  virtual PinholeCamera at(int frame, const float* vertices) = 0;
+  virtual PinholeCamera at(int frame, std::span<const float> vertices) = 0;
   /// A name for file names: `turntable`, `camera_3`.
   virtual std::string name() const = 0;
   virtual int width() const = 0;

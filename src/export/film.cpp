@@ -8,6 +8,7 @@
 #include "doppel/actor/draw.h"
 #include "doppel/capture/video_file.h"
 #include "doppel/core/angles.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/render/image_tensor.h"
@@ -45,9 +46,8 @@ class FilmWriter : public SequenceWriter {
   }
 
   void write(const PosedFrame& frame) override {
-    const float* vertices = frame.vertices;
-    const PinholeCamera camera = camera_path_->at(frame_, vertices);
-    if (std::abs(winding_number(mesh_, vertices, camera.centre())) > 0.5)
+    const PinholeCamera camera = camera_path_->at(frame_, frame.vertices);
+    if (std::abs(winding_number(mesh_, frame.vertices, camera.centre())) > 0.5)
       fail(
           "filming {}: in frame {} the camera is inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
           "camera, or check the units of the calibration",
@@ -69,7 +69,7 @@ class FilmWriter : public SequenceWriter {
   cv::Mat draw(const PosedFrame& frame, const PinholeCamera& camera) {
     torch::NoGradGuard no_grad;
     if (options_.radiance) return draw_radiance(frame, camera);
-    const Tensor vertices = torch::from_blob(const_cast<float*>(frame.vertices), {1, mesh_.num_vertices(), 3});
+    const Tensor vertices = torch::from_blob(const_cast<float*>(frame.vertices.data()), {1, mesh_.num_vertices(), 3});
     const Tensor projection = projection_tensor({camera}).unsqueeze(0);
     const bool dynamic = options_.actor && options_.actor->description().texture_size > 0;
     Appearance look;
@@ -140,12 +140,12 @@ cv::Mat fit_backdrop(const Backdrop& backdrop, int width, int height, bool may_c
   return fitted;
 }
 
-double winding_number(const TriangleMesh& mesh, const float* vertices, const Vector3d& point) {
+double winding_number(const TriangleMesh& mesh, std::span<const float> vertices, const Vector3d& point) {
   double sum = 0.0;
   for (const Triangle& face : mesh.faces) {
     std::array<Vector3d, 3> to;
     for (std::size_t i = 0; i < 3; ++i)
-      to[i] = Eigen::Map<const Eigen::Vector3f>(vertices + 3 * face[i]).cast<double>() - point;
+      to[i] = Eigen::Map<const Eigen::Vector3f>(&vertices[as_size(3 * face[i])]).cast<double>() - point;
     const double a = to[0].norm(), b = to[1].norm(), c = to[2].norm();
     sum += std::atan2(to[0].dot(to[1].cross(to[2])),
                       a * b * c + to[0].dot(to[1]) * c + to[1].dot(to[2]) * a + to[2].dot(to[0]) * b);

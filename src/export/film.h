@@ -49,6 +49,6 @@ std::unique_ptr<SequenceWriter> make_film_writer(const std::filesystem::path& fo
 
 /// The winding number of a closed surface around a point: 1 inside, 0 outside.
 /// @param vertices [N,3]
-double winding_number(const TriangleMesh& mesh, const float* vertices, const Eigen::Vector3d& point);
+double winding_number(const TriangleMesh& mesh, std::span<const float> vertices, const Eigen::Vector3d& point);
 
 }  // namespace doppel

@@ -3,8 +3,8 @@
 /// The common part of this module's TorchScript files: functions traced into methods of one script module, a
 /// `metadata.json`, the template's faces, and reading such a file.
 
+#include <torch/nn/module.h>
 #include <torch/script.h>
-#include <torch/torch.h>
 
 #include <filesystem>
 #include <functional>

@@ -25,8 +25,7 @@ class NpyWriter : public SequenceWriter {
 /// The part of an OBJ file after the positions is the same in every frame, so it is formatted once and repeated.
 class ObjWriter : public SequenceWriter {
  public:
-  ObjWriter(const std::filesystem::path& folder, const Character& character)
-      : folder_(folder), num_vertices_(character.num_vertices()) {
+  ObjWriter(const std::filesystem::path& folder, const Character& character) : folder_(folder) {
     const TriangleMesh& mesh = character.mesh;
     const bool textured = !mesh.texture.empty() && !mesh.uvs.empty();
     if (textured) {
@@ -48,17 +47,16 @@ class ObjWriter : public SequenceWriter {
 
   void write(const PosedFrame& frame) override {
     std::string text = head_;
-    const float* vertices = frame.vertices;
-    for (int i = 0; i < num_vertices_; ++i)
-      fmt::format_to(std::back_inserter(text), "v {:.7g} {:.7g} {:.7g}\n", vertices[3 * i], vertices[3 * i + 1],
-                     vertices[3 * i + 2]);
+    for (std::size_t i = 0; i < frame.vertices.size(); i += 3)
+      fmt::format_to(std::back_inserter(text), "v {:.7g} {:.7g} {:.7g}\n", frame.vertices[i], frame.vertices[i + 1],
+                     frame.vertices[i + 2]);
     write_atomically(folder_ / fmt::format("frame_{:06}.obj", frame_++), text + tail_);
   }
   void close() override {}
 
  private:
   std::filesystem::path folder_;
-  int num_vertices_, frame_ = 0;
+  int frame_ = 0;
   std::string head_, tail_;
 };
 

@@ -7,13 +7,32 @@ namespace doppel {
 
 /// Keys that the configurations of all trackers share.
 
-inline void read_weight(const ConfigReader& root, const char* term, double& weight) {
-  weight = root.section(term).get("weight", weight, between(0.0, 1e12));
+/// From the unit of a configuration to that of the option.
+using UnitConversion = double (*)(double);
+inline double same_unit(double value) { return value; }
+
+/// The units of the numbers in a configuration.
+struct ConfigUnits {
+  UnitConversion per_squared_pixel = same_unit;   ///< weights, to per squared reference pixel
+  UnitConversion pixels = same_unit;              ///< lengths, to reference pixels
+  UnitConversion per_squared_length = same_unit;  ///< weights, to per squared metre
+};
+
+/// Reads a number and converts it; a missing key leaves the option unchanged.
+inline void read_number(const ConfigReader& reader, const char* key, double& option, const Range<double>& range,
+                        UnitConversion to_option) {
+  if (reader.has(key)) option = to_option(reader.get<double>(key, range));
 }
 
-inline void read_image_term(const ConfigReader& root, const char* term, double& weight, double& scale) {
-  read_weight(root, term, weight);
-  scale = root.section(term).get("scale", scale, between(1e-3, 1e6));
+inline void read_weight(const ConfigReader& root, const char* term, double& weight,
+                        UnitConversion to_option = same_unit) {
+  read_number(root.section(term), "weight", weight, between(0.0, 1e12), to_option);
+}
+
+inline void read_image_term(const ConfigReader& root, const char* term, double& weight, double& scale,
+                            const ConfigUnits& units = {}) {
+  read_weight(root, term, weight, units.per_squared_pixel);
+  read_number(root.section(term), "scale", scale, between(1e-3, 1e6), units.pixels);
 }
 
 /// The section `inliers`; its old name `trust` is still read.

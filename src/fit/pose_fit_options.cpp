@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "doppel/core/error.h"
-#include "doppel/fit/config_terms.h"
 
 namespace doppel {
 
@@ -28,19 +27,19 @@ void check_fit(const PoseFitOptions& o) {
     fail("the fit needs outline windows of at least 16 pixels and at least 1 outline vertex");
 }
 
-void read_pose_fit(const ConfigReader& root, PoseFitOptions& o) {
-  read_image_term(root, "keypoints", o.keypoint_weight, o.keypoint_scale);
-  read_image_term(root, "silhouette", o.silhouette_weight, o.silhouette_scale);
+void read_pose_fit(const ConfigReader& root, PoseFitOptions& o, const ConfigUnits& units) {
+  read_image_term(root, "keypoints", o.keypoint_weight, o.keypoint_scale, units);
+  read_image_term(root, "silhouette", o.silhouette_weight, o.silhouette_scale, units);
   const ConfigReader silhouette = root.section("silhouette");
   o.outline_pixels = silhouette.get("pixels", o.outline_pixels, between(16, 4096));
   o.outline_vertices = silhouette.get("vertices", o.outline_vertices, between(1, 1000000));
   read_weight(root, "limits", o.limit_weight);
-  read_weight(root, "temporal", o.temporal_weight);
+  read_weight(root, "temporal", o.temporal_weight, units.per_squared_length);
   read_weight(root, "steady", o.steady_weight);
   read_weight(root, "prior", o.prior_weight);
   read_solver(root.section("solver"), o.solver);
   const ConfigReader inliers = inlier_section(root);
-  o.inlier_threshold = inliers.get("threshold", o.inlier_threshold, between(1e-3, 1e6));
+  read_number(inliers, "threshold", o.inlier_threshold, between(1e-3, 1e6), units.pixels);
   o.min_inlier_ratio = inliers.get("min_ratio", o.min_inlier_ratio, between(0.0, 1.0));
   o.min_keypoints = inliers.get("min_keypoints", o.min_keypoints, between(1, 1000000));
 }

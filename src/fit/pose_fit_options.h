@@ -1,13 +1,13 @@
 #pragma once
 
 #include "doppel/core/config.h"
+#include "doppel/fit/config_terms.h"
 #include "doppel/solver/least_squares.h"
 
 namespace doppel {
 
 /// Options of every fit of a pose to keypoints and outlines, for any number of cameras. A weight of 0 switches a term
-/// off. Units and defaults are those of the multi-view fit: reference pixels (image 1024 wide), metres, radians.
-/// `LivecapOptions` has other units and defaults.
+/// off. Pixels are reference pixels (image 1024 wide). Defaults are those of the multi-view fit.
 struct PoseFitOptions {
   double keypoint_weight = 1.0;     ///< per squared pixel
   double keypoint_scale = 20.0;     ///< of the Geman-McClure kernel, pixels
@@ -32,7 +32,7 @@ void check_not_negative(const char* name, double value);
 /// @throws Error for options out of range
 void check_fit(const PoseFitOptions& options);
 /// Reads the keys that the configurations of all these fits share. A missing key leaves its option unchanged.
-/// @throws FileError for values out of range
-void read_pose_fit(const ConfigReader& root, PoseFitOptions& options);
+/// @param units of the configuration @throws FileError for values out of range
+void read_pose_fit(const ConfigReader& root, PoseFitOptions& options, const ConfigUnits& units = {});
 
 }  // namespace doppel

@@ -4,20 +4,17 @@
 
 namespace doppel {
 
-/// The weights of the thesis for one camera (4.8) are for millimetres and for pixels of an image 540 wide. Terms count
-/// in metres and in reference pixels.
+/// The thesis gives the options of the one-camera tracker (4.8) for millimetres and for pixels of an image 540 wide;
+/// its configuration file does too. The options themselves count in metres and reference pixels (image 1024 wide).
 constexpr double kThesisWidth = 540.0;
 
-/// Converts a weight per squared millimetre.
-constexpr double per_square_metre(double weight) { return 1e6 * weight; }
-/// Converts a weight per squared pixel of the thesis.
-constexpr double per_square_reference_pixel(double weight) {
+/// Converts a weight per squared millimetre to a weight per squared metre.
+constexpr double per_squared_millimetre(double weight) { return 1e6 * weight; }
+/// Converts a weight per squared pixel of the thesis to a weight per squared reference pixel.
+constexpr double per_squared_thesis_pixel(double weight) {
   return weight * (kThesisWidth / kReferenceWidth) * (kThesisWidth / kReferenceWidth);
 }
-/// Converts a number of pixels of the thesis to reference pixels.
-constexpr double reference_from_thesis(double pixels) { return pixels * kReferenceWidth / kThesisWidth; }
-inline double thesis_pixels_to_image(const PinholeCamera& camera, double pixels) {
-  return pixels * camera.width / kThesisWidth;
-}
+/// Converts a length in pixels of the thesis to reference pixels.
+constexpr double thesis_pixels(double pixels) { return pixels * kReferenceWidth / kThesisWidth; }
 
 }  // namespace doppel

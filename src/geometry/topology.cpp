@@ -93,10 +93,10 @@ std::vector<int> MeshTopology::components() const {
     while (!stack.empty()) {
       const int vertex = stack.back();
       stack.pop_back();
-      for (const int* n = one_ring_.begin(vertex); n != one_ring_.end(vertex); ++n) {
-        if (component[*n] >= 0) continue;
-        component[*n] = count;
-        stack.push_back(*n);
+      for (const int n : one_ring_.row(vertex)) {
+        if (component[n] >= 0) continue;
+        component[n] = count;
+        stack.push_back(n);
       }
     }
     ++count;
@@ -112,8 +112,8 @@ std::vector<std::pair<int, int>> MeshTopology::ball(int source, int max_hops) co
     const std::size_t end = reached.size();
     for (; begin < end; ++begin) {
       const int vertex = reached[begin].first;
-      for (const int* n = one_ring_.begin(vertex); n != one_ring_.end(vertex); ++n) {
-        if (seen.insert(*n).second) reached.emplace_back(*n, hops);
+      for (const int n : one_ring_.row(vertex)) {
+        if (seen.insert(n).second) reached.emplace_back(n, hops);
       }
     }
     std::sort(reached.begin() + static_cast<std::ptrdiff_t>(end), reached.end());
@@ -133,13 +133,13 @@ std::vector<std::pair<int, double>> MeshTopology::geodesic_ball(int source, doub
     queue.pop();
     if (length > best[vertex]) continue;
     reached.emplace_back(vertex, length);
-    for (const int* n = one_ring_.begin(vertex); n != one_ring_.end(vertex); ++n) {
-      const double longer = length + (positions[*n] - positions[vertex]).norm();
+    for (const int n : one_ring_.row(vertex)) {
+      const double longer = length + (positions[n] - positions[vertex]).norm();
       if (longer > max_length) continue;
-      const auto [place, fresh] = best.emplace(*n, longer);
+      const auto [place, fresh] = best.emplace(n, longer);
       if (!fresh && place->second <= longer) continue;
       place->second = longer;
-      queue.emplace(longer, *n);
+      queue.emplace(longer, n);
     }
   }
   return reached;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "doppel/geometry/mesh.h"
@@ -12,8 +13,12 @@ struct IndexRows {
   std::vector<int> items;
 
   int num_rows() const { return static_cast<int>(offsets.size()) - 1; }
-  const int* begin(int row) const { return items.data() + offsets[row]; }
-  const int* end(int row) const { return items.data() + offsets[row + 1]; }
+  std::span<const int> row(int row) const { return row_of(items, row); }
+  /// The values of a row, one for each item. @param values [items.size()]
+  template <typename T>
+  std::span<const T> row_of(const std::vector<T>& values, int row) const {
+    return {values.data() + offsets[row], values.data() + offsets[row + 1]};
+  }
   int size(int row) const { return offsets[row + 1] - offsets[row]; }
 };
 

@@ -21,7 +21,7 @@ struct Axis {
   bool logarithmic = false;
 
   double value(double x) const { return logarithmic ? std::log10(x) : x; }
-  double place(double x) const { return from + (value(x) - low) / (high - low) * (to - from); }
+  double pixel_of(double x) const { return from + (value(x) - low) / (high - low) * (to - from); }
 
   /// Round numbers (1, 2 or 5 times a power of ten; whole powers on long logarithmic axes) inside the range.
   std::vector<double> ticks() const {
@@ -77,14 +77,14 @@ std::pair<double, double> range(const std::vector<ChartSeries>& series, bool x) 
 std::string grid(const Axis& x, const Axis& y) {
   std::string out;
   for (double tick : x.ticks())
-    out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:g}</text>", x.place(tick),
-                       kHeight - kBottom + 16, tick);
+    out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{:g}</text>",
+                       x.pixel_of(tick), kHeight - kBottom + 16, tick);
   for (double tick : y.ticks())
     out += fmt::format(
         "<line class=\"grid\" x1=\"{}\" x2=\"{}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/><text class=\"tick\" x=\"{}\" "
         "y=\"{:.1f}\" "
         "text-anchor=\"end\">{:.4g}</text>",
-        kLeft, kWidth - kRight, y.place(tick), y.place(tick), kLeft - 6, y.place(tick) + 4, tick);
+        kLeft, kWidth - kRight, y.pixel_of(tick), y.pixel_of(tick), kLeft - 6, y.pixel_of(tick) + 4, tick);
   return out;
 }
 
@@ -132,7 +132,8 @@ std::string svg_chart(const std::string& title, const std::vector<ChartSeries>& 
   for (std::size_t i = series.size(); i-- > 0;) {
     const char* colour = kColours[i % kColours.size()];
     std::string path;
-    for (const auto& [px, py] : thin(series[i].points)) path += fmt::format("{:.1f},{:.1f} ", x.place(px), y.place(py));
+    for (const auto& [px, py] : thin(series[i].points))
+      path += fmt::format("{:.1f},{:.1f} ", x.pixel_of(px), y.pixel_of(py));
     out += fmt::format("<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\" points=\"{}\"/>", colour, path);
     if (series.size() > 1) {
       out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"16\" text-anchor=\"end\" fill=\"{}\">{}</text>", legend,

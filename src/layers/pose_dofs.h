@@ -9,7 +9,7 @@
 ///
 /// The heading is the outermost rotation of R(alpha), so a full turn of the person meets no singularity.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <array>
 #include <string>

@@ -3,7 +3,7 @@
 /// Rotations about the coordinate axes (0 x, 1 y, 2 z) as tensors, in plain operations that a torch::jit trace can
 /// hold.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <array>
 

@@ -64,9 +64,10 @@ SparseRows::SparseRows(const IndexRows& rows, const std::vector<double>& row_wei
   auto* item = padded_items.data_ptr<int64_t>();
   auto* weight = padded_weights.data_ptr<double>();
   for (int row = 0; row < num_rows; ++row) {
+    const std::span<const int> items_of_row = rows.row(row);
     for (int p = 0; p < longest; ++p) {
       const bool filled = p < rows.size(row);
-      *item++ = rows.begin(row)[filled ? p : 0];
+      *item++ = items_of_row[filled ? p : 0];
       *weight++ = filled ? row_weights[rows.offsets[row] + p] : 0.0;
     }
   }

@@ -2,7 +2,7 @@
 
 /// Sparse weights of rows over columns (vertices over bones, vertices over nodes), in the forms that layers read.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <string>
 #include <vector>

@@ -2,7 +2,9 @@
 
 /// The character's surface as a function of pose and deformation: joins kinematics, skinning and embedded deformation.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include "doppel/character/character.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"

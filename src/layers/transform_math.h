@@ -2,7 +2,7 @@
 
 /// Rigid transforms as [...,3,4] tensors, in plain tensor operations that a torch::jit trace can hold.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace doppel {
 

@@ -7,7 +7,7 @@
 /// Equation: 6.9. Metres. |.|_1 is the sum of the absolute values of the three components. Each undirected edge counts
 /// in both directions. Letters: B batch, K nodes, E directed edges.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/character/character.h"
 

@@ -11,7 +11,7 @@
 /// reason a pair of points with different normals has value 0: near the hem of a skirt the outside, the rim and the
 /// underside are all close. Letters: N vertices, R points. Metres.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/volume_rendering/volume_rendering.h"
 

@@ -1,6 +1,6 @@
 #include "doppel/losses/chroma.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"

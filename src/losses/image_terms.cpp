@@ -1,6 +1,6 @@
 #include "doppel/losses/image_terms.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <cmath>

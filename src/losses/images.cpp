@@ -1,7 +1,7 @@
 #include "doppel/losses/images.h"
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"

@@ -7,7 +7,7 @@
 ///
 /// Metres; a weight for millimetres must be multiplied by 1e6. Letters: B batch, N vertices, E undirected edges.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/geometry/topology.h"
 

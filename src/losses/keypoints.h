@@ -8,7 +8,7 @@
 /// scale s_c = 1024 / image width makes weights independent of the resolution.
 /// Letters: B batch, C cameras, M landmarks.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <string>
 #include <vector>

@@ -24,7 +24,7 @@ LaplacianGraph::LaplacianGraph(const MeshTopology& topology, const std::vector<d
   weight = torch::zeros({num_vertices}, torch::kFloat64);
   for (int i = 0; i < rings.num_rows(); ++i) {
     double sum = 0.0;
-    for (const int* j = rings.begin(i); j != rings.end(i); ++j) sum += 0.5 * (rigidity[i] + rigidity[*j]);
+    for (const int j : rings.row(i)) sum += 0.5 * (rigidity[i] + rigidity[j]);
     if (rings.size(i) > 0) weight.data_ptr<double>()[i] = sum / rings.size(i);
     for (int e = rings.offsets[i]; e < rings.offsets[i + 1]; ++e) source.data_ptr<std::int64_t>()[e] = i;
   }

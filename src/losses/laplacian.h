@@ -7,7 +7,7 @@
 /// n_i neighbours of vertex i (sums, not means), E undirected edges, w_i the mean over the neighbours of
 /// (s_i + s_j) / 2, metres. Equation: 6.17. Letters: B batch, N vertices.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <vector>
 

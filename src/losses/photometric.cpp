@@ -1,6 +1,6 @@
 #include "doppel/losses/photometric.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/reference_scope.h"
 #include "doppel/losses/image_terms.h"

@@ -11,7 +11,7 @@
 /// prints alpha instead, which would count samples hidden behind an opaque surface.
 /// Letters: R rays.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/volume_rendering/volume_rendering.h"
 

@@ -101,7 +101,7 @@ Tensor FullyConnectedImpl::forward(const Tensor& features) {
 
 RescaledLaplacian::RescaledLaplacian(const MeshTopology& topology) : num_nodes(topology.num_vertices()) {
   const auto& ring = topology.one_ring();
-  const auto degree = [&](int k) { return static_cast<int64_t>(ring.end(k) - ring.begin(k)); };
+  const auto degree = [&](int k) { return static_cast<int64_t>(ring.size(k)); };
   int64_t longest = 1;
   for (int k = 0; k < num_nodes; ++k) longest = std::max(longest, degree(k));
   neighbours = torch::zeros({num_nodes, longest}, torch::kInt64);
@@ -110,7 +110,7 @@ RescaledLaplacian::RescaledLaplacian(const MeshTopology& topology) : num_nodes(t
   auto weight = weights.accessor<double, 2>();
   for (int k = 0; k < num_nodes; ++k)
     for (int64_t e = 0; e < degree(k); ++e) {
-      const int l = ring.begin(k)[e];
+      const int l = ring.row(k)[e];
       to[k][e] = l;
       weight[k][e] = -1.0 / std::sqrt(static_cast<double>(degree(k) * degree(l)));
     }

@@ -2,7 +2,10 @@
 
 /// The baselines of Table 6.4 that replace the structure-aware network, and the choice between all three.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/linear.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <memory>
 #include <optional>

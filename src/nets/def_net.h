@@ -2,7 +2,9 @@
 
 /// DefNet (5.6): from one image of a person to the embedded deformation of the template.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <utility>

@@ -2,7 +2,8 @@
 
 /// DeltaNet (6.7.1): from a motion window to a displacement of every vertex of the template.
 
-#include <torch/torch.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <string>

@@ -2,7 +2,9 @@
 
 /// EGNet (6.5.1): from a motion window to the embedded deformation (A, T) of its last pose.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <memory>

@@ -2,7 +2,7 @@
 
 /// Images of the radiance field around a mesh.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/character/character.h"
 #include "doppel/core/config.h"

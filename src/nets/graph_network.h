@@ -2,7 +2,8 @@
 
 /// The interface of the graph network inside EGNet and DeltaNet: from features per node to outputs per node.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
 
 #include <string>
 #include <vector>

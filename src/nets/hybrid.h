@@ -3,7 +3,9 @@
 /// The hybrid of 6.12: a mesh that DeltaNet refines, and a radiance field around the mesh with motion features at the
 /// mesh's vertices.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 

@@ -3,7 +3,9 @@
 /// From a motion window to values at every vertex of the template: the common part of DeltaNet (6.7.1) and the motion
 /// features of the radiance field (f_gr of 6.25).
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <memory>
 #include <optional>

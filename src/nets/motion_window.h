@@ -3,7 +3,7 @@
 /// The motion window of 6.4: the last F+1 poses, normalised by the root of the last pose. Translation is relative to
 /// the last frame's root, and the whole window is rotated about y so that the last frame faces along +z.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <array>
 

@@ -3,7 +3,9 @@
 /// A neural radiance field without a mesh, as in the original (6.12.2), for comparison with the guided field. It
 /// represents one frame. Rays are sampled in a box, first coarsely and then where the density is high.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 

@@ -2,7 +2,7 @@
 
 /// From an image to a person in the world: PoseNet, the kinematics layer and global alignment in one (5.5).
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/global_alignment/global_alignment.h"
 #include "doppel/layers/landmarks/landmarks.h"

@@ -2,7 +2,9 @@
 
 /// PoseNet (5.5): from one image of a person to joint angles and the rotation of the root relative to the camera.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <utility>

@@ -100,7 +100,7 @@ Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
 }
 
 Tensor RadianceFieldImpl::density(const Tensor& hidden) {
-  return torch::nn::functional::softplus(density_->forward(hidden).squeeze(-1)) / config_.density_unit;
+  return torch::softplus(density_->forward(hidden).squeeze(-1)) / config_.density_unit;
 }
 
 Tensor RadianceFieldImpl::view_term(const Tensor& direction) {

@@ -16,7 +16,11 @@
 /// Letters: P points, H values per vertex (features, and 3 of the rest position), N vertices, R rays, K samples per
 /// ray. Metres.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/container/modulelist.h>
+#include <torch/nn/modules/linear.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 

@@ -3,7 +3,13 @@
 /// ResNet (He et al. 2016) with the layers, parameter names and shapes of torchvision, so that torchvision's published
 /// weights can be loaded. The classifier `fc` is left out: the network ends with the mean over the image.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/batchnorm.h>
+#include <torch/nn/modules/container/sequential.h>
+#include <torch/nn/modules/conv.h>
+#include <torch/nn/modules/linear.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <filesystem>
 #include <optional>

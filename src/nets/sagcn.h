@@ -3,7 +3,9 @@
 /// The structure-aware graph convolutional network (6.5.3): stem SAGC, L residual blocks of (BN, ELU, SAGC) x 2 with a
 /// skip connection, a dense block between the halves, head (ELU, SAGC).
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <string>

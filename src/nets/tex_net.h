@@ -2,7 +2,9 @@
 
 /// TexNet (6.8): from normal maps of the posed template and a camera to the dynamic texture for this camera.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <string>

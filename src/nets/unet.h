@@ -3,7 +3,11 @@
 /// The encoder and decoder of pix2pix (Isola et al. 2017) with skip connections. The depth follows from the size of the
 /// image.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/batchnorm.h>
+#include <torch/nn/modules/conv.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <optional>
 #include <vector>

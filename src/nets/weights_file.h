@@ -2,7 +2,8 @@
 
 /// Weights trained elsewhere: a file written by `torch.save(model.state_dict(), FILE)`, or a safetensors file.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
 
 #include <filesystem>
 #include <string>

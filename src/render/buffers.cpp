@@ -1,7 +1,8 @@
 #include "doppel/render/buffers.h"
 
 #include <fmt/ranges.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <array>
 
@@ -34,7 +35,7 @@ Tensor shaded(const RenderScene& scene, const RenderMesh& mesh, std::int64_t hei
 /// The values of the surface in the pixels that it covers. @return [P,channels]
 Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const shading::Pixels& pixels, RenderMode mode,
                       bool flip) {
-  if (mode == RenderMode::mask) return torch::ones({pixels.place.size(0), 1}, scene.vertices.options());
+  if (mode == RenderMode::mask) return torch::ones({pixels.pixel.size(0), 1}, scene.vertices.options());
   const shading::ViewTensors views = shading::view_tensors("render_mode", scene.projection);
   const Tensor b = shading::barycentrics(pixels, scene.vertices, views);
   if (mode == RenderMode::normal) return shading::pixel_normals(pixels, b, scene.vertices, mesh, views, flip);
@@ -78,7 +79,7 @@ Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_
   const Tensor values = surface_values(scene, mesh, pixels, mode, options.flip_normals);
   const std::int64_t views = scene.vertices.size(0) * scene.projection.size(1);
   return torch::zeros({views * height * width, values.size(1)})
-      .index_copy_(0, pixels.place, values)
+      .index_copy_(0, pixels.pixel, values)
       .view({scene.vertices.size(0), scene.projection.size(1), height, width, values.size(1)});
 }
 

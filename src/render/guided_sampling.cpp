@@ -72,11 +72,11 @@ void check_cameras_outside(const Tensor& face_id, const Tensor& faces, const Ten
                            const Tensor& projection) {
   const int64_t C = projection.size(1);
   const Tensor centre = camera_placement(projection).centre;  // [B,C,3]
-  const Tensor normal = normals_of(vertices, faces), place = corner_of(vertices, faces, 0);
+  const Tensor normal = normals_of(vertices, faces), corner = corner_of(vertices, faces, 0);
   for (int64_t v = 0; v < face_id.size(0); ++v) {
     const Tensor seen = face_id[v].masked_select(face_id[v] >= 0).to(torch::kInt64);
     if (seen.numel() == 0) continue;
-    const Tensor inwards = ((place[v / C] - centre[v / C][v % C]) * normal[v / C]).sum(1) > 0;
+    const Tensor inwards = ((corner[v / C] - centre[v / C][v % C]) * normal[v / C]).sum(1) > 0;
     const int64_t count = inwards.index_select(0, seen).sum().item<int64_t>();
     if (static_cast<double>(count) >= kInsidePart * static_cast<double>(seen.numel()))
       fail(
@@ -103,18 +103,18 @@ Extremes extremes_around(const float* distance, int64_t height, int64_t width, i
   return found;
 }
 
-/// Distances [R] at which the rays through the pixels `places` (row * W + column) meet the faces seen in these pixels.
-Tensor surface_distance(const Tensor& face_id, const Tensor& distance, const Tensor& places, const Tensor& faces,
+/// Distances [R] at which the rays through the given pixels (row * W + column) meet the faces seen in these pixels.
+Tensor surface_distance(const Tensor& face_id, const Tensor& distance, const Tensor& pixels, const Tensor& faces,
                         const Tensor& vertices, const Tensor& projection) {
   const int64_t width = face_id.size(1);
-  const Tensor columns = places.remainder(width), rows = torch::div(places, width, "floor");
+  const Tensor columns = pixels.remainder(width), rows = torch::div(pixels, width, "floor");
   const PixelRays rays = pixel_rays(projection.to(vertices.scalar_type()), torch::stack({columns, rows}, 1));
-  const Tensor seen = faces.index_select(0, face_id.flatten().index_select(0, places).to(torch::kInt64));
+  const Tensor seen = faces.index_select(0, face_id.flatten().index_select(0, pixels).to(torch::kInt64));
   const Tensor normal = normals_of(vertices, seen);
   const Tensor slope = (normal * rays.direction).sum(1);
   const Tensor height = (normal * (corner_of(vertices, seen, 0) - rays.origin)).sum(1);
   const Tensor clear = slope.detach().abs() > kGrazing * normal.detach().norm(2, {1});
-  const Tensor drawn = distance.flatten().index_select(0, places).to(vertices.scalar_type());
+  const Tensor drawn = distance.flatten().index_select(0, pixels).to(vertices.scalar_type());
   return torch::where(clear, height / torch::where(clear, slope, torch::ones_like(slope)), drawn);
 }
 
@@ -152,19 +152,19 @@ RayInterval guided_interval(const GuideImages& guide, int64_t view, const Tensor
   const int64_t height = guide.face_id.size(1), width = guide.face_id.size(2), R = pixels_in.size(0);
   check_pixels(pixels_in, height, width);
   const Tensor pixels = pixels_in.contiguous(), distance = guide.distance[view].contiguous();
-  const Tensor places = torch::empty({2, R}, torch::kInt64);  // nearest, farthest
+  const Tensor extremes = torch::empty({2, R}, torch::kInt64);  // nearest, farthest
   const int64_t* at = pixels.data_ptr<int64_t>();
   at::parallel_for(0, R, 256, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       const Extremes found =
           extremes_around(distance.data_ptr<float>(), height, width, at[2 * r], at[2 * r + 1], options.stencil / 2);
-      places.data_ptr<int64_t>()[r] = found.nearest;
-      places.data_ptr<int64_t>()[R + r] = found.farthest;
+      extremes.data_ptr<int64_t>()[r] = found.nearest;
+      extremes.data_ptr<int64_t>()[R + r] = found.farthest;
     }
   });
-  const Tensor known = (places[0] >= 0).nonzero().squeeze(1);
+  const Tensor known = (extremes[0] >= 0).nonzero().squeeze(1);
   const auto distance_at = [&](int which) {
-    return surface_distance(guide.face_id[view], distance, places[which].index_select(0, known), faces, vertices,
+    return surface_distance(guide.face_id[view], distance, extremes[which].index_select(0, known), faces, vertices,
                             projection);
   };
   const Tensor nothing = torch::zeros({R}, vertices.options().requires_grad(false));

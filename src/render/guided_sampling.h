@@ -9,7 +9,7 @@
 /// pixels are left out of both, as if they had depth infinity in er and 0 in di.
 /// Letters: B batch, C cameras, V = B*C views, N vertices, F faces, R rays. Metres along unit rays from the camera.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/render/rasterizer.h"
 

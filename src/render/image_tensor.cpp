@@ -1,6 +1,6 @@
 #include "doppel/render/image_tensor.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace doppel {
 

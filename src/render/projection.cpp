@@ -1,6 +1,6 @@
 #include "doppel/render/projection.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <sstream>
 

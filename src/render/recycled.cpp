@@ -1,6 +1,6 @@
 #include "doppel/render/recycled.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cstdlib>
 #include <deque>

@@ -1,6 +1,6 @@
 #include "doppel/render/sh_lighting.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

@@ -1,6 +1,6 @@
 #include "doppel/render/texture_space.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <array>

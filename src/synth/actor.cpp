@@ -206,8 +206,8 @@ void smooth(std::vector<Value>& values, const MeshTopology& topology, int rounds
   for (int round = 0; round < rounds; ++round) {
     const std::vector<Value> old = values;
     for (int v = 0; v < ring.num_rows(); ++v) {
-      Value mean = old[ring.items[ring.offsets[v]]];
-      for (const int* w = ring.begin(v) + 1; w != ring.end(v); ++w) mean = mean + old[*w];
+      Value mean = old[ring.row(v).front()];
+      for (const int w : ring.row(v).subspan(1)) mean = mean + old[w];
       values[v] = 0.5 * old[v] + (0.5 / ring.size(v)) * mean;
     }
   }

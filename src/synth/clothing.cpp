@@ -72,8 +72,7 @@ class Cloth {
     for (std::size_t v = 0; v < u_.size(); ++v) {
       if (looseness_[v] <= kTight) continue;
       Vector3d pull = Vector3d::Zero();
-      for (const int* w = ring.begin(static_cast<int>(v)); w != ring.end(static_cast<int>(v)); ++w)
-        pull += u_[*w] - u_[v];
+      for (const int w : ring.row(static_cast<int>(v))) pull += u_[w] - u_[v];
       const Vector3d body = paths[v].velocity(s) * fps_, body_acceleration = paths[v].acceleration(s) * (fps_ * fps_);
       // Tighter cloth has stiffer springs, so it moves less and oscillates faster.
       const double held = options_.stiffness / std::max(looseness_[v], 0.05);

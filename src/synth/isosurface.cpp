@@ -312,7 +312,7 @@ void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
     for (int v = 0; v < mesh.num_vertices(); ++v) {
       const IndexRows& ring = topology.one_ring();
       Vector3d mean = Vector3d::Zero();
-      for (const int* w = ring.begin(v); w != ring.end(v); ++w) mean += mesh.vertices[*w] / ring.size(v);
+      for (const int w : ring.row(v)) mean += mesh.vertices[w] / ring.size(v);
       const Vector3d old = mesh.vertices[v];
       std::vector<Vector3d> before;
       for (const int f : faces_of[v]) before.push_back(face_normal(mesh.vertices, mesh.faces[f]));

@@ -1,6 +1,7 @@
 #include "doppel/synth/synth.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -167,7 +168,7 @@ void film(const Set& set, const std::string& name, int sequence, const std::vect
       const int frame = motion.num_frames();
       motion.frames.push_back(take.motion.frames[f]);
       motion.ids.push_back(frame);
-      truth.append(flat(take.truth[f]).data());
+      truth.append(flat(take.truth[f]));
       set.studio.set_surface(take.truth[f]);
       const Points markers = marker_positions(set.actor.character.skeleton, motion.frames.back());
       for (std::size_t c = 0; c < set.cameras.size(); ++c) {

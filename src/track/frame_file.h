@@ -2,8 +2,10 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <span>
 #include <vector>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/npy.h"
 
 namespace doppel {
@@ -16,17 +18,20 @@ class FrameFile {
   /// @param numbers [rows * columns]
   void append(const std::vector<double>& numbers) {
     const std::vector<float> floats(numbers.begin(), numbers.end());
-    append(floats.data());
+    append(floats);
   }
   /// @param points [rows]; the file must have three columns
   void append(const std::vector<Eigen::Vector3d>& points) {
     std::vector<float> floats;
     for (const Eigen::Vector3d& point : points)
       for (const double x : point) floats.push_back(static_cast<float>(x));
-    append(floats.data());
+    append(floats);
   }
-  void append(const Eigen::Matrix3Xd& points) { append(Eigen::Matrix3Xf(points.cast<float>()).data()); }
-  void append(const float* numbers) { stream_.append(numbers); }
+  void append(const Eigen::Matrix3Xd& points) {
+    const Eigen::Matrix3Xf floats = points.cast<float>();
+    append(std::span(floats.data(), as_size(floats.size())));
+  }
+  void append(std::span<const float> numbers) { stream_.append(numbers); }
   /// Completes the file. Without this call no file remains.
   void close() { stream_.close(); }
 

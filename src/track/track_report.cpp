@@ -1,6 +1,6 @@
 #include "doppel/track/track_report.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <numeric>
 

@@ -1,6 +1,7 @@
 #include "doppel/track/track_view.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>

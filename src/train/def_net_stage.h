@@ -15,9 +15,9 @@ struct DefNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
   BackboneConfig model;
-  double silhouette_weight = 1000.0;  ///< thesis A.1.2
-  double keypoint_weight = 0.05;      ///< thesis A.1.2
-  double arap_weight = 1500.0;        ///< thesis A.1.2
+  double silhouette_weight = 1000.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.1.2
+  double keypoint_weight = 0.05;      ///< per squared reference pixel (image 1024 wide), thesis A.1.2
+  double arap_weight = 1500.0;        ///< per metre, thesis A.1.2
   SilhouetteOptions silhouette;
   TrainerOptions trainer;
 

@@ -21,9 +21,9 @@ struct DeltaNetRunConfig {
   bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
   double feature_floor = 0.01;  ///< lower bound of the standard deviation, metres
 
-  double chroma_weight = 0.03775;    ///< thesis A.2
-  double silhouette_weight = 500.0;  ///< thesis A.2
-  double laplacian_weight = 1e5;     ///< thesis A.2
+  double chroma_weight = 0.03775;    ///< per squared level of 255, thesis A.2
+  double silhouette_weight = 500.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
+  double laplacian_weight = 1e5;     ///< per squared metre, thesis A.2
   ChromaOptions chroma;
   SilhouetteOptions silhouette;
   bool lit = true;              ///< draw with the trained lighting (false: an ablation)

@@ -20,8 +20,8 @@ struct EgNetRunConfig {
   bool recalibrate_norm =
       true;  ///< evaluate with batch-norm statistics of the whole training set instead of running statistics
 
-  double silhouette_weight = 100.0;  ///< thesis A.2
-  double arap_weight = 1500.0;       ///< thesis A.2
+  double silhouette_weight = 100.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
+  double arap_weight = 1500.0;       ///< per metre, thesis A.2
   SilhouetteOptions silhouette;
 
   TrainerOptions trainer;

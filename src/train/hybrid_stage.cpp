@@ -1,5 +1,7 @@
 #include "doppel/train/hybrid_stage.h"
 
+#include <torch/nn/functional/normalization.h>
+
 #include <algorithm>
 
 #include "doppel/core/error.h"

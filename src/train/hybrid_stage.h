@@ -33,10 +33,10 @@ struct HybridRunConfig {
   int cloud_rays = 50000;  ///< largest number of rays for the point cloud of one view
 
   // Weights of the refinement (A.3).
-  double chamfer_weight = 5000.0;
-  double silhouette_weight = 50.0;
-  double laplacian_weight = 4000.0;
-  double isometry_weight = 7.5e4;  ///< 0.075 for millimetres
+  double chamfer_weight = 5000.0;    ///< per squared metre
+  double silhouette_weight = 50.0;   ///< of the sums of squared residuals (silhouette.h)
+  double laplacian_weight = 4000.0;  ///< per squared metre
+  double isometry_weight = 7.5e4;    ///< per squared metre; 0.075 per squared millimetre
   /// Weight of the mean squared distance from the mesh at the start of the round, per square metre. Without it, parts
   /// that no camera sees (the underside of a skirt, for example) drift, because no other loss holds them.
   double anchor_weight = 0.0;

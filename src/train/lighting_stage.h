@@ -14,8 +14,8 @@ struct LightingRunConfig {
   RunSubject subject;
   LoaderOptions loader;
   LightingLossOptions loss;
-  double weight = 1.0;
-  double deviation_weight = 0.0;  ///< of Lighting::deviation(); not in the thesis
+  double weight = 1.0;            ///< per squared level of 255
+  double deviation_weight = 0.0;  ///< of Lighting::deviation(), no unit; not in the thesis
   TrainerOptions trainer;
 
   static LightingRunConfig read(const ConfigDocument& document);

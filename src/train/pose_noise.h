@@ -1,6 +1,6 @@
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/character/skeleton.h"
 #include "doppel/core/config.h"

@@ -13,8 +13,8 @@ namespace doppel {
 struct PosePhase {
   std::int64_t iterations = 120000;
   double learning_rate = 1e-5;
-  double keypoints = 0.01;  ///< weight of the keypoint loss
-  double limits = 0.0;      ///< weight of the limits loss at the start
+  double keypoints = 0.01;  ///< weight of the keypoint loss, per squared reference pixel (image 1024 wide)
+  double limits = 0.0;      ///< weight of the limits loss at the start, per squared radian
   /// Shares of the phase after which the weight of the limits loss is a tenth, and 0.
   double limits_reduced_at = 1.0 / 3.0, limits_off_at = 0.5;
 

@@ -16,7 +16,7 @@ struct TexNetRunConfig {
   LoaderOptions loader;
   PoseNoiseOptions noise;
   TexNetConfig model;
-  double weight = 1.0;
+  double weight = 1.0;  ///< per level of 255; per squared level with `loss.squares`
   PhotometricOptions loss;
   bool nearest = false;  ///< draw with the nearest texel
   TrainerOptions trainer;

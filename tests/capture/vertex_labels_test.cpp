@@ -1,7 +1,7 @@
 #include "doppel/capture/vertex_labels.h"
 
 #include <gmock/gmock.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <algorithm>
 #include <fstream>

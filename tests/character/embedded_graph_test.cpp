@@ -94,7 +94,7 @@ TEST(EmbeddedGraphReference, EveryVertexIsAsTheDefinitionSays) {
     }
     ASSERT_FALSE(nodes.empty());
     const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
-    ASSERT_EQ(std::vector<int>(graph.vertex_nodes.begin(v), graph.vertex_nodes.end(v)), nodes);
+    ASSERT_THAT(graph.vertex_nodes.row(v), ::testing::ElementsAreArray(nodes));
     for (std::size_t i = 0; i < nodes.size(); ++i)
       EXPECT_NEAR(graph.weights[graph.vertex_nodes.offsets[v] + i], weights[i] / sum, 1e-15);
   }
@@ -117,7 +117,7 @@ TEST(EmbeddedGraphReference, LonelyVerticesTakeTwiceTheRadiusThenTheNearestNode)
   options.adaptive_radius = false;
   const EmbeddedGraph graph = build_graph(mesh, triangle({0, 0, 0}, {0, 1, 0}, {1, 0, 0}), options);
   EXPECT_THAT(graph.node_vertex, ElementsAre(0, 1, 2));
-  const auto nodes = [&](int v) { return std::vector<int>(graph.vertex_nodes.begin(v), graph.vertex_nodes.end(v)); };
+  const auto nodes = [&](int v) { return graph.vertex_nodes.row(v); };
   EXPECT_THAT(nodes(8), ElementsAre(2));         // (4,0): three hops from vertex 2 only
   EXPECT_THAT(nodes(10), ElementsAre(0, 1, 2));  // (5,0): five, five and four hops: within twice the radius
   EXPECT_THAT(nodes(40), ElementsAre(2));        // far beyond: the nearest
@@ -131,7 +131,7 @@ TEST(EmbeddedGraphReference, PiecesWithoutANodeTakeTheNearest) {
   const EmbeddedGraph graph = build_graph(mesh, triangle({0, 0, 0}, {0, 1, 0}, {2, 0, 0}));
   for (int v = 6; v < 9; ++v) {
     ASSERT_EQ(graph.vertex_nodes.size(v), 1);
-    EXPECT_EQ(*graph.vertex_nodes.begin(v), 2);
+    EXPECT_EQ(graph.vertex_nodes.row(v)[0], 2);
     EXPECT_EQ(row_sum(graph, v), 1.0);
   }
 }

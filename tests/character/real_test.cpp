@@ -26,10 +26,10 @@ class RealOracle : public support::SharedFolderTest {
     double largest = 0.0;
     for (std::size_t i = 0; i < values.size(); ++i) {
       const int vertex = pairs[2 * i], node = pairs[2 * i + 1];
-      const int* const begin = graph.vertex_nodes.begin(vertex);
-      const int* const found = std::find(begin, graph.vertex_nodes.end(vertex), node);
-      ASSERT_NE(found, graph.vertex_nodes.end(vertex)) << "vertex " << vertex << ", node " << node;
-      const double ours = graph.weights[graph.vertex_nodes.offsets[vertex] + (found - begin)];
+      const auto nodes = graph.vertex_nodes.row(vertex);
+      const auto found = std::find(nodes.begin(), nodes.end(), node);
+      ASSERT_NE(found, nodes.end()) << "vertex " << vertex << ", node " << node;
+      const double ours = graph.vertex_nodes.row_of(graph.weights, vertex)[found - nodes.begin()];
       largest = std::max(largest, std::abs(ours - values[i]));
     }
     EXPECT_LT(largest, 1e-6);
@@ -83,11 +83,11 @@ TEST_F(RealOracle, BonesAndSkinWeights) {
   std::size_t i = 0;
   double largest = 0.0;
   for (int v = 0; v < character.num_vertices(); ++v)
-    for (const int* bone = character.skin.vertex_bones.begin(v); bone != character.skin.vertex_bones.end(v);
-         ++bone, ++i) {
+    for (const int bone : character.skin.vertex_bones.row(v)) {
       ASSERT_EQ(pairs[2 * i], v);
-      ASSERT_EQ(pairs[2 * i + 1], *bone);
+      ASSERT_EQ(pairs[2 * i + 1], bone);
       largest = std::max(largest, std::abs(character.skin.weights[i] - weights.at(i)));
+      ++i;
     }
   EXPECT_LT(largest, 2e-6);  // the published weights sum to 1 within 1e-6; ours exactly
 }

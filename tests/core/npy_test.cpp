@@ -1,5 +1,6 @@
 #include "doppel/core/npy.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -7,12 +8,15 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::npy_test {
 namespace {
 
+using support::message_of;
 using support::TemporaryFolder;
+using testing::HasSubstr;
 
 TEST(NpyReference, KeepsShapeAndValues) {
   const TemporaryFolder folder;
@@ -35,8 +39,10 @@ TEST(NpyReference, AStreamEqualsOneWrite) {
   const TemporaryFolder folder;
   const std::vector<float> values{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
   NpyStream stream(folder / "s.npy", {2, 3});
-  stream.append(values.data());
-  stream.append(values.data() + 6);
+  const std::span<const float> items(values);
+  stream.append(items.first(6));
+  stream.append(items.last(6));
+  EXPECT_THAT(message_of<Error>([&] { stream.append(items); }), HasSubstr("6 values, received 12"));
   EXPECT_FALSE(std::filesystem::exists(folder / "s.npy"));
   stream.close();
   const NpyArray array = read_npy(folder / "s.npy");

@@ -27,6 +27,14 @@ using ::testing::internal::GetCapturedStderr;
 TEST(ProcessReference, ThreadCounts) {
   EXPECT_EQ(resolve_threads(3), 3);
   EXPECT_GE(resolve_threads(0), 1);
+  ASSERT_EQ(setenv("OMP_NUM_THREADS", "2", 1), 0);
+  EXPECT_EQ(resolve_threads(0), 2);
+  EXPECT_EQ(resolve_threads(3), 3);
+  for (const char* none : {"", "many", "0", "-4"}) {
+    ASSERT_EQ(setenv("OMP_NUM_THREADS", none, 1), 0);
+    EXPECT_GE(resolve_threads(0), 1);
+  }
+  ASSERT_EQ(unsetenv("OMP_NUM_THREADS"), 0);
   EXPECT_THROW(resolve_threads(-1), UsageError);
   EXPECT_THROW(resolve_threads(1025), UsageError);
 }

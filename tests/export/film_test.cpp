@@ -61,7 +61,7 @@ cv::Mat film(std::unique_ptr<CameraPath> path, FilmOptions options) {
   options.images = true;
   const std::string name = path->name();
   const auto writer = make_film_writer(folder.path(), actor(), std::move(path), options);
-  writer->write({rest_vertices().data(), torch::zeros({1, actor().num_dofs()})});
+  writer->write({rest_vertices(), torch::zeros({1, actor().num_dofs()})});
   writer->close();
   return cv::imread((folder / (name + "_000000.png")).string());
 }
@@ -128,11 +128,11 @@ TEST(FilmReference, TheOrbitComesRoundAndKeepsTheActorInTheMiddle) {
   options.turns_per_second = 0.25;
   const auto path = make_orbit(actor(), options);
   const std::vector<float> vertices = rest_vertices();
-  const Camera first = path->at(0, vertices.data());
+  const Camera first = path->at(0, vertices);
   EXPECT_TRUE(first.faults().empty());
   EXPECT_GT(first.centre().z(), middle().z() + 1.0);
   for (int frame = 1; frame <= 100; ++frame) {
-    const Camera camera = path->at(frame, vertices.data());
+    const Camera camera = path->at(frame, vertices);
     EXPECT_LT((camera.project(middle()) - Eigen::Vector2d(256, 256)).norm(), 1e-3);
     if (frame == 50) {
       EXPECT_LT(camera.centre().z(), middle().z() - 1.0);
@@ -151,10 +151,10 @@ TEST(FilmReference, AMovingCameraMovesAndThenStays) {
   EXPECT_EQ(path->name(), "camera_crane");
   EXPECT_EQ(path->height(), 160);
   EXPECT_EQ(path->width(), 120);
-  EXPECT_LT((path->at(0, nullptr).centre() - a.centre()).norm(), 1e-9);
-  EXPECT_LT((path->at(1, nullptr).centre() - b.centre()).norm(), 1e-9);
-  EXPECT_LT((path->at(9, nullptr).centre() - b.centre()).norm(), 1e-9);
-  EXPECT_NEAR(path->at(0, nullptr).K(0, 0), 2 * a.K(0, 0), 1e-9);
+  EXPECT_LT((path->at(0, {}).centre() - a.centre()).norm(), 1e-9);
+  EXPECT_LT((path->at(1, {}).centre() - b.centre()).norm(), 1e-9);
+  EXPECT_LT((path->at(9, {}).centre() - b.centre()).norm(), 1e-9);
+  EXPECT_NEAR(path->at(0, {}).K(0, 0), 2 * a.K(0, 0), 1e-9);
 }
 
 TEST(FilmReference, AVideoIsWholeOrNotThere) {
@@ -164,10 +164,10 @@ TEST(FilmReference, AVideoIsWholeOrNotThere) {
     return make_film_writer(folder.path(), actor(), make_calibrated_path({front_camera()}, "front", 0), options);
   };
   const auto video = folder / "camera_front.mp4";
-  start()->write({rest_vertices().data(), {}});
+  start()->write({rest_vertices(), {}});
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   const auto writer = start();
-  for (int i = 0; i < 5; ++i) writer->write({rest_vertices().data(), {}});
+  for (int i = 0; i < 5; ++i) writer->write({rest_vertices(), {}});
   writer->close();
   cv::VideoCapture capture(video.string());
   int frames = 0;
@@ -177,7 +177,7 @@ TEST(FilmReference, AVideoIsWholeOrNotThere) {
 
 TEST(WindingNumberReference, InsideAndOutside) {
   const std::vector<float> vertices = rest_vertices();
-  const auto at = [&](const Eigen::Vector3d& p) { return winding_number(actor().mesh, vertices.data(), p); };
+  const auto at = [&](const Eigen::Vector3d& p) { return winding_number(actor().mesh, vertices, p); };
   EXPECT_NEAR(at(middle() + Eigen::Vector3d(2, 0, 0)), 0.0, 1e-9);
   const Eigen::Vector3d joint =
       actor().skeleton.pose(actor().rest_dofs)[test_character::segment_joint(2)].translation();
@@ -193,7 +193,7 @@ TEST(FilmRejects, ACameraInsideTheActor) {
   const auto writer =
       make_film_writer(folder.path(), actor(), make_calibrated_path({camera}, "front", 0), FilmOptions{});
   EXPECT_THAT(message_of<Error>([&] {
-                writer->write({rest_vertices().data(), {}});
+                writer->write({rest_vertices(), {}});
               }),
               AllOf(HasSubstr("front"), HasSubstr("frame 0"), HasSubstr("inside the actor")));
 }

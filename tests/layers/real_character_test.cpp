@@ -1,5 +1,5 @@
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/surface.h"
 #include "support/gradient_check.h"

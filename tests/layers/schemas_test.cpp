@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 #include <torch/library.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/surface.h"
 #include "support/test_character.h"

@@ -2,7 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "doppel/core/error.h"
 #include "doppel/nets/egnet.h"
@@ -28,7 +29,7 @@ Tensor dense_laplacian(const MeshTopology& topology) {
   const int64_t K = topology.num_vertices();
   Tensor adjacency = torch::zeros({K, K}, torch::kFloat64);
   for (int k = 0; k < K; ++k)
-    for (const int* l = topology.one_ring().begin(k); l != topology.one_ring().end(k); ++l) adjacency[k][*l] = 1.0;
+    for (const int l : topology.one_ring().row(k)) adjacency[k][l] = 1.0;
   const Tensor inverse_root = adjacency.sum(1).clamp_min(1.0).rsqrt();
   return -inverse_root.unsqueeze(1) * adjacency * inverse_root;
 }

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <caffe2/serialize/inline_container.h>
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/serialize.h>
+#include <torch/types.h>
 
 #include <cstring>
 #include <filesystem>

@@ -1,7 +1,7 @@
 #include "doppel/render/seen_vertices.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace doppel::seen_vertices_test {
 namespace {

@@ -3,7 +3,8 @@
 /// One helper for every gradient test: autograd against central differences in double.
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include <functional>
 #include <sstream>

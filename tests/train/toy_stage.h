@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <torch/nn/modules/batchnorm.h>
 
 #include <functional>
 #include <random>

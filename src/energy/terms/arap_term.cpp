@@ -22,7 +22,7 @@ void ArapTerm::evaluate(const GraphModel& model, const DeformedGraph& graph, boo
     const auto k = as_size(edge.from), l = as_size(edge.to);
     const Eigen::Index first = rows.add_group(weight_ * edge.rigidity / static_cast<double>(edges_.size()));
     const Eigen::Vector3d rest = model.nodes()[l] - model.nodes()[k];
-    const Eigen::Vector3d error = graph.rotation[k] * rest + graph.place[k] - graph.place[l];
+    const Eigen::Vector3d error = graph.rotation[k] * rest + graph.position[k] - graph.position[l];
     for (int i = 0; i < 3; ++i) {
       rows.value(first + i) = error[i];
       if (!jacobian) continue;

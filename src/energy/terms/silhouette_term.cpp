@@ -37,7 +37,7 @@ typename SilhouetteTerm<Model>::Seen SilhouetteTerm<Model>::see(const Model& mod
                                                                 std::size_t i) const {
   const auto c = as_size(vertices_[i].camera);
   Seen seen{model.skinned(body, vertices_[i].vertex), std::nullopt, {}};
-  seen.projected = project_with_jacobian(cameras_[c], seen.vertex.place());
+  seen.projected = project_with_jacobian(cameras_[c], seen.vertex.position());
   if (seen.projected) seen.sample = frame_[c].outline.at(seen.projected->pixel);
   return seen;
 }

@@ -18,7 +18,6 @@
 #include "doppel/energy/terms/relative_point_term.h"
 #include "doppel/energy/terms/silhouette_term.h"
 #include "doppel/fit/livecap/single_view_start.h"
-#include "doppel/fit/thesis_units.h"
 
 namespace doppel {
 namespace {
@@ -35,9 +34,7 @@ void check(const LivecapOptions& options) {
     fail("the keypoint weight and the joint weight of the fit are both 0; without either, nothing can be tracked");
 }
 
-RobustKernel kernel(double thesis_pixels) {
-  return {RobustKernel::Kind::geman_mcclure, reference_from_thesis(thesis_pixels)};
-}
+RobustKernel kernel(double scale) { return {RobustKernel::Kind::geman_mcclure, scale}; }
 
 std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
   std::vector<Eigen::Vector3d> points;
@@ -48,16 +45,18 @@ std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBod
 }  // namespace
 
 LivecapOptions::LivecapOptions() {
-  keypoint_weight = 460.0;  // lambda_2D
-  silhouette_weight = 200.0;
+  keypoint_weight = per_squared_thesis_pixel(460.0);  // lambda_2D
+  keypoint_scale = thesis_pixels(20.0);
+  silhouette_weight = per_squared_thesis_pixel(200.0);
+  silhouette_scale = thesis_pixels(20.0);
   limit_weight = 1e6;
-  temporal_weight = 1.5;
+  temporal_weight = per_squared_millimetre(1.5);
   steady_weight = 3000.0;
   prior_weight = 500.0;  // for DoFs that no other term determines
   outline_vertices = 300;
   solver.iterations = 6;
   solver.initial_damping = 1e-6;
-  inlier_threshold = 21.0;
+  inlier_threshold = thesis_pixels(21.0);
 }
 
 /// The input of the terms of one frame.
@@ -107,10 +106,10 @@ void LivecapTracker::pause() {
 
 void LivecapTracker::forget_surface() {
   surface_.cut();
-  bend(model_.character().mesh.vertices);
+  deform_template(model_.character().mesh.vertices);
 }
 
-void LivecapTracker::bend(std::vector<Eigen::Vector3d> rest_vertices) {
+void LivecapTracker::deform_template(std::vector<Eigen::Vector3d> rest_vertices) {
   rest_vertices_ = std::move(rest_vertices);
   model_.set_rest_vertices(rest_vertices_);
 }
@@ -138,8 +137,8 @@ FrameResult LivecapTracker::track(const LivecapInput& input) {
 TrackedFrame LivecapTracker::track_pose(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();
-  const Inliers inliers = count_inliers(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame,
-                                        reference_from_thesis(options_.inlier_threshold));
+  const Inliers inliers =
+      count_inliers(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame, options_.inlier_threshold);
   best.frame.keypoints = inliers.keypoints;
   if (inliers.keypoints < options_.min_keypoints) return best.frame;
   if (!history_.empty()) {
@@ -167,15 +166,13 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   Terms result;
   const LivecapOptions& o = options_;
   if (keypoint_weight > 0.0)
-    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame,
-                                                               per_square_reference_pixel(keypoint_weight),
+    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame, keypoint_weight,
                                                                kernel(o.keypoint_scale), roles_.detection));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
   if (!joints.empty())
-    result.push_back(
-        std::make_unique<RelativePointTerm>("joints", std::move(joints), per_square_metre(o.joint_weight)));
+    result.push_back(std::make_unique<RelativePointTerm>("joints", std::move(joints), o.joint_weight));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
   if (o.prior_weight > 0.0)
     result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
@@ -185,7 +182,7 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
   std::vector<PointTerm::Target> targets;
   for (std::size_t m = 0; m < last.size(); ++m) targets.push_back({static_cast<int>(m), last[m], roles_.steadiness[m]});
-  result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), per_square_metre(o.temporal_weight)));
+  result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), o.temporal_weight));
   return result;
 }
 
@@ -204,8 +201,8 @@ void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vec
     if (!projected) continue;
     const Eigen::RowVector3d across =
         (projected->jacobian * surface.normals[v]).normalized().transpose() * projected->jacobian;
-    const double bend = across * surface.turns[v] * (rest_vertices_[v] - model_.character().mesh.vertices[v]);
-    both += across.dot(ray) * bend;
+    const double displaced = across * surface.turns[v] * (rest_vertices_[v] - model_.character().mesh.vertices[v]);
+    both += across.dot(ray) * displaced;
     own += across.dot(ray) * across.dot(ray);
   }
   if (!(own > 0.0)) return;
@@ -221,7 +218,7 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   set_depth_aside(surface, outline);
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
-  const double weight = per_square_reference_pixel(options_.silhouette_weight) * static_cast<double>(outline.size());
+  const double weight = options_.silhouette_weight * static_cast<double>(outline.size());
   return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
                                                      kernel(options_.silhouette_scale));
 }
@@ -238,8 +235,8 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   result.frame.terms = summary.terms;
   result.frame.reason = summary.reason;
   result.cost = summary.final_cost;
-  const Inliers inliers = count_inliers(model_, model_.pose(start, false), cameras_, evidence.frame,
-                                        reference_from_thesis(options_.inlier_threshold));
+  const Inliers inliers =
+      count_inliers(model_, model_.pose(start, false), cameras_, evidence.frame, options_.inlier_threshold);
   result.frame.dofs = std::move(start);
   result.frame.keypoints = inliers.keypoints;
   result.frame.inlier_ratio = inliers.ratio;
@@ -283,7 +280,7 @@ void LivecapTracker::track_surface(const LivecapInput& input, FrameResult& frame
   NonrigidSurface found = surface_.fit(posed, input.view.outline, input.image);
   frame.vertices = std::move(found.vertices);
   frame.surface_terms = std::move(found.terms);
-  bend(surface_.rest_vertices());
+  deform_template(surface_.rest_vertices());
 }
 
 }  // namespace doppel

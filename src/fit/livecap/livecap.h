@@ -17,19 +17,19 @@
 #include "doppel/fit/pose_history.h"
 #include "doppel/fit/surface/nonrigid_stage.h"
 #include "doppel/fit/surface/surface_viewer.h"
+#include "doppel/fit/thesis_units.h"
 #include "doppel/fit/tracked_frame.h"
 
 namespace doppel {
 
-/// Options of the one-camera tracker. Weights are those of the thesis (4.8), in its units: per squared millimetre, per
-/// squared pixel of an image 540 wide, per squared radian. A weight of 0 switches a term off. The temporal term pulls
-/// landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
+/// Options of the one-camera tracker. Defaults are the numbers of the thesis (4.8), converted (`thesis_units.h`). The
+/// temporal term pulls landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
 struct LivecapOptions : PoseFitOptions {
   LivecapOptions();
 
-  double joint_weight = 28.0;  ///< lambda_3D, per squared millimetre
-  bool faces = true;           ///< landmarks of the face have weight 0.326; false: weight 0
-  int start_iterations = 60;   ///< of a frame without a prediction
+  double joint_weight = per_squared_millimetre(28.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
+  bool faces = true;                                   ///< landmarks of the face have weight 0.326; false: weight 0
+  int start_iterations = 60;                           ///< of a frame without a prediction
 
   bool surface = true;  ///< run the second stage; false: the surface is the skinned template
   NonrigidOptions nonrigid;
@@ -70,7 +70,7 @@ class LivecapTracker {
   TrackedFrame track_pose(const Evidence& evidence);
   void remember(const TrackedFrame& found);
   void forget_surface();
-  void bend(std::vector<Eigen::Vector3d> rest_vertices);
+  void deform_template(std::vector<Eigen::Vector3d> rest_vertices);
   void track_surface(const LivecapInput& input, FrameResult& frame);
 
   PoseModel model_;

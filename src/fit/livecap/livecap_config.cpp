@@ -1,9 +1,12 @@
 #include "doppel/fit/livecap/livecap_config.h"
 
 #include "doppel/fit/config_terms.h"
+#include "doppel/fit/thesis_units.h"
 
 namespace doppel {
 namespace {
+
+constexpr ConfigUnits kThesisUnits{per_squared_thesis_pixel, thesis_pixels, per_squared_millimetre};
 
 void read_photometric(const ConfigReader& reader, NonrigidOptions& surface) {
   surface.photometric_weight = reader.get("weight", surface.photometric_weight, between(0.0, 1e12));
@@ -20,15 +23,15 @@ void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
   NonrigidOptions& surface = fit.nonrigid;
   fit.surface = reader.get("enabled", fit.surface);
   read_photometric(reader.section("photometric"), surface);
-  read_image_term(reader, "silhouette", surface.silhouette_weight, surface.silhouette_scale);
+  read_image_term(reader, "silhouette", surface.silhouette_weight, surface.silhouette_scale, kThesisUnits);
   const ConfigReader silhouette = reader.section("silhouette");
   surface.part_mask = silhouette.get("parts", surface.part_mask);
-  surface.part_growth = silhouette.get("growth", surface.part_growth, between(0.0, 1000.0));
+  read_number(silhouette, "growth", surface.part_growth, between(0.0, 1000.0), thesis_pixels);
   surface.window_pixels = silhouette.get("pixels", surface.window_pixels, between(16, 4096));
-  read_weight(reader, "smoothness", surface.smoothness_weight);
-  read_weight(reader, "length", surface.length_weight);
-  read_weight(reader, "velocity", surface.velocity_weight);
-  read_weight(reader, "acceleration", surface.acceleration_weight);
+  read_weight(reader, "smoothness", surface.smoothness_weight, per_squared_millimetre);
+  read_weight(reader, "length", surface.length_weight, per_squared_millimetre);
+  read_weight(reader, "velocity", surface.velocity_weight, per_squared_millimetre);
+  read_weight(reader, "acceleration", surface.acceleration_weight, per_squared_millimetre);
   surface.materials = reader.get("materials", surface.materials);
   surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
   surface.warp_displacements = reader.get("warp", surface.warp_displacements);
@@ -44,9 +47,9 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   LivecapConfig config;
   LivecapOptions& fit = config.fit;
   const ConfigReader root = document.root();
-  read_pose_fit(root, fit);
+  read_pose_fit(root, fit, kThesisUnits);
   fit.faces = root.section("keypoints").get("faces", fit.faces);
-  read_weight(root, "joints", fit.joint_weight);
+  read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
   fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
   read_surface(root.section("surface"), fit);
   config.dofs = DofChoice::read(root);

@@ -6,7 +6,8 @@
 
 namespace doppel {
 
-/// The configuration of the one-camera tracker, `configs/track/livecap.yaml`.
+/// The configuration of the one-camera tracker, `configs/track/livecap.yaml`. The file counts in the units of the
+/// thesis, millimetres and pixels of an image 540 wide; reading converts them to those of the options.
 struct LivecapConfig {
   LivecapOptions fit;
   DofChoice dofs;

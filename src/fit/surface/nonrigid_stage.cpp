@@ -17,7 +17,6 @@
 #include "doppel/fit/surface/surface_viewer.h"
 #include "doppel/fit/surface/target_term.h"
 #include "doppel/fit/surface/vertex_colours.h"
-#include "doppel/fit/thesis_units.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel {
@@ -152,16 +151,12 @@ struct NonrigidStage::State {
 
   void add_regularisers(FrameEnergy& energy, const PosedSurface& posed) const {
     const NonrigidOptions& o = options;
-    energy.add<SmoothnessTerm>(o.smoothness_weight, posed.vertices, topology.edges(), edge_weight,
-                               per_square_metre(o.smoothness_weight));
-    energy.add<LengthTerm>(o.length_weight, topology.edges(), edge_weight, rest_length,
-                           per_square_metre(o.length_weight));
-    if (!history.empty())
-      energy.add<TargetTerm>(o.velocity_weight, "velocity", history[0], per_square_metre(o.velocity_weight));
+    energy.add<SmoothnessTerm>(o.smoothness_weight, posed.vertices, topology.edges(), edge_weight, o.smoothness_weight);
+    energy.add<LengthTerm>(o.length_weight, topology.edges(), edge_weight, rest_length, o.length_weight);
+    if (!history.empty()) energy.add<TargetTerm>(o.velocity_weight, "velocity", history[0], o.velocity_weight);
     if (history.size() < 2) return;
     energy.expected = 2.0 * history[0] - history[1];
-    energy.add<TargetTerm>(o.acceleration_weight, "acceleration", energy.expected,
-                           per_square_metre(o.acceleration_weight));
+    energy.add<TargetTerm>(o.acceleration_weight, "acceleration", energy.expected, o.acceleration_weight);
   }
 
   OutlineTerm::Evidence evidence(const FrameEnergy& energy, const PosedSurface& start,
@@ -173,10 +168,10 @@ struct NonrigidStage::State {
                       const cv::Mat& image) {
     const NonrigidOptions& o = options;
     const CropBox& box = outline.box();
-    energy.view = viewer.look(start, box, thesis_pixels_to_image(camera, o.part_growth));
+    energy.view = viewer.look(start, box, o.part_growth / reference_pixels(camera));
     if (!o.part_mask) energy.view.parts = PartMask();
     energy.add<OutlineTerm>(o.silhouette_weight, evidence(energy, start, outline), energy.view.outline,
-                            per_square_reference_pixel(o.silhouette_weight), reference_from_thesis(o.silhouette_scale));
+                            o.silhouette_weight, o.silhouette_scale);
     if (o.photometric_weight == 0.0 || image.empty() || colours.cols() == 0) return;
     energy.pyramid = ColourPyramid(image, window_around(start.vertices, camera), o.blur_kernels);
     if (energy.pyramid.num_levels() == 0) return;

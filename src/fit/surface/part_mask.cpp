@@ -38,10 +38,9 @@ std::vector<char> body_parts(const SkinningWeights& skin) {
     is_hip.push_back(holds_any(name, {"hip"}));
   }
   for (int v = 0; v < skin.num_vertices(); ++v) {
-    const int* bones = skin.vertex_bones.begin(v);
+    const std::span<const int> bones = skin.vertex_bones.row(v);
     char part = part_of[as_size(bones[0])];
-    if (is_hip[as_size(bones[0])] && (skin.vertex_bones.size(v) < 2 || part_of[as_size(bones[1])] != part))
-      part = kTorso;
+    if (is_hip[as_size(bones[0])] && (bones.size() < 2 || part_of[as_size(bones[1])] != part)) part = kTorso;
     parts.push_back(part);
   }
   return parts;

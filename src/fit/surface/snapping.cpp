@@ -4,7 +4,6 @@
 #include <optional>
 
 #include "doppel/core/as_size.h"
-#include "doppel/fit/thesis_units.h"
 
 namespace doppel {
 namespace {
@@ -13,15 +12,15 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kSteps = 20;                    // largest number of Newton steps on the distance
-constexpr double kArrived = 0.1;              // pixels of the thesis's image
-constexpr double kMinSquaredGradient = 0.05;  // squared; on a ridge of the distance field the gradient vanishes
+constexpr int kSteps = 20;                       // largest number of Newton steps on the distance
+constexpr double kArrived = thesis_pixels(0.1);  // reference pixels
+constexpr double kMinSquaredGradient = 0.05;     // squared; on a ridge of the distance field the gradient vanishes
 
 /// The pixel at the vertex's target distance, along the gradient of the distance field; nothing if it is not reached.
 std::optional<Vector2d> walk(const OutlineTerm::Evidence& evidence, const OutlineVertex& vertex, const Vector2d& start,
                              double farthest) {
   const double reference = reference_pixels(evidence.camera);
-  const double enough = thesis_pixels_to_image(evidence.camera, kArrived);
+  const double enough = kArrived / reference;
   const char part = evidence.vertex_part[as_size(vertex.vertex)];
   Vector2d pixel = start;
   for (int step = 0; step < kSteps; ++step) {
@@ -50,7 +49,7 @@ std::vector<int> followers(const MeshTopology& topology, std::vector<char> marke
     const std::vector<char> inner = marked;
     for (int v = 0; v < topology.num_vertices(); ++v)
       if (inner[as_size(v)])
-        for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n) marked[as_size(*n)] = 1;
+        for (const int n : topology.one_ring().row(v)) marked[as_size(n)] = 1;
   }
   std::vector<int> result;
   for (std::size_t v = 0; v < marked.size(); ++v)
@@ -64,8 +63,7 @@ void warp(Matrix3Xd& vertices, const Matrix3Xd& before, const std::vector<int>& 
   for (int sweep = 0; sweep < sweeps; ++sweep)
     for (const int v : moving) {
       Vector3d sum = Vector3d::Zero();
-      for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n)
-        sum += vertices.col(*n) - before.col(*n);
+      for (const int n : topology.one_ring().row(v)) sum += vertices.col(n) - before.col(n);
       vertices.col(v) = before.col(v) + sum / topology.one_ring().size(v);
     }
 }
@@ -76,7 +74,7 @@ int snap_outline(Matrix3Xd& vertices, const OutlineTerm::Evidence& evidence, con
                  const MeshTopology& topology, const std::vector<double>& rigidity,
                  const std::vector<char>& was_outline, const SnapOptions& options) {
   const Matrix3Xd before = vertices;
-  const double farthest = thesis_pixels_to_image(evidence.camera, options.farthest);
+  const double farthest = options.farthest / reference_pixels(evidence.camera);
   std::vector<char> snapped(rigidity.size(), 0);
   int count = 0;
   for (const OutlineVertex& vertex : outline) {
@@ -103,7 +101,7 @@ int clamp_isolated_motion(Matrix3Xd& vertices, const Matrix3Xd& before, const Me
   for (int v = 0; v < topology.num_vertices(); ++v) {
     if (topology.one_ring().size(v) == 0) continue;
     double around = 0.0;
-    for (const int* n = topology.one_ring().begin(v); n != topology.one_ring().end(v); ++n) around += moved[*n];
+    for (const int n : topology.one_ring().row(v)) around += moved[n];
     around /= topology.one_ring().size(v);
     if (moved[v] <= factor * around) continue;
     vertices.col(v) = before.col(v) + around / moved[v] * (vertices.col(v) - before.col(v));

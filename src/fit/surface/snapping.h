@@ -3,16 +3,17 @@
 #include <vector>
 
 #include "doppel/fit/surface/outline_term.h"
+#include "doppel/fit/thesis_units.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel {
 
 struct SnapOptions {
-  double farthest = 20.0;  ///< largest motion of a vertex, pixels of an image 540 wide
-  double softest = 3.0;    ///< largest rigidity of a vertex that may move
-  int rings = 4;           ///< rings of neighbours around snapped vertices that follow
-  int sweeps = 25;         ///< iterations over these neighbours
-  double newcomer = 0.7;   ///< share of the motion for a vertex that was not on the outline in the last frame
+  double farthest = thesis_pixels(20.0);  ///< largest motion of a vertex, reference pixels
+  double softest = 3.0;                   ///< largest rigidity of a vertex that may move
+  int rings = 4;                          ///< rings of neighbours around snapped vertices that follow
+  int sweeps = 25;                        ///< iterations over these neighbours
+  double newcomer = 0.7;  ///< share of the motion for a vertex that was not on the outline in the last frame
 };
 
 /// Moves the outline vertices of a nearly fitted surface onto the mask's outline (4.6.6). Each follows the gradient of

@@ -6,7 +6,9 @@
 ///
 /// Letters: B batch, N vertices, F faces, P points, H values per vertex. Metres.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <memory>
 

@@ -7,7 +7,9 @@
 ///
 /// R(A) = Rz(A_3) Ry(A_2) Rx(A_1). Letters: B batch, N vertices, K nodes. Metres, radians.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include "doppel/character/character.h"
 #include "doppel/layers/sparse_rows.h"

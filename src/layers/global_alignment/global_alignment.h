@@ -8,7 +8,7 @@
 /// The printed closed form 5.4 lacks a bracket and the confidences. This layer computes the minimum of 5.2.
 /// Letters: B batch, C cameras, M landmarks. World metres.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace doppel {
 

@@ -12,7 +12,9 @@
 /// float32 on the CPU runs the fused kernel, everything else the reference in plain tensor operations. Gradients go to
 /// every tensor argument. The kernel has no second derivative.
 
-#include <torch/torch.h>
+#include <torch/nn/cloneable.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <cstdint>
 #include <vector>

@@ -1,5 +1,5 @@
 #include <torch/csrc/jit/frontend/tracer.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/layers/transform_math.h"

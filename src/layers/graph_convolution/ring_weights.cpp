@@ -36,10 +36,10 @@ std::vector<int> breadth_first(const MeshTopology& topology, int start, std::vec
   std::vector<int> queue{start};
   seen[start] = 1;
   for (std::size_t at = 0; at < queue.size(); ++at)
-    for (const int* next = topology.one_ring().begin(queue[at]); next != topology.one_ring().end(queue[at]); ++next)
-      if (!seen[*next]) {
-        seen[*next] = 1;
-        queue.push_back(*next);
+    for (const int next : topology.one_ring().row(queue[at]))
+      if (!seen[next]) {
+        seen[next] = 1;
+        queue.push_back(next);
       }
   return queue;
 }

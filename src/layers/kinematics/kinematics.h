@@ -9,7 +9,9 @@
 /// positions several metres from the origin are exact to micrometres.
 /// Letters: B batch, D DoFs, J joints, Bn bones, M markers.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <vector>
 

@@ -3,7 +3,9 @@
 /// Landmarks: points that detectors find in images, on a posed character (5.5.1) and on a deformed character (5.6.3).
 /// Letters: B batch, D DoFs, M landmarks, K graph nodes. Metres.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include <vector>
 

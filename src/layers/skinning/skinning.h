@@ -9,7 +9,9 @@
 ///
 /// Letters: B batch, N points, Bn bones. Metres.
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
 
 #include "doppel/character/character.h"
 #include "doppel/layers/sparse_rows.h"

@@ -12,7 +12,7 @@
 /// of the radiance field: at R = 1000 and K = 64 some 20 passes over 64,000 numbers, against 0.25 million products for
 /// each of these numbers.
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <optional>
 

@@ -1,7 +1,7 @@
 #include "doppel/render/shading/shading.h"
 
 #include <torch/csrc/jit/frontend/tracer.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 

@@ -182,13 +182,13 @@ inline void find_uv(const ShadeView& view, Fragment& f) {
 }
 
 /// The position of each pixel on the texture.
-struct Place {
+struct TexturePosition {
   Int texel, inside_x, inside_y;
   Float fx, fy;
   alignas(64) std::int32_t offset[kLanes];
 };
 
-inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
+inline void find_position(const ShadeView& view, const Fragment& f, TexturePosition& p) {
   const auto width = static_cast<float>(view.texture_width), height = static_cast<float>(view.texture_height);
   Int tx, ty;
   split(f.u * width - 0.5f, view.texture_width, view.nearest, tx, p.fx, p.inside_x);
@@ -198,7 +198,7 @@ inline void find_place(const ShadeView& view, const Fragment& f, Place& p) {
 }
 
 /// Texels are scattered in memory: a prefetch before other work hides the latency.
-inline void prefetch_texels(const ShadeView& view, const Place& p) {
+inline void prefetch_texels(const ShadeView& view, const TexturePosition& p) {
   const std::int64_t row = 3 * static_cast<std::int64_t>(view.texture_width);
   for (int lane = 0; lane < kLanes; ++lane) {
     __builtin_prefetch(view.texture + p.offset[lane]);
@@ -207,13 +207,13 @@ inline void prefetch_texels(const ShadeView& view, const Place& p) {
 }
 
 /// Prefetches texels. Call it one vector of pixels before sample_texture.
-inline void look_ahead(const ShadeView& view, const Fragment& f, Place& place) {
+inline void look_ahead(const ShadeView& view, const Fragment& f, TexturePosition& position) {
   if (!view.texture) return;
-  find_place(view, f, place);
-  prefetch_texels(view, place);
+  find_position(view, f, position);
+  prefetch_texels(view, position);
 }
 
-inline void sample_texture(const ShadeView& view, const Place& p, bool derivative, Sample& s) {
+inline void sample_texture(const ShadeView& view, const TexturePosition& p, bool derivative, Sample& s) {
   Float top_left[3], top_right[3], bottom_left[3], bottom_right[3];
   load_pair(view.texture, p.offset, top_left, top_right);
   load_pair(view.texture + 3 * static_cast<std::int64_t>(view.texture_width), p.offset, bottom_left, bottom_right);
@@ -287,7 +287,7 @@ void clear_around(const RasterView& raster, int x0, int y0, int x_begin, int x_e
 /// A resolved vector of pixels whose texels are being loaded.
 struct Waiting {
   Fragment f;
-  Place place;
+  TexturePosition position;
   alignas(64) std::int32_t corner[3][kLanes];
 };
 
@@ -302,7 +302,7 @@ inline void shade_pixels(const ShadeView& view, const Waiting& w, Float* colour)
   }
   if (view.texture) {
     Sample s;
-    sample_texture(view, w.place, false, s);
+    sample_texture(view, w.position, false, s);
     for (int c = 0; c < 3; ++c) colour[c] *= s.value[c];
   }
   for (int c = 0; c < 3; ++c) colour[c] = w.f.face >= 0 ? colour[c] : zero();
@@ -420,7 +420,7 @@ struct LightSums {
   Float sum[27];
 };
 
-inline void append_texels(const Place& p, const Float* gradient, Int face, TileGradient& out) {
+inline void append_texels(const TexturePosition& p, const Float* gradient, Int face, TileGradient& out) {
   alignas(64) std::int32_t faces[kLanes], texel[kLanes];
   alignas(64) float fx[kLanes], fy[kLanes], g[3][kLanes];
   store(faces, face);
@@ -434,7 +434,7 @@ inline void append_texels(const Place& p, const Float* gradient, Int face, TileG
   }
 }
 
-inline void backward_pixels(const ShadeView& view, const Fragment& f, const Place& place, const Float* g,
+inline void backward_pixels(const ShadeView& view, const Fragment& f, const TexturePosition& position, const Float* g,
                             TileGradient& out, LightSums& light_sums) {
   Normal normal;
   Sample s;
@@ -446,8 +446,8 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
     basis(normal.n, sh);
     illuminate(view.lighting, sh, light);
   }
-  const bool slopes = out.faces && !view.nearest;
-  if (view.texture && (slopes || view.normals)) sample_texture(view, place, slopes, s);
+  const bool gradients = out.faces && !view.nearest;
+  if (view.texture && (gradients || view.normals)) sample_texture(view, position, gradients, s);
 
   Float values[6] = {zero(), zero(), zero(), zero(), zero(), zero()};
   if (view.normals) {
@@ -467,8 +467,8 @@ inline void backward_pixels(const ShadeView& view, const Fragment& f, const Plac
   if (view.texture) {
     Float g_albedo[3];
     for (int c = 0; c < 3; ++c) g_albedo[c] = g[c] * light[c];
-    if (out.texels) append_texels(place, g_albedo, f.face, out);
-    if (slopes) {
+    if (out.texels) append_texels(position, g_albedo, f.face, out);
+    if (gradients) {
       du = dot(g_albedo, s.du);
       dv = dot(g_albedo, s.dv);
     }
@@ -524,7 +524,7 @@ inline void correlate(const TargetView& view, int x, int y, int count, const flo
 }
 
 /// Gradient of (upstream . target) along u and v at the pixels of a fragment; 0 where it is not defined.
-inline void target_slopes(const TargetView& view, const Fragment& f, const float* upstream, Float& du, Float& dv) {
+inline void target_gradients(const TargetView& view, const Fragment& f, const float* upstream, Float& du, Float& dv) {
   alignas(64) float u[kLanes] = {}, v[kLanes] = {};
   const int width = view.raster->width, height = view.raster->height, r = view.radius;
   const int begin = f.x > r ? f.x : r, end = f.x + kLanes < width - r ? f.x + kLanes : width - r;
@@ -562,13 +562,13 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
     for (int x = first; x < rect.x1; x += kLanes) {
       std::int32_t* faces = tile.face + y * kTileStride + x;
       const Int face = load<Int>(faces), covered = face >= 0;
-      const std::int64_t place = static_cast<std::int64_t>(y0 + y) * raster.width + x0 + x;
+      const std::int64_t pixel = static_cast<std::int64_t>(y0 + y) * raster.width + x0 + x;
       if (mask) {
         const Bytes bytes = __builtin_convertvector(-covered, Bytes);
-        std::memcpy(mask + place, &bytes, static_cast<unsigned>(inside_of(x)));
+        std::memcpy(mask + pixel, &bytes, static_cast<unsigned>(inside_of(x)));
       }
       if (bits_of(mask_of(covered)) == 0) {
-        if (colour) store_pixels(colour + 3 * place, inside_of(x), background);
+        if (colour) store_pixels(colour + 3 * pixel, inside_of(x), background);
         continue;
       }
       Waiting& w = waiting[turn];
@@ -586,7 +586,7 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
         store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, w.f, view.texture != nullptr);
       }
       if (!colour) continue;
-      look_ahead(view, w.f, w.place);
+      look_ahead(view, w.f, w.position);
       if (pending) finish(waiting[1 - turn]);
       pending = true;
       turn = 1 - turn;
@@ -607,21 +607,21 @@ void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, i
   constexpr int kAhead = 4;
   const auto record = [&](std::int32_t i) { return fragments + static_cast<std::int64_t>(i) * kFragmentWords; };
   Fragment f, next;
-  Place place, next_place;
-  const auto load_one = [&](std::int32_t i, Fragment& to, Place& its_place) {
+  TexturePosition position, next_position;
+  const auto load_one = [&](std::int32_t i, Fragment& to, TexturePosition& its_position) {
     to = load_fragment(record(i), view.texture != nullptr);
-    look_ahead(view, to, its_place);
+    look_ahead(view, to, its_position);
   };
-  if (count > 0) load_one(0, f, place);
+  if (count > 0) load_one(0, f, position);
   for (std::int32_t i = 0; i < count; ++i) {
     if (i + kAhead < count) prefetch_upstream(upstream, width, record(i + kAhead));
-    if (i + 1 < count) load_one(i + 1, next, next_place);
+    if (i + 1 < count) load_one(i + 1, next, next_position);
     Float g[3];
     load_pixels(upstream + 3 * (static_cast<std::int64_t>(f.y) * width + f.x), width - f.x, g);
     for (Float& value : g) value = f.face >= 0 ? value : zero();
-    backward_pixels(view, f, place, g, out, light_sums);
+    backward_pixels(view, f, position, g, out, light_sums);
     f = next;
-    place = next_place;
+    position = next_position;
   }
   for (std::int32_t i = 0; i < out.num_faces; ++i) {
     if (!view.normals && view.texture) sums_over_barycentrics(view, out.faces[i]);
@@ -644,7 +644,7 @@ void target_tile_backward(const TargetView& view, const float* upstream, int x0,
   for (std::int32_t i = 0; i < count; ++i) {
     const Fragment f = load_fragment(fragments + static_cast<std::int64_t>(i) * kFragmentWords, false);
     Float du, dv;
-    target_slopes(view, f, upstream, du, dv);
+    target_gradients(view, f, upstream, du, dv);
     // u = (row 0 . x) / w: du/dx = (row 0 - u row 2) / w
     const Float u = to_float(lane_numbers()) + (static_cast<float>(f.x) + 0.5f);
     const float v = static_cast<float>(f.y) + 0.5f;

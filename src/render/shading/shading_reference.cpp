@@ -1,4 +1,4 @@
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/render/rasterizer.h"
 #include "doppel/render/sh_lighting.h"
@@ -18,11 +18,11 @@ Pixels visible_pixels(const Tensor& vertices, const Tensor& projection, const Re
                              .face_id.to(torch::kInt64);
   Pixels out;
   out.mask = (face_id >= 0).view({projection.size(0), projection.size(1), height, width});
-  out.place = out.mask.flatten().nonzero().squeeze(1);
-  out.face = face_id.flatten().index_select(0, out.place);
-  out.view = out.place.div(height * width, "floor");
+  out.pixel = out.mask.flatten().nonzero().squeeze(1);
+  out.face = face_id.flatten().index_select(0, out.pixel);
+  out.view = out.pixel.div(height * width, "floor");
   out.item = out.view.div(std::max<std::int64_t>(projection.size(1), 1), "floor");
-  const Tensor in_view = out.place - out.view * (height * width), row = in_view.div(width, "floor");
+  const Tensor in_view = out.pixel - out.view * (height * width), row = in_view.div(width, "floor");
   out.u = (in_view - row * width).to(vertices.dtype()) + 0.5;
   out.v = row.to(vertices.dtype()) + 0.5;
   const Tensor corners = mesh.faces.to(torch::kInt64).index_select(0, out.face);
@@ -121,7 +121,7 @@ Tensor albedo(const Pixels& pixels, const Tensor& b, const Tensor& texture, cons
 
 /// Gradient of the images along u and v, 0 within `radius` of the border. @param images [V,H,W,3]
 /// @return 2 x [V,H,W,3]
-std::pair<Tensor, Tensor> slopes(const Tensor& images, int radius) {
+std::pair<Tensor, Tensor> gradients(const Tensor& images, int radius) {
   const std::int64_t height = images.size(1), width = images.size(2);
   Tensor by_u = torch::zeros_like(images), by_v = torch::zeros_like(images);
   if (height <= 2 * radius || width <= 2 * radius) return {by_u, by_v};
@@ -152,7 +152,7 @@ ShadedImage reference(const Tensor& vertices, const Tensor& texture, const Tenso
   const ViewTensors views = view_tensors("shade", projection);
   const Pixels pixels = visible_pixels(vertices, projection, mesh, height, width, options.z_near);
   const Tensor b = barycentrics(pixels, vertices, views);
-  Tensor colour = torch::ones({pixels.place.size(0), 3}, vertices.options());
+  Tensor colour = torch::ones({pixels.pixel.size(0), 3}, vertices.options());
   if (options.lit) {
     const Tensor normal = pixel_normals(pixels, b, vertices, mesh, views, options.flip_normals);
     const Tensor rows = lighting.expand({batch, cameras, 3, kShBasis}).reshape({-1, 3, kShBasis});
@@ -161,7 +161,7 @@ ShadedImage reference(const Tensor& vertices, const Tensor& texture, const Tenso
   }
   if (texture.defined()) colour = colour * albedo(pixels, b, texture, mesh, batch, options.nearest);
   const Tensor image =
-      torch::zeros({batch * cameras * height * width, 3}, vertices.options()).index_copy(0, pixels.place, colour);
+      torch::zeros({batch * cameras * height * width, 3}, vertices.options()).index_copy(0, pixels.pixel, colour);
   return {image.view({batch, cameras, height, width, 3}), pixels.mask, {}};
 }
 
@@ -178,11 +178,11 @@ Tensor target_reference(const Tensor& vertices, const Tensor& projection, const 
   const Tensor h = torch::matmul(matrix.slice(2, 0, 3), x.unsqueeze(2)).squeeze(2) + matrix.select(2, 3);
   const Tensor pixel = h.slice(1, 0, 2) / h.slice(1, 2, 3);
   const Tensor move = pixel - pixel.detach();  // 0, with a gradient
-  const auto [by_u, by_v] = slopes(target.detach().reshape({-1, height, width, 3}), options.radius);
-  const Tensor change = by_u.reshape({-1, 3}).index_select(0, pixels.place) * move.slice(1, 0, 1) +
-                        by_v.reshape({-1, 3}).index_select(0, pixels.place) * move.slice(1, 1, 2);
+  const auto [by_u, by_v] = gradients(target.detach().reshape({-1, height, width, 3}), options.radius);
+  const Tensor change = by_u.reshape({-1, 3}).index_select(0, pixels.pixel) * move.slice(1, 0, 1) +
+                        by_v.reshape({-1, 3}).index_select(0, pixels.pixel) * move.slice(1, 1, 2);
   return target + torch::zeros({target.numel() / 3, 3}, target.options())
-                      .index_copy(0, pixels.place, change)
+                      .index_copy(0, pixels.pixel, change)
                       .view({vertices.size(0), cameras, height, width, 3});
 }
 

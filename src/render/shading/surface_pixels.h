@@ -9,7 +9,7 @@ namespace doppel::shading {
 
 /// P pixels of all views, in the order of the views.
 struct Pixels {
-  torch::Tensor place;       ///< int64 [P], index into [B*C*H*W]
+  torch::Tensor pixel;       ///< int64 [P], index into [B*C*H*W]
   torch::Tensor view, item;  ///< int64 [P]
   torch::Tensor face;        ///< int64 [P]
   torch::Tensor corner[3];   ///< int64 [P], rows of [B*N,3]

@@ -1,7 +1,7 @@
 #include "doppel/fit/livecap/livecap.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "doppel/core/as_size.h"
 #include "doppel/render/projection.h"

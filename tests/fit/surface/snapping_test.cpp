@@ -4,7 +4,6 @@
 
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/fit/thesis_units.h"
 #include "fit/surface/surface_check.h"
 
 namespace doppel::snapping_test {

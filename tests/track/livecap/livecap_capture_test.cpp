@@ -100,7 +100,7 @@ TEST_F(LivecapCapture, IsComparedWithTheTruth) {
       std::vector<float> numbers;
       for (const Eigen::Vector3d& vertex : posed_vertices(model_, model_.pose(truth(frame), false)))
         for (int axis = 0; axis < 3; ++axis) numbers.push_back(static_cast<float>(vertex[axis] + shift[axis]));
-      file.append(numbers.data());
+      file.append(numbers);
     }
     file.close();
   };
