@@ -14,4 +14,4 @@ cmake --build --preset "$preset"
 # Side by side, one thread each, is faster than one after the other; tests of parallel code set their threads. The
 # allocator keeps freed memory, as the program itself does (core/process.h).
 export OMP_NUM_THREADS=1 MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=4294967296 MALLOC_TOP_PAD_=16777216
-ctest --preset "$preset" --parallel "$(nproc)"
+ctest --preset "$preset" --parallel "$CMAKE_BUILD_PARALLEL_LEVEL"

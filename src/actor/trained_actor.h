@@ -26,91 +26,111 @@
 
 namespace doppel {
 
-/// An actor loaded from a run, with all networks trained so far: pose -> EGNet -> DeltaNet -> TexNet, and the hybrid
-/// (chapter 6). Weights and statistics are those for evaluation: from the newest checkpoint, the running mean of the
-/// weights if the run kept one, and recalibrated batch norm. Networks are in evaluation mode and need no gradient.
+/// An actor loaded from a run, with all networks trained so far (chapter 6): EGNet, lighting, DeltaNet, TexNet, the
+/// hybrid and the radiance field without a mesh. A network is null if it was not trained, or if `load` left it out. All
+/// values come from the newest checkpoint of each stage. The weights are the running mean of the weights if the run
+/// kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its batch
+/// normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not require
+/// gradients.
+///
+/// Letters: B batch, F past frames, D DoFs, K graph nodes, N vertices, T texels along a side of the dynamic texture. A
+/// `dof_window` is a motion window [B,F+1,D]: float32 DoFs as in a motion file, oldest first; the last row is the pose
+/// of the result. It may be longer than needed. `past_frames() + 1` rows suffice for every function.
 struct TrainedActor {
-  RunSubject subject;
+  RunSubject subject;  ///< `subject.capture` is the prepared capture in use
   Character character;
   double frames_per_second = 25.0;              ///< of the capture
-  std::vector<std::string> trained_on_cameras;  ///< of EGNet; empty: all
-  std::map<std::string, std::int64_t> steps;    ///< of each loaded stage
+  std::vector<std::string> trained_on_cameras;  ///< names of the cameras that EGNet was trained on; empty: all
+  std::map<std::string, std::int64_t> steps;    ///< stage name -> training steps of its checkpoint; loaded stages only
 
-  CharacterSurface surface{nullptr};
-  EgNet egnet{nullptr};
-  Lighting lighting{nullptr};  ///< null if it was not trained; likewise the next four
-  DeltaNet deltanet{nullptr};
-  TexNet texnet{nullptr};
-  Hybrid hybrid{nullptr};
-  PlainField nerf{nullptr};  ///< trained on the frame below only
-  std::optional<SampleId> nerf_frame;
-  std::shared_ptr<RenderMesh> mesh;
-  std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size; only with TexNet
-  std::shared_ptr<FieldViewer> field_viewer;    ///< only with the hybrid; likewise the next two
-  FieldImageOptions field_image;
-  int field_stencil = 9;
-  torch::Tensor static_texture;  ///< [1,Th,Tw,3] RGB 0..1; undefined if there is none
+  CharacterSurface surface{nullptr};            ///< never null after `load`
+  EgNet egnet{nullptr};                         ///< never null after `load`
+  Lighting lighting{nullptr};                   ///< null: not loaded
+  DeltaNet deltanet{nullptr};                   ///< null: not loaded
+  TexNet texnet{nullptr};                       ///< null: not loaded
+  Hybrid hybrid{nullptr};                       ///< null: not loaded
+  PlainField nerf{nullptr};                     ///< null: not loaded. It represents the frame `nerf_frame` only.
+  std::optional<SampleId> nerf_frame;           ///< nothing without `nerf`
+  std::shared_ptr<RenderMesh> mesh;             ///< the template's faces and UVs; never null after `load`
+  std::shared_ptr<TextureSpace> texture_space;  ///< of TexNet's size; null without TexNet
+  std::shared_ptr<FieldViewer> field_viewer;    ///< null without the hybrid
+  FieldImageOptions field_image;                ///< samples per ray as in the hybrid's training
+  int field_stencil = 9;                        ///< pixels, as in the hybrid's training (FieldRays)
+  torch::Tensor static_texture;  ///< float32 [1,Th,Tw,3] RGB 0..1; undefined when the template has no texture or no UVs
 
   /// @param run output of `doppel train`: one stage (egnet) or a chain of stages
-  /// @param capture a prepared capture to use instead of the one the run was trained on
-  /// @param before load only the stages that are trained before this one
-  /// @throws Error when the folder is not a run, EGNet has no checkpoint, or the character is not the one it was
-  /// trained for
+  /// @param capture a prepared capture to use instead of that of the run; nothing: that of the run
+  /// @param before name of a stage: only the stages that are trained before it are loaded; nothing: all
+  /// @throws Error when the folder is not a run, when EGNet has no checkpoint, or when EGNet was trained for another
+  /// character than that of the capture
   static TrainedActor load(const std::filesystem::path& run,
                            const std::optional<std::filesystem::path>& capture = std::nullopt,
                            const std::optional<std::string>& before = std::nullopt);
 
-  /// F: the past frames of the networks' longest motion window.
+  /// The past frames F in the longest motion window of the loaded networks.
   int past_frames() const;
   /// The name of the last geometry stage: egnet or deltanet.
   std::string geometry_name() const { return deltanet ? "deltanet" : "egnet"; }
 
-  /// EGNet's deformation. @param dof_window [B,F+1,D], oldest first, at least as long as EGNet's motion window
-  /// @return A, T [B,K,3]
+  /// EGNet's embedded deformation of the last frame. @param dof_window at least as long as EGNet's motion window
+  /// @return A [B,K,3] radians and T [B,K,3] metres, in canonical pose (embedded_deformation.h)
   std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& dof_window) {
     return deformation(dof_window, dof_window);
   }
-  /// The same with other poses as input of EGNet's network, as in training (EgNet::forward).
+  /// The same with other poses as input of EGNet's network, for example poses with noise as in training. Inertia is
+  /// computed from `dof_window` (EgNet::forward). @param seen_window those poses, as `dof_window`
   std::pair<torch::Tensor, torch::Tensor> deformation(const torch::Tensor& seen_window,
                                                       const torch::Tensor& dof_window);
-  /// V_co, the posed and coarsely deformed surface (6.4). @return [B,N,3] world metres
+  /// V_co: the template with EGNet's deformation, in the pose of the last frame (6.4). @return [B,N,3] world metres
   torch::Tensor coarse(const torch::Tensor& dof_window);
-  /// V_fi with DeltaNet's displacements (6.14), or V_co if there is no DeltaNet. @return [B,N,3] world metres
+  /// V_fi: V_co with DeltaNet's displacements (6.14). Without DeltaNet, V_co. @return [B,N,3] world metres
   torch::Tensor fine(const torch::Tensor& dof_window);
-  /// V_fi with the displacements of a given DeltaNet of this actor, with gradients to its weights if they are on.
-  /// @return [B,N,3]
+  /// V_fi with the displacements of the given DeltaNet of this actor, for example `hybrid->refined`. Gradients go to
+  /// the weights of this DeltaNet if they require gradients. EGNet passes no gradients. @return [B,N,3] world metres
   torch::Tensor displaced(DeltaNet& deltanet, const torch::Tensor& dof_window);
-  /// The mesh that was refined together with the radiance field, or `fine` if there is none. @return [B,N,3] world
-  /// metres
+  /// The mesh that the hybrid refined together with its radiance field. Without the hybrid, the result of `fine`.
+  /// @return [B,N,3] world metres
   torch::Tensor refined(const torch::Tensor& dof_window);
-  /// The image of the radiance field in a camera. @param dof_window [1,F+1,D] @param projection [3,4] of the camera
+  /// The image of the hybrid's radiance field in a camera. @pre `hybrid` is not null
+  /// @param dof_window [1,F+1,D] @param projection float32 [3,4] pixels from world metres
+  /// @param height, width of the image, pixels
   /// @throws Error when the camera is inside the mesh
   FieldImage radiance(const torch::Tensor& dof_window, const torch::Tensor& projection, int64_t height, int64_t width);
-  /// The dynamic texture for a motion window and a camera. @return [B,T,T,3] RGB 0..1
+  /// The dynamic texture for a motion window and a camera. @pre `texnet` is not null
+  /// @param projection [B,3,4] pixels from world metres @return [B,T,T,3] RGB 0..1, row 0 at v = 1
   torch::Tensor texture(const torch::Tensor& dof_window, const torch::Tensor& projection);
 
-  /// A digest of the weights of all loaded stages. It identifies what later stages were trained on.
+  /// A digest of the weights of EGNet, lighting and DeltaNet, as far as they are loaded. Stages that use these networks
+  /// store it as part of their identity.
   std::string digest() const;
-  /// @throws UsageError naming `what` when the template has no texture or no UVs
+  /// Checks that the template has UVs and a texture. @param what needs them; the message begins with this text
+  /// @throws UsageError when the template lacks one of them
   void require_texture(const std::string& what) const;
 };
 
-/// The input of TexNet (6.8): the normal maps of the window's poses, and the camera. The normals are those of the
-/// skinned surface. With config.surface_normals, those of the last frame are taken from the finished surface instead.
-/// @param dof_window [B,F+1,D] or longer @param projection [B,3,4] of one camera per item
-/// @param surface [B,N,3] the finished surface of the last frame; used only with config.surface_normals
+/// The input of TexNet (6.8): a map of world normals for each pose of the window, then the centre and the viewing
+/// direction of the camera (texnet_input). The normals are those of the skinned surface. With config.surface_normals,
+/// the last map holds the normals of `surface` instead. F is config.past_frames and T the size of `space`.
+/// @param dof_window [B,F+1,D] or longer
+/// @param projection [B,3,4] pixels from world metres: one camera for each item of the batch
+/// @param surface [B,N,3] result of `fine` for the last frame, world metres; may be undefined without
+/// config.surface_normals
 /// @return [B,3(F+1)+6,T,T]
+/// @throws UsageError when dof_window has fewer than F+1 rows
 torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
                             const torch::Tensor& dof_window, const torch::Tensor& projection,
                             const torch::Tensor& surface);
 
-/// The one frame that a radiance field without a mesh is trained on, from the frames of a split or from `frames`.
-/// @throws UsageError unless there is exactly one
+/// Finds the one frame that a radiance field without a mesh is trained on.
+/// @param frames of the split; empty: all frames of the split
+/// @throws UsageError unless this is exactly one frame of one sequence; also the errors of `chosen_samples`
 SampleId nerf_frame(const Dataset& dataset, Split split, const std::vector<long>& frames);
 
-/// Makes a TexNet for an actor. With `residual`, TexNet adds to the actor's static texture; with `lit`, to this texture
-/// under the mean of the learnt lighting.
-/// @throws UsageError when the template has no UVs, or lacks the texture or the light that are needed
+/// Makes an untrained TexNet for an actor. With config.residual, TexNet's output is added to the actor's static
+/// texture. With config.lit, it is added to this texture under the actor's lighting, averaged over the trained cameras.
+/// @param generator draws the initial weights
+/// @throws UsageError when the template has no UVs, when config.residual is set and the template has no texture, or
+/// when config.lit is set and the lighting was not trained
 TexNet make_tex_net(const TrainedActor& actor, const TexNetConfig& config, at::Generator generator);
 
 }  // namespace doppel

@@ -23,7 +23,8 @@ void check_options(const LoaderOptions& options) {
   };
   require(options.batch_size >= 1, "batch size", options.batch_size, "at least 1");
   require(options.cameras_per_sample >= 0, "cameras per sample", options.cameras_per_sample, "at least 0 (0: all)");
-  require(options.past_frames >= 0 && options.past_frames <= 1000, "window", options.past_frames, "0 to 1000");
+  require(options.past_frames >= 0 && options.past_frames <= 1000, "number of past frames", options.past_frames,
+          "0 to 1000");
   require(options.workers >= 0 && options.workers <= 256, "number of workers", options.workers, "0 to 256");
   require(options.prefetch >= 1 && options.prefetch <= 1024, "prefetch depth", options.prefetch, "1 to 1024");
   require(options.cache_mb >= 0, "cache", options.cache_mb, "at least 0 MB");
@@ -39,15 +40,15 @@ SamplePlan make_plan(const Dataset& dataset, const LoaderOptions& options) {
   return SamplePlan(samples, cameras, draw, options.seed);
 }
 
-/// A batch from a worker, or the worker's error.
-struct Loaded {
-  Batch batch;
-  std::exception_ptr error;
-};
-
 }  // namespace
 
 struct Loader::Impl {
+  /// A batch from a worker, or the worker's error.
+  struct Loaded {
+    Batch batch;
+    std::exception_ptr error;
+  };
+
   const Dataset& dataset;
   LoaderOptions options;
   SamplePlan plan;

@@ -1,7 +1,15 @@
 #pragma once
 
-/// The structure-aware graph convolutional network (6.5.3): stem SAGC, L residual blocks of (BN, ELU, SAGC) x 2 with a
-/// skip connection, a dense block between the halves, head (ELU, SAGC).
+/// The structure-aware graph convolutional network, SAGCN (6.5.3). SAGC is the structure-aware graph convolution of 6.5
+/// (graph_convolution.h). BN is batch normalisation. The layers, in this order:
+///
+///   stem            SAGC, Hin to H_1 features per node
+///   L blocks        x + SAGC(ELU(BN(SAGC(ELU(BN(x))))))
+///   dense block     after the first L/2 blocks, if configured (DenseUnit)
+///   head            ELU, then SAGC, H_1 to Hout features per node
+///
+/// Shapes: B batch, K nodes, H features per node. The public layout is [B,K,H]. The layout of the fused kernels is
+/// node-major, [K,B,H]. Functions whose names end in `_node_major` take and return the second one.
 
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
@@ -17,43 +25,53 @@
 
 namespace doppel {
 
-/// The sharing of batch normalisation: per node and feature, per feature over all nodes, or no normalisation.
+/// The batch normalisation. `node`: statistics and parameters for each node and feature. `channel`: for each feature,
+/// common to all nodes. `none`: no normalisation.
 enum class SagcnNorm { node, channel, none };
-/// The exchange between all nodes: none, the broadcast sum of 6.5.3, or a learned K x K matrix.
+/// The dense block, in which every node receives features of all nodes. `none`: no dense block. `broadcast`: the sum
+/// over all nodes of 6.5.3 (`dense_broadcast`). `matrix`: a learned matrix [K,K], the same for all features
+/// (`dense_matrix`).
 enum class DenseBlock { none, broadcast, matrix };
-/// Glorot uniform per node with a small head, or all weights near 1e-3 as in the public code.
+/// The initial weights. `glorot`: the kernels of a node are uniform in +-sqrt(6 / (inputs + outputs)). In the head and
+/// in the dense block, they are uniform in +-head_scale instead. Biases are 0. `public_code` (`public` in a
+/// configuration): kernels and biases are normal with mean -1e-3 and standard deviation 1e-3, as in the public code. In
+/// the dense block, the kernels are a hundredth of that, and the bias is 0.
 enum class SagcnInitialisation { glorot, public_code };
 
 struct SagcnConfig {
-  int features = 16;        ///< H_1
-  int residual_blocks = 8;  ///< L, even
-  int rings = 3;            ///< R of 6.6
+  int features = 16;        ///< H_1, features per node between stem and head
+  int residual_blocks = 8;  ///< L, even; 0: none
+  int rings = 3;            ///< R of 6.6, for the caller who builds the RingWeights; SagcnImpl does not read it
   SagcnNorm norm = SagcnNorm::node;
-  double norm_momentum = 0.003;
-  double norm_epsilon = 1e-5;
+  double norm_momentum = 0.003;  ///< running = (1 - momentum) running + momentum new
+  double norm_epsilon = 1e-5;    ///< added to the variance
   DenseBlock dense = DenseBlock::none;
-  bool dense_normalised = true;  ///< broadcast: divide the sum by K (1/K is 6.6 for equal weights)
+  bool dense_normalised = true;  ///< `broadcast` only: divides the sum by K, as 6.6 does for equal weights
   SagcnInitialisation initialisation = SagcnInitialisation::glorot;
-  double head_scale = 1e-3;  ///< bound of the uniform head kernels: initial outputs are about 0
+  double head_scale = 1e-3;  ///< `glorot` only: bound of the kernels of head and dense block. A small bound makes the
+                             ///< initial outputs about 0.
 
-  /// Reads the keys above over `defaults`. @throws FileError at the key
+  /// Reads keys with the names of the members. A missing key takes its value from `defaults`.
+  /// @throws FileError at a key whose value is not allowed
   static SagcnConfig read(const ConfigReader& reader, const SagcnConfig& defaults);
-  /// @throws UsageError listing every fault
+  /// Checks the numbers. @throws UsageError that lists every value out of range
   void check() const;
 };
 
-/// Batch normalisation according to SagcnNorm; `none` returns the input.
+/// The batch normalisation that SagcnNorm selects. In training mode it uses the statistics of the batch and updates the
+/// running ones. In evaluation mode it uses the running ones.
 class FeatureNormImpl : public torch::nn::Module {
  public:
   FeatureNormImpl(int64_t num_nodes, int features, const SagcnConfig& config);
 
-  /// Plain tensor operations. @param features [B,K,H] @return the same shape
+  /// Plain tensor operations. `none` returns the input. @param features [B,K,H] @return [B,K,H]
   torch::Tensor forward(const torch::Tensor& features);
-  /// The normalisation as input of the fused convolution; undefined unless the kind is `node`.
+  /// The parameters and statistics, in the form that the fused convolution takes. For `channel` and `none` the tensors
+  /// of the result are undefined, and the fused convolution does not normalise.
   NodeNorm node_norm() const;
   SagcnNorm kind() const { return kind_; }
 
-  torch::Tensor weight, bias, running_mean, running_var;  ///< [K,H] or [H]
+  torch::Tensor weight, bias, running_mean, running_var;  ///< `node`: [K,H]; `channel`: [H]; `none`: undefined
 
  private:
   SagcnNorm kind_;
@@ -61,14 +79,15 @@ class FeatureNormImpl : public torch::nn::Module {
 };
 TORCH_MODULE(FeatureNorm);
 
-/// One (norm, ELU, SAGC).
+/// Half a residual block without its skip connection: batch normalisation, ELU, SAGC.
 class SagcnUnitImpl : public torch::nn::Module {
  public:
   SagcnUnitImpl(const RingWeights& ring, int inputs, int outputs, const SagcnConfig& config);
 
-  /// @param features [K,B,Hin] @param skip [K,B,Hout], added to the result, or undefined @return [K,B,Hout]
+  /// @param features [K,B,Hin] @param skip [K,B,Hout], added to the result; undefined: nothing is added
+  /// @return [K,B,Hout]
   torch::Tensor forward_node_major(const torch::Tensor& features, const torch::Tensor& skip = {});
-  /// @param features [B,K,Hin] @return [B,K,Hout]
+  /// Plain tensor operations. @param features [B,K,Hin] @return [B,K,Hout]
   torch::Tensor forward_reference(const torch::Tensor& features);
 
   FeatureNorm norm{nullptr};
@@ -76,12 +95,13 @@ class SagcnUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(SagcnUnit);
 
-/// The dense block between the halves: features + dense(ELU(norm(features))).
+/// The dense block in the middle of the network: features + dense(ELU(BN(features))). H is SagcnConfig::features.
 class DenseUnitImpl : public torch::nn::Module {
  public:
+  /// Kernels and bias start at 0; SagcnImpl initialises the kernels. @pre config.dense is not `none`
   DenseUnitImpl(int64_t num_nodes, const SagcnConfig& config);
 
-  /// @param features [B,K,H] @return [B,K,H]
+  /// Plain tensor operations. @param features [B,K,H] @return [B,K,H]
   torch::Tensor forward(const torch::Tensor& features);
   /// @param features [K,B,H] @return [K,B,H]
   torch::Tensor forward_node_major(const torch::Tensor& features);
@@ -98,15 +118,19 @@ TORCH_MODULE(DenseUnit);
 
 class SagcnImpl : public GraphNetwork {
  public:
-  /// @param inputs  Hin of the stem  @param outputs Hout of the head
-  /// @param generator draws the initial kernels; by default a fresh one with a fixed seed
+  /// @param ring weights of the neighbours, from a graph with the K nodes of the features
+  /// @param inputs Hin of the stem @param outputs Hout of the head
+  /// @param generator draws the initial weights; by default a new generator with a fixed seed
+  /// @throws UsageError as SagcnConfig::check
   SagcnImpl(const RingWeights& ring, int inputs, int outputs, const SagcnConfig& config,
             std::optional<at::Generator> generator = std::nullopt);
 
+  /// float32 on the CPU runs the fused kernels. Everything else, and a torch::jit trace, runs `forward_reference`.
   /// @param features [B,K,Hin] @return [B,K,Hout]
-  /// @throws Error in training with norm = node and B = 1, where every normalised feature would be 0
+  /// @throws UsageError for another shape; in training mode also for `SagcnNorm::node` with B = 1, because every
+  /// normalised feature would be 0
   torch::Tensor forward(const torch::Tensor& features) override;
-  /// The same in plain tensor operations only (export, double, other devices).
+  /// The same in plain tensor operations, for export, float64 and other devices. Can be traced.
   torch::Tensor forward_reference(const torch::Tensor& features);
 
   const SagcnConfig& config() const { return config_; }

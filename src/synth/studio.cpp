@@ -62,15 +62,15 @@ std::array<float, 256> linear_table() {
   return table;
 }
 
-/// The image of the empty studio in one camera, and the positions of its floor.
-struct Backdrop {
-  std::vector<Light> lit;    ///< [H*W]
-  std::vector<float> floor;  ///< [H*W*2] x, z of the floor seen there; NaN: the wall, or too far to be shaded
-};
-
 }  // namespace
 
 struct Studio::State {
+  /// The image of the empty studio in one camera, and the positions of its floor.
+  struct Backdrop {
+    std::vector<Light> lit;    ///< [H*W]
+    std::vector<float> floor;  ///< [H*W*2] x, z of the floor seen there; NaN: the wall, or too far to be shaded
+  };
+
   State(const Actor& who, std::vector<Camera> all, const StudioOptions& how)
       : actor(who),
         cameras(std::move(all)),
@@ -109,7 +109,7 @@ struct Studio::State {
   const float* barycentrics = nullptr;
 };
 
-Backdrop Studio::State::make_backdrop(const Camera& camera) const {
+Studio::State::Backdrop Studio::State::make_backdrop(const Camera& camera) const {
   Backdrop backdrop;
   const Vector3d centre = camera.centre();
   const Eigen::Matrix3d ray_from_pixel = camera.R.transpose() * camera.K.inverse();

@@ -44,6 +44,7 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
     if (is_shown(one.frame)) sheet->add(one.frame, one.seen, result.frames.back());
     progress.advance(1, fmt::format("{} {}", sequence.name, to_string(result.frames.back().state)));
   };
+  tracker_.cut();
   const auto start = Clock::now();
   if (options_.frames_ahead > 0) {
     Prefetch<Read> frames(read, as_size(options_.frames_ahead));
@@ -52,7 +53,8 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
     while (const std::optional<Read> one = read()) take(*one);
   }
   result.times.total = seconds_since(start);
-  if (sheet && !sheet->empty()) cv::imwrite(options_.sheet.string(), sheet->image());
+  if (sheet && !sheet->empty() && !cv::imwrite(options_.sheet.string(), sheet->image()))
+    fail("the image {} cannot be written", options_.sheet.string());
   return result;
 }
 

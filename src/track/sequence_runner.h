@@ -10,27 +10,34 @@
 namespace doppel {
 
 struct SequenceRunOptions {
-  int sheet_frames = 0;              ///< rows of `sheet`; 0: none
-  std::filesystem::path sheet = {};  ///< JPEG file with outlines of masks and surface in some frames
-  int sheet_pixels = 256;            ///< side of the windows in which the sheet finds outlines
-  int frames_ahead = 0;              ///< frames that a second thread reads ahead; 0: no second thread
+  int sheet_frames = 0;              ///< number of frames in the contact sheet, spread over the sequence; 0: no sheet
+  std::filesystem::path sheet = {};  ///< file of the contact sheet (TrackSheet), JPEG; needed if sheet_frames is not 0
+  int sheet_pixels = 256;            ///< side of the windows in which the outlines of the surface are found, pixels
+  int frames_ahead = 0;              ///< largest number of frames that a second thread reads ahead; 0: no second thread
 };
 
-/// Reads the frames of a sequence in order and passes them to a tracker. All methods share this class; a method adds
-/// its own work with the hook.
+/// Reads the frames of a sequence in order and passes them to a tracker. All tracking methods use this class. A method
+/// does its own work per frame in a function that it registers with `on_frame`.
 class SequenceRunner {
  public:
-  /// Called after each frame, on the calling thread.
+  /// A function that `run` calls after each frame, on the thread that called `run`.
+  /// @param frame row of the resulting motion @param seen what the cameras saw; with images if the tracker uses them,
+  /// or if the frame is in the contact sheet @param found the result of the tracker
   using FrameHook = std::function<void(long frame, const FootageFrame& seen, const FrameResult& found)>;
 
   /// @param footage, tracker must outlive the runner
   SequenceRunner(const Footage& footage, FrameTracker& tracker, SequenceRunOptions options)
       : footage_(footage), tracker_(tracker), options_(std::move(options)) {}
 
+  /// Registers the function to call after each frame. It replaces the one before.
   void on_frame(FrameHook hook) { hook_ = std::move(hook); }
 
-  /// Tracks all frames. @return states, poses and times; the motion is still empty (`make_motion`)
-  /// @throws Error when a stop was requested (`stop_requested`)
+  /// Tracks all frames of a sequence. Calls `FrameTracker::cut` before the first frame and at each cut.
+  /// @param sequence of the footage @param progress advances by one for each frame
+  /// @return the fitted frames and the times. `motion` is still empty; `make_motion` fills it in. `surface` and
+  /// `vertices` are not set.
+  /// @throws Error when a stop was requested (`stop_requested`), when the tracker requires images and a camera has none,
+  /// or when the contact sheet cannot be written; also the errors of the footage, the tracker and the hook
   TrackedSequence run(const FootageSequence& sequence, Progress& progress);
 
  private:

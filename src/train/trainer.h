@@ -16,55 +16,63 @@ namespace doppel {
 
 class TensorBoardWriter;
 
-/// How a stage is trained; `docs/training.md` explains every key.
+/// How a stage is trained; `docs/training.md` explains every key. A session is one call of `Trainer::run`. A run that
+/// was interrupted has several.
 struct TrainerOptions {
-  std::int64_t iterations = 1000;
-  Schedule schedule;
+  std::int64_t iterations = 1000;  ///< steps of the whole run
+  Schedule schedule;               ///< the learning rate of each step
   AdamOptions adam;
-  std::int64_t seed = 1;
-  std::int64_t log_every = 10;
-  std::int64_t checkpoint_every = 500;
-  int keep_last = 2;
-  std::int64_t keep_every = 0;
-  std::int64_t images_every = 0;  ///< 0: at the end only
-  double max_minutes = 0.0;       ///< of training over all sessions; 0: no limit
-  bool keep_start = false;        ///< write a checkpoint before the first step too; not a configuration key
+  std::int64_t seed = 1;                ///< of the random numbers of training, LibTorch's global generator included
+  std::int64_t log_every = 10;          ///< steps between two lines of metrics
+  std::int64_t checkpoint_every = 500;  ///< steps between two checkpoints; there is always one at the end
+  int keep_last = 2;                    ///< number of the newest checkpoints to keep
+  std::int64_t keep_every = 0;          ///< also keep the checkpoints of steps divisible by this; 0: none
+  std::int64_t images_every = 0;        ///< steps between two sets of images; 0: images at the end only
+  double max_minutes = 0.0;             ///< limit of the training time, summed over all sessions; 0: no limit
+  bool keep_start = false;              ///< write a checkpoint before the first step too; not a configuration key
 
-  /// Reads the section `train`.
+  /// Reads the keys of the section `train`. @param reader that section @throws FileError at a key with a wrong value
   static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);
-  /// The same for a stage whose steps and rates are configured elsewhere. @param source the other keys, for messages
-  /// @throws FileError at `iterations`, `learning_rate` or `schedule`
+  /// The same for a stage whose number of steps and learning rates come from other keys.
+  /// @param schedule made from those keys; it gives the iterations too
+  /// @param source the message of the error, which names those keys
+  /// @throws FileError also when the section holds `iterations`, `learning_rate` or `schedule`
   static TrainerOptions read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
                                     const std::string& source);
 };
 
-/// Why a run ended.
+/// Why a session ended. `finished`: all iterations are done. `time_limit`: max_minutes is reached. `interrupted`:
+/// Ctrl-C or SIGTERM.
 enum class StopReason { finished, time_limit, interrupted };
 
 struct TrainSummary {
   StopReason reason = StopReason::finished;
-  std::int64_t step = 0;        ///< steps done
-  std::int64_t resumed_at = 0;  ///< where this session began
-  double seconds = 0.0;         ///< of training, over all sessions
-  double loss = 0.0;            ///< of the last line of metrics
+  std::int64_t step = 0;        ///< steps done, over all sessions
+  std::int64_t resumed_at = 0;  ///< steps done before this session; 0: it began the run
+  double seconds = 0.0;         ///< training time, over all sessions
+  double loss = 0.0;            ///< weighted loss in the last line of metrics; 0 when there is no line yet
 };
 
-/// Trains one stage into a run folder. A run that is killed and started again ends with the same bits as an unbroken
-/// run (one process, same number of threads).
+/// Trains one stage, and writes checkpoints, metrics, images and the report to a run folder. A run that is killed and
+/// started again ends with the same bits as a run that was never stopped. This holds on the same machine, with the same
+/// number of threads and one training process.
 class Trainer {
  public:
-  /// @param run a folder opened with `RunFolder::open`
+  /// Sets the seed of LibTorch's global random generator to `options.seed`.
+  /// @param stage must outlive the trainer @param run a folder on which `RunFolder::open` was called
   Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run);
   ~Trainer();
 
-  /// Resumes from the newest checkpoint, if there is one, and trains to the end, to the time limit or to Ctrl-C.
-  /// @throws Error when a loss term or a gradient is not finite; the message names stage, step, batch and term. The
-  /// last checkpoint is kept.
+  /// Resumes from the newest checkpoint, if there is one. Trains until all iterations are done, the time limit is
+  /// reached, or Ctrl-C or SIGTERM arrives. Then it writes a checkpoint, and images unless it was interrupted.
+  /// @throws Error when a loss term or a gradient is not finite. The message names the stage, the step, the batch, and
+  /// the term or parameter. The last checkpoint is kept.
+  /// @throws Error when the folder holds checkpoints of another stage, of other data (UsageError), or only damaged ones
   TrainSummary run();
 
  private:
   void resume();
-  /// One step. @return weighted loss
+  /// Takes one step. @return the sum of the weighted loss terms
   double step();
   std::vector<MetricsRecord::Term> evaluate(const LossTerms& terms) const;
   void check_gradients(double norm, const LossTerms& terms);
