@@ -109,7 +109,7 @@ double marker_distance(const Skeleton& skeleton, const std::vector<double>& rest
 double skeleton_distance(const Character& character) {
   const auto world_from_joint = character.skeleton.pose(character.rest_dofs);
   std::vector<Eigen::Vector3d> points;
-  for (const int joint : character.bone_joint) points.push_back(world_from_joint[joint].translation());
+  for (const int joint : character.bone_joint) points.emplace_back(world_from_joint[joint].translation());
   return median_distance(points, character.mesh);
 }
 
