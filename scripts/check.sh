@@ -14,7 +14,7 @@ clang-format --dry-run --Werror "${sources[@]}"
 scripts/test.sh
 cmake --build build/release --target headers  # compiles every header alone
 if command -v clang-tidy >/dev/null; then
-  # clang-tidy needs the compile command of each source, which a build of several as one does not have.
+  # clang-tidy needs a compile command for each source. A unity build has none.
   cmake --preset release -B build/tidy -DDOPPEL_UNITY_BATCH=1 >/dev/null
   # Only files without torch: with torch, clang-tidy takes half a minute per file.
   mapfile -t light < <(git ls-files 'src/core/*.cpp' 'src/geometry/*.cpp' 'src/character/*.cpp')

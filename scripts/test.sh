@@ -11,7 +11,7 @@ scripts/install_dependencies.sh tests
 cmake --preset "$preset" >/dev/null
 cmake --build --preset "$preset"
 [ -n "${DOPPEL_SHARED:-}" ] || echo "DOPPEL_SHARED is not set: the tests labelled 'real' will be skipped."
-# Side by side, one thread each, is faster than one after the other; tests of parallel code set their threads. The
-# allocator keeps freed memory, as the program itself does (core/process.h).
+# The tests run side by side with one thread each, which is faster than one test after the other. Tests of parallel code
+# set their own number of threads. The allocator keeps freed memory, as in the program itself (core/process.h).
 export OMP_NUM_THREADS=1 MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=4294967296 MALLOC_TOP_PAD_=16777216
 ctest --preset "$preset" --parallel "$CMAKE_BUILD_PARALLEL_LEVEL"

@@ -94,7 +94,7 @@ std::vector<Part> parts_of(Actor& actor) {
 }
 
 void print_shares(const std::vector<doppel::bench::Timing>& times) {
-  const auto ms = [&](int i) { return times[as_size(i)].median_ms; };
+  const auto ms = [&](int i) { return times[doppel::as_size(i)].median_ms; };
   std::printf("  EGNet %.2f, DeltaNet %.2f, deformation and skinning %.2f ms\n", ms(1) - ms(0), ms(3) - ms(2),
               ms(4) - ms(3) - ms(1));
   std::printf("  %.0f frames/s, %.1f x %.0f frames/s\n\n", 1000.0 / ms(4), 1000.0 / ms(4) / kWantedFrames,

@@ -77,7 +77,7 @@ class PoseFunctor {
   struct Body {
     std::vector<T> dofs;
     std::vector<Matrix3<T>> turn;          ///< [J]
-    std::vector<Vector3<T>> place;         ///< [J]
+    std::vector<Vector3<T>> position;      ///< [J]
     std::vector<DualQuaternion<T>> bones;  ///< [Bn] world from rest
     std::vector<Vector3<T>> landmarks;
   };
@@ -96,7 +96,8 @@ class PoseFunctor {
     for (int j = 0; j < skeleton_.num_joints(); ++j) add_joint(j, q[at(j)], turn, body);
     for (std::size_t b = 0; b < rest_from_joint_.size(); ++b) body.bones.push_back(bone(b, body));
     for (const Marker& marker : model_.landmarks())
-      body.landmarks.push_back(body.turn[at(marker.joint)] * marker.position.cast<T>() + body.place[at(marker.joint)]);
+      body.landmarks.push_back(body.turn[at(marker.joint)] * marker.position.cast<T>() +
+                               body.position[at(marker.joint)]);
     return body;
   }
 
@@ -105,24 +106,24 @@ class PoseFunctor {
     const Joint& joint = skeleton_.joints[at(j)];
     const bool free = joint.parent < 0;
     Matrix3<T> rotation = free ? Matrix3<T>(Matrix3<T>::Identity()) : body.turn[at(joint.parent)];
-    Vector3<T> place = free ? Vector3<T>(joint.offset.cast<T>())
-                            : Vector3<T>(rotation * joint.offset.cast<T>() + body.place[at(joint.parent)]);
+    Vector3<T> position = free ? Vector3<T>(joint.offset.cast<T>())
+                               : Vector3<T>(rotation * joint.offset.cast<T>() + body.position[at(joint.parent)]);
     if (joint.type == Joint::Type::prismatic) {
-      place += rotation * Vector3<T>(joint.axis.cast<T>() * q);
+      position += rotation * Vector3<T>(joint.axis.cast<T>() * q);
     } else if (j == model_.root()->joint()) {
       rotation = rotation_of(turn) * start_[at(j)].linear().cast<T>();
     } else {
       rotation = Matrix3<T>(rotation * rotation_of(Vector3<T>(joint.axis.cast<T>() * q)));
     }
     body.turn.push_back(rotation);
-    body.place.push_back(place);
+    body.position.push_back(position);
   }
 
   template <typename T>
   DualQuaternion<T> bone(std::size_t b, const Body<T>& body) const {
     const std::size_t j = at(model_.character().bone_joint[b]);
     const Matrix3<T> rotation = body.turn[j] * rest_from_joint_[b].linear().cast<T>();
-    const Vector3<T> t = body.turn[j] * Vector3<T>(rest_from_joint_[b].translation().cast<T>()) + body.place[j];
+    const Vector3<T> t = body.turn[j] * Vector3<T>(rest_from_joint_[b].translation().cast<T>()) + body.position[j];
     T wxyz[4];
     ceres::RotationMatrixToQuaternion(rotation.data(), wxyz);
     const Quaternion<T> real(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
@@ -208,7 +209,7 @@ class PoseFunctor {
             frame_.options.temporal_weight * target.weight);
   }
 
-  /// Which vertices belong to the opposite outline is chosen anew wherever jacobian are asked for, as in our term.
+  /// As in our term, each computation of jacobians chooses anew the vertices that belong to the opposite outline.
   template <typename T>
   void silhouette(const Body<T>& body, T*& rows) const {
     const double scale = reference_pixels(frame_.cameras[0]);
@@ -216,10 +217,10 @@ class PoseFunctor {
       Eigen::Vector3d normal;
       const Vector3<T> point = vertex(body, frame_.outline[i].vertex, normal);
       const Eigen::Matrix<T, 2, 1> pixel = project(point);
-      const Eigen::Vector2d place(number(pixel.x()), number(pixel.y()));
-      const OutlineField::Sample sample = frame_.evidence[0].outline.at(place);
-      const T distance = sample.distance + sample.gradient.x() * (pixel.x() - place.x()) +
-                         sample.gradient.y() * (pixel.y() - place.y());
+      const Eigen::Vector2d here(number(pixel.x()), number(pixel.y()));
+      const OutlineField::Sample sample = frame_.evidence[0].outline.at(here);
+      const T distance =
+          sample.distance + sample.gradient.x() * (pixel.x() - here.x()) + sample.gradient.y() * (pixel.y() - here.y());
       if constexpr (!std::is_same_v<T, double>) {
         const Eigen::Vector3d where(number(point.x()), number(point.y()), number(point.z()));
         targets_[i] = frame_.outline[i].distance;

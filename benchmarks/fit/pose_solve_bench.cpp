@@ -88,7 +88,7 @@ int run(int count) {
   const Character& character = actor.character;
   const PoseModel model(character, character.skeleton.markers,
                         observable_dofs(character.skeleton, character.skeleton.markers));
-  Camera camera = synth::make_cameras(1, 960, 1).front();
+  const PinholeCamera camera(synth::make_cameras(1, 960, 1).front());
   const Motion motion = synth::make_motion(character.skeleton, 6 * count + 3, 25.0, 3);
   std::mt19937 random(1);
   std::vector<PoseFrame> frames;

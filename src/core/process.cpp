@@ -63,7 +63,8 @@ void setup_process() {
 
 int resolve_threads(int requested) {
   if (requested < 0 || requested > kMaxThreads) {
-    fail<UsageError>("setting the number of threads: found {}; allowed is 0 (all cores) to {}", requested, kMaxThreads);
+    fail<UsageError>("setting the number of threads: found {}; allowed is 0 (OMP_NUM_THREADS, or all cores) to {}",
+                     requested, kMaxThreads);
   }
   if (requested > 0) return requested;
   const char* environment = std::getenv("OMP_NUM_THREADS");

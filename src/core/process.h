@@ -8,8 +8,8 @@ namespace doppel {
 /// - Ctrl-C and SIGTERM become a request that `stop_requested` reports. A second signal ends the process at once.
 void setup_process();
 
-/// The number of threads to use: `requested`; when it is 0, what the environment's OMP_NUM_THREADS says; without it,
-/// the number of cores that the process may use.
+/// The number of threads to use. `requested` 0 stands for the environment variable OMP_NUM_THREADS or, where this is
+/// not a number from 1 to 1024, for the number of cores that the process may use.
 /// @throws UsageError when `requested` is negative or above 1024
 int resolve_threads(int requested);
 

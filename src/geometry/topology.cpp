@@ -136,9 +136,9 @@ std::vector<std::pair<int, double>> MeshTopology::geodesic_ball(int source, doub
     for (const int n : one_ring_.row(vertex)) {
       const double longer = length + (positions[n] - positions[vertex]).norm();
       if (longer > max_length) continue;
-      const auto [place, fresh] = best.emplace(n, longer);
-      if (!fresh && place->second <= longer) continue;
-      place->second = longer;
+      const auto [known, fresh] = best.emplace(n, longer);
+      if (!fresh && known->second <= longer) continue;
+      known->second = longer;
       queue.emplace(longer, n);
     }
   }

@@ -36,8 +36,8 @@ class SequenceRunner {
   /// @param sequence of the footage @param progress advances by one for each frame
   /// @return the fitted frames and the times. `motion` is still empty; `make_motion` fills it in. `surface` and
   /// `vertices` are not set.
-  /// @throws Error when a stop was requested (`stop_requested`), when the tracker requires images and a camera has none,
-  /// or when the contact sheet cannot be written; also the errors of the footage, the tracker and the hook
+  /// @throws Error when a stop was requested (`stop_requested`), when the tracker requires images and a camera has
+  /// none, or when the contact sheet cannot be written; also the errors of the footage, the tracker and the hook
   TrackedSequence run(const FootageSequence& sequence, Progress& progress);
 
  private:
