@@ -1,7 +1,11 @@
-// The program as a user meets it: exit codes, messages, and the whole way from footage to an exported actor.
+// The program as a user meets it: exit codes, messages, and the whole way from footage to an exported actor. Most tests
+// run commands in this process, because each start of the program takes half a second.
+#include "program.h"
+
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -23,6 +27,19 @@ struct Outcome {
 };
 
 Outcome run(const std::string& arguments) {
+  std::vector<std::string> words = CLI::detail::split_up(arguments);
+  words.insert(words.begin(), "doppel");
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
+  const int code = tools::run_program(static_cast<int>(argv.size()), argv.data());
+  const std::string out = ::testing::internal::GetCapturedStdout();
+  return {code, out, ::testing::internal::GetCapturedStderr()};
+}
+
+/// Starts the program.
+Outcome start(const std::string& arguments) {
   const TemporaryFolder folder;
   const std::string out = (folder / "out").string(), err = (folder / "err").string();
   const int status = std::system((DOPPEL_PROGRAM " " + arguments + " >'" + out + "' 2>'" + err + "'").c_str());
@@ -31,6 +48,15 @@ Outcome run(const std::string& arguments) {
 
 const std::vector<std::string> kCommands{"synth",   "character", "prepare", "train", "evaluate",
                                          "compare", "animate",   "export",  "info"};
+
+TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
+  EXPECT_EQ(start("--version").out, run("--version").out);
+  EXPECT_EQ(start("dance").code, 2);
+  const Outcome missing = start("info missing.character"), here = run("info missing.character");
+  EXPECT_EQ(missing.code, 1);
+  EXPECT_EQ(missing.err, here.err);
+  EXPECT_EQ(missing.out, "");
+}
 
 TEST(ProgramReference, EveryCommandHelpsWithAnExample) {
   EXPECT_EQ(run("--help").code, 0);
