@@ -13,7 +13,7 @@ namespace {
 
 /// Options of the command line; missing values are those of the preset.
 struct SynthArguments {
-  std::string out, preset = "tiny";
+  std::string out, preset = "tiny", cloth = "springs";
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
   std::uint64_t seed = 1;
   bool force = false;
@@ -28,6 +28,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
   take("--frames", arguments.frames, options.frames);
   take("--test-frames", arguments.test_frames, options.test_frames);
   take("--size", arguments.size, options.size);
+  options.cloth.model = synth::cloth_model(arguments.cloth);
   options.seed = arguments.seed;
   options.force = arguments.force;
   return options;
@@ -39,8 +40,8 @@ void print_summary(const std::string& out, const synth::SynthOptions& o, const s
   fmt::print("  cameras   {}, {} x {} pixels\n", o.cameras, o.size, o.size);
   fmt::print("  frames    {} for training (cut before frame {}), {} for testing, {} per second\n", o.frames,
              o.frames / 2, o.test_frames, o.fps);
-  fmt::print("  clothes   {:.1f} mm from the skinned template on average, {:.1f} mm at most (test frames)\n",
-             1e3 * r.mean_displacement, 1e3 * r.largest_displacement);
+  fmt::print("  clothes   {}, {:.1f} mm from the skinned template on average, {:.1f} mm at most (test frames)\n",
+             synth::cloth_name(o.cloth.model), 1e3 * r.mean_displacement, 1e3 * r.largest_displacement);
   fmt::print("  skinning  silhouettes overlap with the ground truth by IoU {:.4f} (test frames, all cameras)\n",
              r.skinning_iou);
   fmt::print("next: doppel prepare {}\n", out);
@@ -56,6 +57,7 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
                                  {"size", o.size},
                                  {"fps", o.fps},
                                  {"seed", o.seed},
+                                 {"cloth", synth::cloth_name(o.cloth.model)},
                                  {"frames", {{"train", o.frames}, {"test", o.test_frames}}},
                                  {"mean_displacement_mm", 1e3 * r.mean_displacement},
                                  {"largest_displacement_mm", 1e3 * r.largest_displacement},
@@ -77,6 +79,10 @@ Command add_synth(CLI::App& program) {
   app->add_option("--frames", arguments->frames, "Number of training frames, instead of the preset's");
   app->add_option("--test-frames", arguments->test_frames, "Number of test frames, instead of the preset's");
   app->add_option("--size", arguments->size, "Side of the square images in pixels, instead of the preset's");
+  app->add_option("--cloth", arguments->cloth,
+                  "Simulation of the clothes: springs (fast), or xpbd (near-inextensible, touches the body; half a "
+                  "minute longer for small)")
+      ->capture_default_str();
   app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
   app->add_flag("--force", arguments->force, "Replace a synthetic capture in the folder");
   return {app, [app, arguments](const CommonOptions& common) {

@@ -80,28 +80,48 @@ double foot(const Vector3d& p) {
   return smooth_max(d, -p.y(), 0.012);
 }
 
-/// Distances to the six parts of the left limbs.
-std::array<double, kLimbParts> limbs(const Vector3d& p) {
+double shin(const Vector3d& p) {
   const Vector3d calf(0.104, 0.36, -0.018);
-  double shin = round_cone(p, BodyPlan::knee(), BodyPlan::ankle(), 0.062, 0.05);
-  shin = smooth_min(shin, ellipsoid(p, calf, {0.06, 0.13, 0.062}), 0.04);
-  return {smooth_min(round_cone(p, BodyPlan::shoulder(), BodyPlan::elbow(), 0.061, 0.051),
-                     ellipsoid(p, BodyPlan::shoulder(), {0.063, 0.06, 0.061}), 0.03),
-          round_cone(p, BodyPlan::elbow(), BodyPlan::wrist(), 0.047, 0.0305),
-          hand(p),
-          round_cone(p, BodyPlan::hip(), BodyPlan::knee(), 0.092, 0.062),
-          shin,
-          foot(p)};
+  const double d = round_cone(p, BodyPlan::knee(), BodyPlan::ankle(), 0.062, 0.05);
+  return smooth_min(d, ellipsoid(p, calf, {0.06, 0.13, 0.062}), 0.04);
 }
 
-/// A bell with folds that grow towards the hem, hollow from below.
+/// Distance to a part of the left limbs.
+double left_limb(int part, const Vector3d& p) {
+  switch (part) {
+    case kLeftArm:
+      return smooth_min(round_cone(p, BodyPlan::shoulder(), BodyPlan::elbow(), 0.061, 0.051),
+                        ellipsoid(p, BodyPlan::shoulder(), {0.063, 0.06, 0.061}), 0.03);
+    case kLeftForearm:
+      return round_cone(p, BodyPlan::elbow(), BodyPlan::wrist(), 0.047, 0.0305);
+    case kLeftHand:
+      return hand(p);
+    case kLeftThigh:
+      return round_cone(p, BodyPlan::hip(), BodyPlan::knee(), 0.092, 0.062);
+    case kLeftShin:
+      return shin(p);
+    default:
+      return foot(p);
+  }
+}
+
+/// How far p is from the axis of the skirt, and how far the outer face of the skirt is: a bell with folds that grow
+/// towards the hem.
+struct Bell {
+  explicit Bell(const Vector3d& p) {
+    const double drop = std::clamp((BodyPlan::kWaist - p.y()) / (BodyPlan::kWaist - BodyPlan::kHem), -0.1, 1.1);
+    const double down = std::max(drop, 0.0);
+    const double angle = std::atan2(p.x(), p.z());
+    const double folds = 0.02 * down * down * std::cos(9 * angle + 0.4) + 0.008 * down * std::cos(5 * angle - 0.9);
+    radius = 0.118 + 0.078 * std::sqrt(down + 0.004) + 0.128 * down + folds;
+    rho = std::hypot(p.x() / 1.13, p.z() + 0.008 * down);
+  }
+  double rho, radius;
+};
+
+/// The bell, hollow from below.
 double skirt(const Vector3d& p) {
-  const double drop = std::clamp((BodyPlan::kWaist - p.y()) / (BodyPlan::kWaist - BodyPlan::kHem), -0.1, 1.1);
-  const double down = std::max(drop, 0.0);
-  const double angle = std::atan2(p.x(), p.z());
-  const double folds = 0.02 * down * down * std::cos(9 * angle + 0.4) + 0.008 * down * std::cos(5 * angle - 0.9);
-  const double radius = 0.118 + 0.078 * std::sqrt(down + 0.004) + 0.128 * down + folds;
-  const double rho = std::hypot(p.x() / 1.13, p.z() + 0.008 * down);
+  const auto [rho, radius] = Bell(p);
   const double outer = (rho - radius) * 0.9;
   const double inner = (rho - (radius - 0.034)) * 0.9;
   // The cavity ends below the waist; above it the garment and the body are one solid.
@@ -118,20 +138,35 @@ double smooth_step(double low, double high, double x) {
   return t * t * (3 - 2 * t);
 }
 
+double BodyField::part_distance(Part part, const Vector3d& p) const {
+  switch (part) {
+    case kTorso:
+      return torso(p);
+    case kSkirt:
+      return skirt(p);
+    case kHead:
+      return head(p);
+    case kHair:
+      return hair(p);
+    default:
+      return part < kRightArm ? left_limb(part, p) : left_limb(part - kLimbParts, mirrored(p));
+  }
+}
+
 std::array<double, kNumParts> BodyField::part_distances(const Vector3d& p) const {
   std::array<double, kNumParts> d;
-  d[kTorso] = torso(p);
-  d[kSkirt] = skirt(p);
-  d[kHead] = head(p);
-  d[kHair] = hair(p);
-  const auto left = limbs(p), right = limbs(mirrored(p));
-  std::copy(left.begin(), left.end(), d.begin() + kLeftArm);
-  std::copy(right.begin(), right.end(), d.begin() + kRightArm);
+  for (int part = 0; part < kNumParts; ++part) d[part] = part_distance(static_cast<Part>(part), p);
   return d;
 }
 
-double BodyField::distance(const Vector3d& p) const {
-  const auto part = part_distances(p);
+double BodyField::skirt_depth(const Vector3d& p) const {
+  const auto [rho, radius] = Bell(p);
+  return radius - rho;
+}
+
+double BodyField::distance(const Vector3d& p) const { return joined(part_distances(p)); }
+
+double BodyField::joined(const std::array<double, kNumParts>& part) {
   double d = smooth_min(part[kTorso], part[kHead], 0.035);
   d = smooth_min(d, part[kHair], 0.008);
   for (const int side : {kLeftArm, kRightArm}) {

@@ -53,14 +53,20 @@ inline Eigen::Vector3d mirrored(const Eigen::Vector3d& p) { return {-p.x(), p.y(
 /// values are true distances only near the surface. This suffices for meshing and projection.
 class BodyField {
  public:
-  /// Distances to the individual parts, metres, negative inside.
+  /// Distance to one part, metres, negative inside.
+  double part_distance(Part part, const Eigen::Vector3d& p) const;
+  /// Distances to the individual parts.
   std::array<double, kNumParts> part_distances(const Eigen::Vector3d& p) const;
+  /// The smooth union of parts from the distances to them. A part at a distance of 1 m or more adds nothing.
+  static double joined(const std::array<double, kNumParts>& part);
   /// Distance to the whole body.
   double distance(const Eigen::Vector3d& p) const;
   /// Gradient of `distance` by central differences.
   Eigen::Vector3d gradient(const Eigen::Vector3d& p) const;
   /// The part nearest to p.
   Part part(const Eigen::Vector3d& p) const;
+  /// Horizontal depth of a point of the skirt below its outer face, metres. The inner wall is 0.034 deep.
+  double skirt_depth(const Eigen::Vector3d& p) const;
   /// Projects a point near the surface onto the surface by a few Newton steps.
   Eigen::Vector3d project(const Eigen::Vector3d& p) const;
   /// Unoccluded share of the surroundings of a surface point, 0..1, from the field along its normal.

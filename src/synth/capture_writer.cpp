@@ -149,6 +149,19 @@ std::string capture_yaml(const SynthOptions& options, const std::string& name) {
   return text;
 }
 
+namespace {
+
+/// The sentence of `README.txt` about the clothes.
+const char* clothes_text(ClothModel model) {
+  if (model == ClothModel::xpbd)
+    return "The clothes (xpbd) hardly stretch, have weight,\n"
+           "inertia and drag, and touch the body with friction";
+  return "The clothes follow the body with inertia, drag and\n"
+         "springs, and hang wider than on the template";
+}
+
+}  // namespace
+
 std::string readme_text(const SynthOptions& options) {
   return fmt::format(
       "A synthetic capture, made by `doppel synth`: nobody was filmed, all files are computed.\n"
@@ -169,12 +182,11 @@ std::string readme_text(const SynthOptions& options) {
       "\n"
       "World: right-handed, y up, floor at y = 0. Cameras: x right, y down, z forward; the centre of the first pixel "
       "is\n"
-      "(0.5, 0.5). Frame f of a video is row f of the motion and of the vertices. The clothes follow the body with "
-      "inertia, drag and\n"
-      "springs, and hang wider than on the template: the surface depends on the movement, not on the pose alone.\n"
+      "(0.5, 0.5). Frame f of a video is row f of the motion and of the vertices. {}: the surface depends on the "
+      "movement, not on the pose alone.\n"
       "Seed {}.\n",
       options.cameras, options.frames, options.frames / 2, options.test_frames, options.fps, options.size, options.size,
-      options.seed);
+      clothes_text(options.cloth.model), options.seed);
 }
 
 }  // namespace doppel::synth

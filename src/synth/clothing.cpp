@@ -31,9 +31,9 @@ Path path_of(const std::vector<Points>& frames, std::size_t f, std::size_t v) {
 }
 
 /// Displacements and velocities of all vertices, integrated together.
-class Cloth {
+class SpringCloth {
  public:
-  Cloth(const Actor& actor, double fps, const ClothingOptions& options)
+  SpringCloth(const Actor& actor, double fps, const ClothingOptions& options)
       : looseness_(actor.looseness),
         topology_(actor.character.mesh),
         options_(options),
@@ -95,7 +95,7 @@ class Cloth {
 
 std::vector<Points> move_clothes(const Actor& actor, const std::vector<Points>& worn, double fps,
                                  const ClothingOptions& options) {
-  Cloth cloth(actor, fps, options);
+  SpringCloth cloth(actor, fps, options);
   std::vector<Points> surfaces;
   for (std::size_t f = 0; f < worn.size(); ++f) {
     surfaces.push_back(cloth.surface(worn[f]));

@@ -25,6 +25,7 @@
 #include "doppel/synth/performance.h"
 #include "doppel/synth/random.h"
 #include "doppel/synth/studio.h"
+#include "doppel/synth/xpbd_cloth.h"
 
 namespace doppel::synth {
 
@@ -256,6 +257,14 @@ void write_still_files(const Set& set, const std::string& name) {
 
 }  // namespace
 
+ClothModel cloth_model(const std::string& name) {
+  if (name == "springs") return ClothModel::springs;
+  if (name == "xpbd") return ClothModel::xpbd;
+  fail<UsageError>("doppel synth: there is no cloth model '{}'; use springs or xpbd", name);
+}
+
+std::string cloth_name(ClothModel model) { return model == ClothModel::xpbd ? "xpbd" : "springs"; }
+
 SynthOptions SynthOptions::preset(const std::string& name) {
   SynthOptions o;
   if (name == "small") return o;
@@ -300,11 +309,13 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
   return frames;
 }
 
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothingOptions& clothing) {
+Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth) {
   const int lead = static_cast<int>(std::ceil(kLeadIn * fps));
   Take take;
   take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed);
-  take.truth = move_clothes(actor, skin_motion(actor.character, take.motion, actor.hang), fps, clothing);
+  const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
+  take.truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
+                                               : move_clothes(actor, worn, fps, cloth.springs);
   take.truth.erase(take.truth.begin(), take.truth.begin() + lead);
   take.motion.frames.erase(take.motion.frames.begin(), take.motion.frames.begin() + lead);
   take.motion.ids.resize(frames);
@@ -325,7 +336,7 @@ SynthReport write_synthetic_capture(const fs::path& folder, const SynthOptions& 
   write_still_files(set, making.name());
 
   const auto take = [&](int frames, std::uint64_t number) {
-    return perform(actor, frames, options.fps, hash_bits(options.seed * 1000 + number), options.clothing);
+    return perform(actor, frames, options.fps, hash_bits(options.seed * 1000 + number), options.cloth);
   };
   const int first = options.frames / 2;
   film(set, "training", 0, {take(first, 1), take(options.frames - first, 2)}, progress);

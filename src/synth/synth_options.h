@@ -4,13 +4,27 @@
 #include <string>
 
 #include "doppel/synth/actor.h"
+#include "doppel/synth/cloth_solver.h"
 #include "doppel/synth/clothing.h"
 
 namespace doppel::synth {
 
+/// How the clothes move: damped springs to the skinned position (clothing.h), or near-inextensible cloth that touches
+/// the body (xpbd_cloth.h).
+enum class ClothModel { springs, xpbd };
+/// @throws UsageError for a word that is not `springs` or `xpbd`
+ClothModel cloth_model(const std::string& name);
+std::string cloth_name(ClothModel model);
+
+struct ClothOptions {
+  ClothModel model = ClothModel::springs;
+  ClothingOptions springs;
+  XpbdOptions xpbd;
+};
+
 struct SynthOptions {
   ActorOptions actor;
-  ClothingOptions clothing;
+  ClothOptions cloth;
   int cameras = 8;
   int size = 384;    ///< pixels along each side of the images
   int frames = 120;  ///< for training, in two segments with a cut between them
