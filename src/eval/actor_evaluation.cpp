@@ -4,6 +4,7 @@
 #include "doppel/eval/cloud_metrics.h"
 #include "doppel/eval/image_metrics.h"
 #include "doppel/losses/chamfer.h"
+#include "doppel/render/projection.h"
 
 namespace doppel {
 
@@ -22,23 +23,37 @@ torch::Tensor dof_windows(const ActorEvaluation& evaluation, const std::vector<S
   return evaluation.dataset.dof_windows(samples, evaluation.actor.past_frames());
 }
 
-/// The image of a radiance field in the camera of a request, for one of its frames.
+/// The image of a radiance field in a frame. @param projection [3,4] pixels from world metres
+FieldImage field_image(const ActorEvaluation& evaluation, Drawing drawing, const SampleId& sample,
+                       const torch::Tensor& projection, int height, int width) {
+  if (drawing == Drawing::nerf) return evaluation.actor.nerf->draw(projection, height, width);
+  return evaluation.actor.radiance(dof_windows(evaluation, {sample}), projection, height, width);
+}
+/// The same in the crop of frame b of a request.
 FieldImage field_image(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request, std::size_t b) {
-  const torch::Tensor projection = request.projection[static_cast<std::int64_t>(b)][0];
-  if (drawing == Drawing::nerf) return evaluation.actor.nerf->draw(projection, request.size, request.size);
-  return evaluation.actor.radiance(dof_windows(evaluation, {request.samples[b]}), projection, request.size,
-                                   request.size);
+  return field_image(evaluation, drawing, request.samples[b], request.projection[static_cast<std::int64_t>(b)][0],
+                     request.size, request.size);
 }
 
 /// A pixel counts as covered if more than half of it is covered; its colour is that of the person alone.
+WholeDrawing person_alone(const FieldImage& seen) {
+  return {seen.colour / seen.opacity.clamp_min(0.5).unsqueeze(2), seen.opacity > 0.5};
+}
+
 RenderedImages field_images(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request) {
   std::vector<torch::Tensor> colour, covered;
   for (std::size_t b = 0; b < request.samples.size(); ++b) {
-    const FieldImage seen = field_image(evaluation, drawing, request, b);
-    colour.push_back(seen.colour / seen.opacity.clamp_min(0.5).unsqueeze(2));
-    covered.push_back(seen.opacity > 0.5);
+    const WholeDrawing person = person_alone(field_image(evaluation, drawing, request, b));
+    colour.push_back(person.colour);
+    covered.push_back(person.covered);
   }
-  return RenderedImages{torch::stack(colour), torch::stack(covered)};
+  RenderedImages drawn{torch::stack(colour), torch::stack(covered)};
+  drawn.whole = [&evaluation, drawing, request](std::size_t b) {
+    const PinholeCamera& camera = evaluation.dataset.camera(request.camera);
+    return person_alone(field_image(evaluation, drawing, request.samples[b], projection_tensor({camera})[0],
+                                    camera.height, camera.width));
+  };
+  return drawn;
 }
 
 Appearance appearance(TrainedActor& actor, Drawing drawing, const torch::Tensor& dof_window,
@@ -49,6 +64,11 @@ Appearance appearance(TrainedActor& actor, Drawing drawing, const torch::Tensor&
   return static_appearance(actor);
 }
 
+/// The colours of frame b of a batch.
+Appearance appearance_of_frame(const Appearance& look, std::int64_t b) {
+  return {look.texture.size(0) == 1 ? look.texture : look.texture.narrow(0, b, 1), look.lighting};
+}
+
 RenderedImages surface_images(const ActorEvaluation& evaluation, Drawing drawing, const ImageRequest& request) {
   TrainedActor& actor = evaluation.actor;
   const torch::Tensor window = dof_windows(evaluation, request.samples);
@@ -57,13 +77,19 @@ RenderedImages surface_images(const ActorEvaluation& evaluation, Drawing drawing
   const ShadedImage drawn = draw(*actor.mesh, vertices, look, request.projection, request.size, request.size);
   const auto filmed = [mesh = actor.mesh, request, vertices, look](std::size_t b) {
     const auto i = static_cast<std::int64_t>(b);
-    const torch::Tensor own = look.texture.size(0) == 1 ? look.texture : look.texture.narrow(0, i, 1);
     const SupersampledImage image =
-        draw_filmed(*mesh, vertices.narrow(0, i, 1), {own, look.lighting}, request.filmed_projection(b),
+        draw_filmed(*mesh, vertices.narrow(0, i, 1), appearance_of_frame(look, i), request.filmed_projection(b),
                     request.sides[b], request.sides[b], kFilmedSamples);
     return at::cat({image.image, image.alpha.unsqueeze(-1)}, -1)[0][0];
   };
-  return RenderedImages{drawn.colour, drawn.mask, filmed};
+  const auto whole = [mesh = actor.mesh, vertices, look,
+                      camera = evaluation.dataset.camera(request.camera)](std::size_t b) {
+    const auto i = static_cast<std::int64_t>(b);
+    const ShadedImage image = draw(*mesh, vertices.narrow(0, i, 1), appearance_of_frame(look, i),
+                                   projection_tensor({camera}).unsqueeze(0), camera.height, camera.width);
+    return WholeDrawing{image.colour[0][0], image.mask[0][0]};
+  };
+  return RenderedImages{drawn.colour, drawn.mask, filmed, whole};
 }
 
 }  // namespace

@@ -9,10 +9,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/capture/mask.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
+#include "doppel/eval/lpips.h"
+#include "doppel/eval/whole_frames.h"
 
 namespace doppel {
 
@@ -22,6 +25,8 @@ constexpr int kWindow = 11;
 constexpr double kSigma = 1.5;
 /// Frames drawn at once; bounds the memory for images.
 constexpr std::size_t kImagesAtOnce = 8;
+/// Rows of windows whose SSIM is computed at once; bounds the memory for whole images.
+constexpr int kSsimRows = 512;
 
 void check_pair(const cv::Mat& a, const cv::Mat& b) {
   if (a.type() != CV_8UC3 || b.type() != CV_8UC3 || a.size() != b.size())
@@ -53,12 +58,21 @@ ImageScores& operator+=(ImageScores& sum, const ImageScores& other) {
   return sum;
 }
 
+/// Adds a score that all summands have, or none.
+template <typename Score>
+void add_if_there(std::optional<Score>& sum, const std::optional<Score>& other) {
+  if (other) (sum ? *sum : sum.emplace()) += *other;
+}
+
 PhotometricScores& operator+=(PhotometricScores& sum, const PhotometricScores& other) {
   sum.masked += other.masked;
   sum.full += other.full;
-  if (other.filmed) (sum.filmed ? *sum.filmed : sum.filmed.emplace()) += *other.filmed;
+  add_if_there(sum.filmed, other.filmed);
   sum.missing_MSE += other.missing_MSE;
   sum.foreground += other.foreground;
+  add_if_there(sum.LPIPS, other.LPIPS);
+  add_if_there(sum.whole, other.whole);
+  add_if_there(sum.whole_full, other.whole_full);
   return sum;
 }
 
@@ -66,12 +80,33 @@ PhotometricScores mean_of(const std::vector<PhotometricScores>& all) {
   PhotometricScores mean;
   for (const PhotometricScores& one : all) mean += one;
   const double count = static_cast<double>(all.size());
-  for (ImageScores* scores : {&mean.masked, &mean.full, mean.filmed ? &*mean.filmed : nullptr})
-    if (scores)
-      for (double* value : {&scores->MSE, &scores->PSNR, &scores->SSIM}) *value /= count;
+  std::vector<ImageScores*> parts{&mean.masked, &mean.full};
+  for (std::optional<ImageScores>* part : {&mean.filmed, &mean.whole, &mean.whole_full})
+    if (*part) parts.push_back(&**part);
+  for (ImageScores* scores : parts)
+    for (double* value : {&scores->MSE, &scores->PSNR, &scores->SSIM}) *value /= count;
   mean.missing_MSE /= count;
   mean.foreground /= count;
+  if (mean.LPIPS) *mean.LPIPS /= count;
   return mean;
+}
+
+/// Sums of SSIM over the windows of an image, by channel. @param a8, b8 8-bit images
+cv::Scalar summed_similarity(const cv::Mat& a8, const cv::Mat& b8) {
+  constexpr double kC1 = 0.01 * 255 * 0.01 * 255, kC2 = 0.03 * 255 * 0.03 * 255;
+  cv::Mat a, b;
+  a8.convertTo(a, CV_64F);
+  b8.convertTo(b, CV_64F);
+  const cv::Mat mean_a = local_mean(a), mean_b = local_mean(b);
+  const cv::Mat mean_aa = mean_a.mul(mean_a), mean_bb = mean_b.mul(mean_b), mean_ab = mean_a.mul(mean_b);
+  const cv::Mat variance_a = local_mean(a.mul(a)) - mean_aa, variance_b = local_mean(b.mul(b)) - mean_bb;
+  const cv::Mat covariance = local_mean(a.mul(b)) - mean_ab;
+  const cv::Scalar c1 = cv::Scalar::all(kC1), c2 = cv::Scalar::all(kC2);
+  cv::Mat above, below, map;
+  cv::multiply(2.0 * mean_ab + c1, 2.0 * covariance + c2, above);
+  cv::multiply(mean_aa + mean_bb + c1, variance_a + variance_b + c2, below);
+  cv::divide(above, below, map);
+  return cv::sum(map);
 }
 
 /// The background of a crop, RGB: the empty studio, or black.
@@ -95,6 +130,15 @@ cv::Mat filmed_image(const torch::Tensor& filmed, const cv::Mat& studio, const C
   return crop_image(image, {0, 0, box.side}, size);
 }
 
+/// Colours 0..1 in 8 bits.
+torch::Tensor eight_bits(const torch::Tensor& colour) {
+  return (colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
+}
+/// 255 where something is drawn.
+torch::Tensor coverage_bytes(const torch::Tensor& covered) {
+  return covered.ne(0).to(torch::kUInt8).mul(255).contiguous();
+}
+
 /// The drawings as 8-bit RGB [B,S,S,3] and coverage 0 or 255 [B,S,S].
 RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request) {
   const auto B = static_cast<std::int64_t>(request.samples.size()), S = std::int64_t{request.size};
@@ -106,14 +150,32 @@ RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request)
         "evaluation of images: a drawing must be float [{},{},{},3] with its coverage, found [{}] and [{}]", B, S, S,
         drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
         drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
-  const torch::Tensor colour = (drawn.colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8);
-  return {colour.reshape({B, S, S, 3}).contiguous(),
-          drawn.covered.ne(0).to(torch::kUInt8).mul(255).reshape({B, S, S}).contiguous(), drawn.filmed};
+  return {eight_bits(drawn.colour).view({B, S, S, 3}), coverage_bytes(drawn.covered).view({B, S, S}), drawn.filmed,
+          drawn.whole};
 }
 
-cv::Mat image_of(const torch::Tensor& images, std::int64_t index, int size, int type) {
-  const torch::Tensor image = images[index];
-  return cv::Mat(size, size, type, image.data_ptr<std::uint8_t>());  // the batch keeps the memory alive
+/// The whole drawing as 8-bit RGB [H,W,3] and coverage 0 or 255 [H,W].
+WholeDrawing checked_whole(const WholeDrawing& drawn, const PinholeCamera& camera) {
+  const std::int64_t H = camera.height, W = camera.width;
+  const bool fits = drawn.colour.defined() && drawn.covered.defined() && drawn.colour.is_floating_point() &&
+                    drawn.colour.sizes() == torch::IntArrayRef({H, W, 3}) &&
+                    drawn.covered.sizes() == torch::IntArrayRef({H, W});
+  if (!fits)
+    fail<UsageError>("evaluation of images: a whole drawing must be float [{},{},3] with its coverage, found [{}]", H,
+                     W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
+  return {eight_bits(drawn.colour), coverage_bytes(drawn.covered)};
+}
+
+/// An image that shares the memory of a tensor. @param bytes uint8 [H,W] or [H,W,3], contiguous
+cv::Mat bytes_image(const torch::Tensor& bytes) {
+  return cv::Mat(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), bytes.dim() == 3 ? CV_8UC3 : CV_8UC1,
+                 bytes.data_ptr<std::uint8_t>());
+}
+
+cv::Mat rgb_of(const cv::Mat& bgr) {
+  cv::Mat rgb;
+  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+  return rgb;
 }
 
 /// Black outside the mask.
@@ -137,33 +199,81 @@ PhotometricScores score(const cv::Mat& drawn, const cv::Mat& covered, const cv::
   return scores;
 }
 
-/// Scores of B frames in one camera; frames without the person are left out.
-void score_frames(const Dataset& dataset, const std::vector<SampleId>& samples, int camera, const cv::Mat& studio,
-                  const ImageFunction& render, std::vector<PhotometricScores>& scores, double& seconds) {
-  BatchOptions wanted;
-  wanted.past_frames = 0;
-  wanted.images = true;
-  const Batch batch = make_batch(dataset, samples, std::vector<std::vector<int>>(samples.size(), {camera}), wanted);
-  const int size = dataset.image_size();
-  std::vector<int> sides;
-  for (const SampleId& sample : samples) sides.push_back(dataset.crop_box(sample, camera).side);
-  const ImageRequest request{samples, camera, batch.image_projection, size, sides};
-  const auto start = std::chrono::steady_clock::now();
-  const RenderedImages drawn = checked(render(request), request);
-  seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
-  for (std::size_t b = 0; b < samples.size(); ++b) {
-    const auto i = static_cast<std::int64_t>(b);
-    const cv::Mat person = image_of(mask, i, size, CV_8UC1);
-    if (cv::countNonZero(person) == 0) continue;
-    const cv::Mat image = image_of(truth, i, size, CV_8UC3), true_person = inside(image, person);
-    const CropBox box = dataset.crop_box(samples[b], camera);
-    scores.push_back(score(image_of(drawn.colour, i, size, CV_8UC3), image_of(drawn.covered, i, size, CV_8UC1), image,
-                           person, true_person, background_crop(studio, box, size)));
-    if (!drawn.filmed) continue;
-    scores.back().filmed =
-        compare_images(inside(filmed_image(drawn.filmed(b), studio, box, size), person), true_person);
+/// Compares the drawings of one camera with its images.
+class CameraComparison {
+ public:
+  CameraComparison(const Dataset& dataset, int camera, const ImageFunction& render, const EvaluationOptions& options)
+      : dataset_(dataset), camera_(camera), render_(render), options_(options), studio_(dataset.background(camera)) {
+    if (options.whole_frames) whole_frames_.emplace(dataset.capture(), dataset.camera(camera));
   }
+
+  /// Draws B frames and compares them; frames without the person are left out.
+  void add(const std::vector<SampleId>& samples) {
+    BatchOptions wanted;
+    wanted.past_frames = 0;
+    wanted.images = true;
+    const Batch batch = make_batch(dataset_, samples, std::vector<std::vector<int>>(samples.size(), {camera_}), wanted);
+    const RenderedImages drawn = draw_crops(samples, batch.image_projection);
+    const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
+    for (std::size_t b = 0; b < samples.size(); ++b) {
+      const auto i = static_cast<std::int64_t>(b);
+      const cv::Mat person = bytes_image(mask[i]), image = bytes_image(truth[i]), true_person = inside(image, person);
+      if (cv::countNonZero(person) == 0) continue;
+      const CropBox box = dataset_.crop_box(samples[b], camera_);
+      const int size = dataset_.image_size();
+      const cv::Mat colour = bytes_image(drawn.colour[i]), covered = bytes_image(drawn.covered[i]);
+      PhotometricScores scores =
+          score(colour, covered, image, person, true_person, background_crop(studio_, box, size));
+      if (drawn.filmed)
+        scores.filmed = compare_images(inside(filmed_image(drawn.filmed(b), studio_, box, size), person), true_person);
+      if (options_.lpips) scores.LPIPS = options_.lpips->distance(inside(inside(colour, covered), person), true_person);
+      if (whole_frames_ && drawn.whole) compare_whole(samples[b], drawn.whole(b), scores);
+      scores_.push_back(scores);
+    }
+  }
+
+  const std::vector<PhotometricScores>& scores() const { return scores_; }
+  double seconds() const { return seconds_; }  ///< to draw all crops
+
+ private:
+  RenderedImages draw_crops(const std::vector<SampleId>& samples, const torch::Tensor& projection) {
+    std::vector<int> sides;
+    for (const SampleId& sample : samples) sides.push_back(dataset_.crop_box(sample, camera_).side);
+    const ImageRequest request{samples, camera_, projection, dataset_.image_size(), sides};
+    const auto start = std::chrono::steady_clock::now();
+    const RenderedImages drawn = checked(render_(request), request);
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return drawn;
+  }
+
+  void compare_whole(const SampleId& sample, const WholeDrawing& drawing, PhotometricScores& scores) {
+    const WholeDrawing drawn = checked_whole(drawing, dataset_.camera(camera_));
+    const cv::Mat colour = bytes_image(drawn.colour), covered = bytes_image(drawn.covered);
+    const cv::Mat mask = dataset_.mask(sample, camera_);
+    const std::string& sequence = dataset_.sequences().at(as_size(sample.sequence)).name;
+    const cv::Mat filmed = rgb_of(whole_frames_->read(sequence, sample.frame));
+    scores.whole = compare_images(inside(inside(colour, covered), mask), inside(filmed, mask));
+    if (studio_.empty()) return;
+    cv::Mat over = rgb_of(studio_);
+    colour.copyTo(over, covered);
+    scores.whole_full = compare_images(over, filmed);
+  }
+
+  const Dataset& dataset_;
+  int camera_;
+  const ImageFunction& render_;
+  const EvaluationOptions& options_;
+  cv::Mat studio_;  ///< BGR, or empty
+  std::optional<WholeFrames> whole_frames_;
+  std::vector<PhotometricScores> scores_;
+  double seconds_ = 0.0;
+};
+
+/// Adds scores to an object of JSON; `beginning` stands before each key.
+void add_scores(nlohmann::ordered_json& json, const std::string& beginning, const std::optional<ImageScores>& scores) {
+  if (!scores) return;
+  const nlohmann::ordered_json object = scores->to_json();
+  for (const auto& [key, value] : object.items()) json[beginning + key] = value;
 }
 
 nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
@@ -172,6 +282,9 @@ nlohmann::ordered_json scores_json(const PhotometricScores& scores) {
   if (scores.filmed) json["filmed"] = scores.filmed->to_json();
   json["missing_MSE"] = scores.missing_MSE;
   json["foreground"] = scores.foreground;
+  if (scores.LPIPS) json["LPIPS"] = *scores.LPIPS;
+  add_scores(json, "whole_", scores.whole);
+  add_scores(json, "whole_full_", scores.whole_full);
   return json;
 }
 
@@ -196,21 +309,13 @@ double structural_similarity(const cv::Mat& a8, const cv::Mat& b8) {
   check_pair(a8, b8);
   if (a8.cols < kWindow || a8.rows < kWindow)
     fail<UsageError>("SSIM needs images of at least {} pixels a side; these are {}x{}", kWindow, a8.cols, a8.rows);
-  constexpr double kC1 = 0.01 * 255 * 0.01 * 255, kC2 = 0.03 * 255 * 0.03 * 255;
-  cv::Mat a, b;
-  a8.convertTo(a, CV_64F);
-  b8.convertTo(b, CV_64F);
-  const cv::Mat mean_a = local_mean(a), mean_b = local_mean(b);
-  const cv::Mat mean_aa = mean_a.mul(mean_a), mean_bb = mean_b.mul(mean_b), mean_ab = mean_a.mul(mean_b);
-  const cv::Mat variance_a = local_mean(a.mul(a)) - mean_aa, variance_b = local_mean(b.mul(b)) - mean_bb;
-  const cv::Mat covariance = local_mean(a.mul(b)) - mean_ab;
-  const cv::Scalar c1 = cv::Scalar::all(kC1), c2 = cv::Scalar::all(kC2);
-  cv::Mat above, below, map;
-  cv::multiply(2.0 * mean_ab + c1, 2.0 * covariance + c2, above);
-  cv::multiply(mean_aa + mean_bb + c1, variance_a + variance_b + c2, below);
-  cv::divide(above, below, map);
-  const cv::Scalar channels = cv::mean(map);
-  return (channels[0] + channels[1] + channels[2]) / 3.0;
+  const int rows = a8.rows - kWindow + 1, columns = a8.cols - kWindow + 1;  // of windows
+  cv::Scalar sum;
+  for (int first = 0; first < rows; first += kSsimRows) {
+    const cv::Range strip(first, std::min(first + kSsimRows, rows) + kWindow - 1);
+    sum += summed_similarity(a8.rowRange(strip), b8.rowRange(strip));
+  }
+  return (sum[0] + sum[1] + sum[2]) / (3.0 * rows * columns);
 }
 
 ImageScores compare_images(const cv::Mat& a, const cv::Mat& b) {
@@ -230,16 +335,16 @@ PhotometricResult evaluate_images(const Dataset& dataset, Split split, const Ima
   std::vector<PhotometricScores> means;
   Progress progress(title, static_cast<std::int64_t>(samples.size() * cameras.size()));
   for (const int camera : cameras) {
-    const cv::Mat studio = dataset.background(camera);
-    std::vector<PhotometricScores> scores;
+    CameraComparison comparison(dataset, camera, render, options);
     for (std::size_t first = 0; first < samples.size(); first += kImagesAtOnce) {
       const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(first);
       const auto end = samples.begin() + static_cast<std::ptrdiff_t>(std::min(first + kImagesAtOnce, samples.size()));
-      score_frames(dataset, {begin, end}, camera, studio, render, scores, result.seconds);
+      comparison.add({begin, end});
       progress.advance(end - begin);
     }
-    if (scores.empty()) continue;
-    means.push_back(mean_of(scores));
+    result.seconds += comparison.seconds();
+    if (comparison.scores().empty()) continue;
+    means.push_back(mean_of(comparison.scores()));
     result.cameras.emplace_back(dataset.camera(camera).name, means.back());
   }
   if (means.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
@@ -248,7 +353,7 @@ PhotometricResult evaluate_images(const Dataset& dataset, Split split, const Ima
   return result;
 }
 
-nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
+nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const EvaluationOptions& options) {
   nlohmann::ordered_json json;
   json["metric"] =
       "MSE, PSNR, SSIM of 8-bit RGB over all pixels of the prepared crop; mean over frames, then over cameras";
@@ -264,6 +369,18 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset) {
                   kWindow, kSigma);
   json["missing_MSE"] = "part of the masked MSE from pixels of the mask where nothing is drawn; the rest is colour";
   json["foreground"] = "share of the true mask in the crop; MSE / foreground is the MSE of the person alone";
+  if (options.lpips)
+    json["LPIPS"] =
+        fmt::format("AlexNet, version 0.1, of the crop; both images black outside the true mask; weights of {}",
+                    options.lpips->source());
+  if (options.whole_frames) {
+    json["whole"] =
+        "the whole image at the camera's resolution, without lens distortion, read from the files of the capture; "
+        "mean over all its pixels; both images black outside the true mask";
+    json["whole_full"] = dataset.capture().background.empty()
+                             ? "left out: the capture has no image of the empty studio"
+                             : "the same images; drawing over the empty studio, against the image as filmed";
+  }
   return json;
 }
 

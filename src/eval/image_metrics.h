@@ -45,6 +45,11 @@ struct ImageRequest {
   /// The projection of crop b at the camera's resolution. @return float32 [1,1,3,4]
   torch::Tensor filmed_projection(std::size_t b) const;
 };
+/// A drawing of the whole image of a camera, H x W pixels.
+struct WholeDrawing {
+  torch::Tensor colour;   ///< float32 [H,W,3], RGB 0..1
+  torch::Tensor covered;  ///< bool or uint8 [H,W]
+};
 /// The output of a renderer.
 struct RenderedImages {
   torch::Tensor colour;   ///< float32 [B,S,S,3] or [B,1,S,S,3], RGB 0..1
@@ -53,6 +58,9 @@ struct RenderedImages {
   /// Returns float32 [n,n,4], n = sides[b]: colours times the covered share of the pixel, and this share. Called after
   /// `colour` is drawn, outside the measured time.
   std::function<torch::Tensor(std::size_t b)> filmed = nullptr;
+  /// Draws frame b in the whole image of the camera, at the camera's resolution; empty if the renderer cannot do this.
+  /// Called only for EvaluationOptions::whole_frames, outside the measured time.
+  std::function<WholeDrawing(std::size_t b)> whole = nullptr;
 };
 using ImageFunction = std::function<RenderedImages(const ImageRequest&)>;
 
@@ -62,8 +70,12 @@ struct PhotometricScores {
   ImageScores full;    ///< the drawing over its background, against the image as filmed
   /// The drawing as filmed, over its background, resized like the image; both black outside the mask of the capture.
   std::optional<ImageScores> filmed;
-  double missing_MSE = 0.0;  ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
-  double foreground = 0.0;   ///< share of the mask in the crop: masked.MSE / foreground is the MSE of the person
+  double missing_MSE = 0.0;     ///< part of masked.MSE that comes from pixels of the mask where nothing is drawn
+  double foreground = 0.0;      ///< share of the mask in the crop: masked.MSE / foreground is the MSE of the person
+  std::optional<double> LPIPS;  ///< with EvaluationOptions::lpips: of the images of `masked`
+  // With EvaluationOptions::whole_frames, of the whole image at the camera's resolution, without lens distortion:
+  std::optional<ImageScores> whole;       ///< both images black outside the mask of the capture
+  std::optional<ImageScores> whole_full;  ///< the drawing over the empty studio, if the capture has it, as filmed
 };
 
 struct PhotometricResult {
@@ -74,13 +86,15 @@ struct PhotometricResult {
   nlohmann::ordered_json to_json() const;
 };
 
-/// Draws every frame of a split in every camera and compares the drawings with the prepared crops (see
-/// photometric_protocol). Views without the person do not count. Drawings are rounded to 8 bits first, as in a file.
-/// @throws UsageError for an unknown camera, or a drawing of another shape; Error when no camera sees the person
+/// Draws every frame of a split in every camera and compares the drawings with the prepared crops, and with the whole
+/// images of the capture if `options` says so (see photometric_protocol). Views without the person do not count.
+/// Drawings are rounded to 8 bits first, as in a file.
+/// @throws UsageError for an unknown camera, or a drawing of another shape; Error when no camera sees the person; the
+/// errors of WholeFrames
 PhotometricResult evaluate_images(const Dataset& dataset, Split split, const ImageFunction& render,
                                   const EvaluationOptions& options, const std::string& title);
 
 /// The conditions of the evaluation, printed with its results.
-nlohmann::ordered_json photometric_protocol(const Dataset& dataset);
+nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const EvaluationOptions& options = {});
 
 }  // namespace doppel

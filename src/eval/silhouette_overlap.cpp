@@ -10,6 +10,7 @@
 #include "doppel/data/loader.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/mean.h"
+#include "doppel/eval/scans.h"
 #include "doppel/eval/surface_metrics.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
@@ -75,6 +76,27 @@ std::vector<std::vector<Overlap>> overlaps(const Dataset& dataset, const CameraG
   return result;
 }
 
+/// The overlaps of an evaluation.
+struct OverlapMeans {
+  std::map<int, Mean> cameras;  ///< IoU by camera, over frames
+  Overlap total;
+
+  /// @param frames [B][C]
+  void add(const CameraGroup& group, const std::vector<std::vector<Overlap>>& frames) {
+    for (const auto& frame : frames)
+      for (std::size_t c = 0; c < group.cameras.size(); ++c) {
+        if (const auto iou = frame[c].iou()) cameras[group.cameras[c]].add(*iou);
+        total += frame[c];
+      }
+  }
+  /// @pre some camera saw something
+  void write(SurfaceResult& result) const {
+    const auto united = static_cast<double>(total.united);
+    result.outside = static_cast<double>(total.only_b) / united;
+    result.missing = static_cast<double>(total.united - total.intersection - total.only_b) / united;
+  }
+};
+
 /// Which vertices of a surface the cameras of a capture see. @param vertices [N,3] @return bool [N]
 torch::Tensor seen_by_cameras(const Dataset& dataset, Rasterizer& rasterizer, const torch::Tensor& vertices,
                               const torch::Tensor& faces) {
@@ -112,6 +134,26 @@ struct TruthErrors {
   }
 };
 
+/// Mean distances over frames between a surface and the scans of an evaluation, metres.
+class ScanErrors {
+ public:
+  ScanErrors(const Dataset& dataset, const std::vector<SampleId>& samples, const EvaluationOptions& options) {
+    if (!options.scans.empty()) scans_.emplace(dataset, samples, options.scans, options.scan_unit);
+  }
+  /// @param vertices [N,3]
+  void add(const SampleId& sample, const torch::Tensor& vertices) {
+    if (!scans_) return;
+    if (const auto distance = scans_->mean_distance(sample, vertices)) frames_.add(*distance);
+  }
+  void write(SurfaceResult& result) const {
+    if (frames_.count > 0) result.scan_distance_mm = 1000.0 * frames_.value();
+  }
+
+ private:
+  std::optional<Scans> scans_;
+  Mean frames_;
+};
+
 /// A value of the table: its key in JSON and its format.
 struct Column {
   const char* key;
@@ -129,6 +171,7 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"Hausdorff_mm", "Hausdorff", 1, 2, " mm"},
                                {"surface_distance_mm", "off the surface", 1, 2, " mm"},
                                {"seen_distance_mm", "where seen", 1, 2, " mm"},
+                               {"scan_distance_mm", "off the scan", 1, 2, " mm"},
                                {"noise_mm", "noise", 1, 2, " mm"},
                                {"3DPCK", "3DPCK", 1, 1, " %"},
                                {"AUC", "AUC", 1, 1, " %"},
@@ -139,7 +182,28 @@ constexpr Column kColumns[] = {{"AMVIoU", "AMVIoU", 1, 4, ""},
                                {"MSE", "MSE", 1, 2, ""},
                                {"PSNR", "PSNR", 1, 2, " dB"},
                                {"SSIM", "SSIM", 1, 4, ""},
+                               {"LPIPS", "LPIPS", 1, 4, ""},
+                               {"whole_MSE", "whole MSE", 1, 2, ""},
+                               {"whole_PSNR", "whole PSNR", 1, 2, " dB"},
+                               {"whole_SSIM", "whole SSIM", 1, 4, ""},
+                               {"whole_full_MSE", "whole full MSE", 1, 2, ""},
+                               {"whole_full_PSNR", "whole full PSNR", 1, 2, " dB"},
+                               {"whole_full_SSIM", "whole full SSIM", 1, 4, ""},
                                {"seconds", "drawn in", 1, 3, " s"}};
+
+/// The conditions of the distances to scans.
+nlohmann::ordered_json scan_protocol(const Dataset& dataset, const std::vector<Split>& splits,
+                                     const EvaluationOptions& options) {
+  nlohmann::ordered_json json;
+  json["metric"] =
+      "mean distance of all vertices of the surface to the scan, one direction; mean over frames with a scan";
+  json["folder"] = std::filesystem::absolute(options.scans).lexically_normal().string();
+  json["metres_per_unit"] = options.scan_unit;
+  for (Split split : splits)
+    json["frames"][to_string(split)] =
+        Scans(dataset, evaluated_samples(dataset, split, options), options.scans, options.scan_unit).size();
+  return json;
+}
 
 /// SVIoU and RVIoU: the input camera against all others.
 void split_by_input(SurfaceResult& result, const std::string& input_camera) {
@@ -175,6 +239,7 @@ nlohmann::ordered_json SurfaceResult::to_json() const {
   if (Hausdorff_mm) json["Hausdorff_mm"] = *Hausdorff_mm;
   if (surface_distance_mm) json["surface_distance_mm"] = *surface_distance_mm;
   if (seen_distance_mm) json["seen_distance_mm"] = *seen_distance_mm;
+  if (scan_distance_mm) json["scan_distance_mm"] = *scan_distance_mm;
   json["outside"] = outside;
   json["missing"] = missing;
   for (const auto& [name, iou] : cameras) json["cameras"][name] = iou;
@@ -200,41 +265,34 @@ SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch:
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
   Rasterizer rasterizer(faces);
   GroundTruth truth(dataset);
-  std::map<int, Mean> per_camera;
+  OverlapMeans means;
   TruthErrors errors;
-  Overlap total;
+  ScanErrors scan_errors(dataset, samples, options);
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (std::size_t first = 0; first < samples.size(); first += kFramesAtOnce) {
     const std::size_t last = std::min(first + kFramesAtOnce, samples.size());
     const std::vector<SampleId> part(samples.begin() + static_cast<std::ptrdiff_t>(first),
                                      samples.begin() + static_cast<std::ptrdiff_t>(last));
     const torch::Tensor vertices = surface(part).to(torch::kFloat32).contiguous();
-    for (const CameraGroup& group : groups) {
-      const auto result = overlaps(dataset, group, rasterizer, part, vertices);
-      for (const auto& frame : result)
-        for (std::size_t c = 0; c < group.cameras.size(); ++c) {
-          if (const auto iou = frame[c].iou()) per_camera[group.cameras[c]].add(*iou);
-          total += frame[c];
-        }
-    }
+    for (const CameraGroup& group : groups) means.add(group, overlaps(dataset, group, rasterizer, part, vertices));
     for (std::size_t b = 0; b < part.size(); ++b) {
-      const torch::Tensor expected = truth.at(part[b], vertices.size(1));
-      if (expected.defined())
-        errors.add(vertices[static_cast<std::int64_t>(b)], expected, faces,
-                   seen_by_cameras(dataset, rasterizer, expected, faces));
+      const torch::Tensor expected = truth.at(part[b], vertices.size(1)),
+                          found = vertices[static_cast<std::int64_t>(b)];
+      if (expected.defined()) errors.add(found, expected, faces, seen_by_cameras(dataset, rasterizer, expected, faces));
+      scan_errors.add(part[b], found);
     }
     progress.advance(static_cast<std::int64_t>(part.size()));
   }
   SurfaceResult result;
   for (int camera : cameras)
-    if (per_camera.count(camera)) result.cameras.emplace_back(dataset.camera(camera).name, per_camera[camera].value());
+    if (const auto mean = means.cameras.find(camera); mean != means.cameras.end())
+      result.cameras.emplace_back(dataset.camera(camera).name, mean->second.value());
   if (result.cameras.empty()) fail("nothing to evaluate in the {} split: no frame shows the person", to_string(split));
   for (const auto& [name, iou] : result.cameras) result.AMVIoU += iou / static_cast<double>(result.cameras.size());
   if (!options.input_camera.empty()) split_by_input(result, options.input_camera);
-  result.outside = static_cast<double>(total.only_b) / static_cast<double>(total.united);
-  result.missing =
-      static_cast<double>(total.united - total.intersection - total.only_b) / static_cast<double>(total.united);
+  means.write(result);
   errors.write(result);
+  scan_errors.write(result);
   return result;
 }
 
@@ -256,6 +314,7 @@ nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::ve
     json["mask_threshold"][entry.name] =
         entry.masks_from_images() ? nlohmann::ordered_json(entry.chroma_key ? "chroma key" : "background subtraction")
                                   : nlohmann::ordered_json(entry.mask_threshold);
+  if (!options.scans.empty()) json["scans"] = scan_protocol(dataset, splits, options);
   return json;
 }
 

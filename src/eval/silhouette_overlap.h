@@ -2,7 +2,9 @@
 
 #include <torch/types.h>
 
+#include <filesystem>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -11,6 +13,8 @@
 #include "doppel/data/dataset.h"
 
 namespace doppel {
+
+class Lpips;
 
 /// Pixels of two masks a and b (non-zero = inside).
 struct Overlap {
@@ -30,12 +34,16 @@ struct Overlap {
 };
 Overlap overlap(const std::uint8_t* a, const std::uint8_t* b, std::int64_t count);
 
-/// The cameras and frames of an evaluation.
+/// The cameras and frames of an evaluation, and the measurements that need other data than the prepared capture.
 struct EvaluationOptions {
-  std::vector<std::string> cameras;  ///< names; empty: all of the capture
-  int every = 1;                     ///< every n-th frame of a sequence
-  std::vector<long> frames;          ///< rows of the motions; empty: all that `every` leaves
-  std::string input_camera;          ///< the camera whose images were the method's input; empty: none
+  std::vector<std::string> cameras;    ///< names; empty: all of the capture
+  int every = 1;                       ///< every n-th frame of a sequence
+  std::vector<long> frames;            ///< rows of the motions; empty: all that `every` leaves
+  std::string input_camera;            ///< the camera whose images were the method's input; empty: none
+  bool whole_frames = false;           ///< compare drawings with the whole images of the capture too (slow)
+  std::shared_ptr<const Lpips> lpips;  ///< measures drawings too; null: no LPIPS
+  std::filesystem::path scans;         ///< folder of scans (scans.h) to measure surfaces against; empty: none
+  double scan_unit = 0.001;            ///< of the scans, metres
 };
 
 /// The frames of a split that are compared.
@@ -60,6 +68,9 @@ struct SurfaceResult {
   /// Mean distance to the true surface of the vertices that some camera of the capture sees on the true surface. Only
   /// these could be compared with a reconstruction from the images (Table 6.6).
   std::optional<double> seen_distance_mm;
+  /// With EvaluationOptions::scans: mean distance of all vertices to the scan, in this direction only, mean over the
+  /// frames that have a scan (Table 6.6).
+  std::optional<double> scan_distance_mm;
 
   nlohmann::ordered_json to_json() const;
 };
@@ -69,13 +80,14 @@ struct SurfaceResult {
 /// are empty does not count. If the capture has `ground_truth/<sequence>/vertices.npy` [frames of the motion,N,3]
 /// (metres), the result contains the errors against it.
 /// @param faces int32 [F,3]
-/// @throws UsageError for an unknown camera, or an input camera that is not among those compared; Error when no camera
-/// sees anything, or ground truth has another shape
+/// @throws UsageError for an unknown camera, or an input camera that is not among those compared, and as Scans; Error
+/// when no camera sees anything, or ground truth has another shape
 SurfaceResult evaluate_surface(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const EvaluationOptions& options,
                                const std::string& title);
 
-/// The conditions of an evaluation, printed with its results: frames per split, cameras, resolution, mask threshold.
+/// The conditions of an evaluation, printed with its results: frames per split, cameras, resolution, mask threshold,
+/// scans. @throws UsageError as Scans
 nlohmann::ordered_json evaluation_protocol(const Dataset& dataset, const std::vector<Split>& splits,
                                            const EvaluationOptions& options);
 

@@ -5,10 +5,13 @@
 #include <torch/types.h>
 
 #include <cmath>
+#include <memory>
 
 #include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
+#include "doppel/eval/lpips.h"
+#include "eval/lpips_weights.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
@@ -75,6 +78,13 @@ TEST(ImageScoresReference, SsimOfOneWindowByHand) {
   EXPECT_NEAR(structural_similarity(b, a), ssim, 1e-9);
 }
 
+// Large images are compared in strips. The windows of two parts, put together, are those of the whole.
+TEST(ImageScoresReference, SsimOfATallImageIsTheMeanOverItsWindows) {
+  const cv::Mat a = noise(40, 1100, 1), b = noise(40, 1100, 2) / 2 + a / 2;
+  const auto part = [&](int from, int to) { return structural_similarity(a.rowRange(from, to), b.rowRange(from, to)); };
+  EXPECT_NEAR(structural_similarity(a, b), (590 * part(0, 600) + 500 * part(590, 1100)) / 1090, 1e-9);
+}
+
 TEST(ImageScoresRejects, ImagesThatDoNotFit) {
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 20), plain(1, 21)); }), HasSubstr("20x20"));
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 10), plain(1, 10)); }), HasSubstr("at least 11"));
@@ -105,6 +115,44 @@ class PhotometricCapture : public ::testing::Test {
       const torch::Tensor colour = (batch.image.to(torch::kFloat32) + brighter) / 255.0;
       return RenderedImages{colour * batch.image_mask.unsqueeze(-1), batch.image_mask};
     };
+  }
+  /// The same, which also draws the truth in the whole image: from the file, inside the mask.
+  static ImageFunction whole_truth(int brighter) {
+    return [brighter](const ImageRequest& request) {
+      RenderedImages drawn = truth(brighter)(request);
+      drawn.whole = [request, brighter](std::size_t b) {
+        const SampleId& sample = request.samples[b];
+        const std::string name = dataset_->camera(request.camera).name + "_" + std::to_string(sample.frame) + ".png";
+        cv::Mat image = cv::imread((folder_->path() / "dance" / ("image_" + name)).string(), cv::IMREAD_COLOR);
+        cv::cvtColor(image, image, cv::COLOR_BGR2RGB);
+        const torch::Tensor pixels = torch::from_blob(image.data, {image.rows, image.cols, 3}, torch::kUInt8);
+        cv::Mat mask = dataset_->mask(sample, request.camera).clone();
+        return WholeDrawing{(pixels.to(torch::kFloat32) + brighter) / 255.0,
+                            torch::from_blob(mask.data, {mask.rows, mask.cols}, torch::kUInt8).ne(0)};
+      };
+      return drawn;
+    };
+  }
+  /// The share of the masks in the whole images.
+  static double share_of_the_person() {
+    const std::vector<SampleId> samples = dataset_->samples(Split::test);
+    double pixels = 0.0;
+    for (const SampleId& sample : samples)
+      for (const int camera : dataset_->camera_indices({})) pixels += cv::countNonZero(dataset_->mask(sample, camera));
+    return pixels / (static_cast<double>(samples.size() * dataset_->cameras().size()) * 128 * 128);
+  }
+  /// The same capture with images of its studio, which has one colour.
+  static Dataset with_studio(const std::string& name) {
+    Capture capture = read_capture(dataset_->folder());
+    const std::filesystem::path studios = folder_->path() / "studio", copy = folder_->path() / name;
+    std::filesystem::create_directories(studios);
+    for (int c = 0; c < 3; ++c)
+      cv::imwrite((studios / ("c" + std::to_string(c) + ".png")).string(),
+                  cv::Mat(128, 128, CV_8UC3, cv::Scalar(60, 140, 60)));
+    std::filesystem::copy(dataset_->folder(), copy, std::filesystem::copy_options::recursive);
+    capture.background = (studios / "{name}.png").string();
+    write_capture(copy / "capture.yaml", capture);
+    return Dataset::open(copy);
   }
   static PhotometricResult evaluate(const ImageFunction& render, const EvaluationOptions& options = {}) {
     return evaluate_images(*dataset_, Split::test, render, options, "test");
@@ -231,23 +279,118 @@ TEST_F(PhotometricReference, ChosenCamerasAndFrames) {
 }
 
 TEST_F(PhotometricReference, TheEmptyStudioStandsBehindTheDrawing) {
-  // The studio of the small capture has one colour; beside the person the images then agree up to compression.
-  Capture capture = read_capture(dataset_->folder());
-  const std::filesystem::path studios = folder_->path() / "studio";
-  std::filesystem::create_directories(studios);
-  for (int c = 0; c < 3; ++c)
-    cv::imwrite((studios / ("c" + std::to_string(c) + ".png")).string(),
-                cv::Mat(128, 128, CV_8UC3, cv::Scalar(60, 140, 60)));
-  const std::filesystem::path copy = folder_->path() / "with_studio";
-  std::filesystem::copy(dataset_->folder(), copy, std::filesystem::copy_options::recursive);
-  capture.background = (studios / "{name}.png").string();
-  write_capture(copy / "capture.yaml", capture);
-  const Dataset with_studio = Dataset::open(copy);
-  const PhotometricResult result = evaluate_images(with_studio, Split::test, truth(0), {}, "test");
+  // Beside the person the images agree up to compression.
+  const Dataset studio = with_studio("with_studio");
+  const PhotometricResult result = evaluate_images(studio, Split::test, truth(0), {}, "test");
   EXPECT_LT(result.mean.full.MSE, 0.05 * evaluate(truth(0)).mean.full.MSE);
-  EXPECT_THAT(photometric_protocol(with_studio).at("full").get<std::string>(), HasSubstr("empty studio"));
+  EXPECT_THAT(photometric_protocol(studio).at("full").get<std::string>(), HasSubstr("empty studio"));
   EXPECT_THAT(photometric_protocol(*dataset_).at("full").get<std::string>(), HasSubstr("black"));
   EXPECT_EQ(photometric_protocol(*dataset_).at("crop"), 64);
+}
+
+TEST_F(PhotometricReference, WholeImagesAreComparedAtTheResolutionOfTheCamera) {
+  EvaluationOptions options;
+  options.whole_frames = true;
+  const PhotometricScores exact = evaluate(whole_truth(0), options).mean;
+  EXPECT_EQ(exact.whole.value().MSE, 0.0);
+  EXPECT_EQ(exact.whole.value().PSNR, kHighestPsnr);
+  EXPECT_NEAR(exact.whole.value().SSIM, 1.0, 1e-12);
+  const PhotometricResult result = evaluate(whole_truth(10), options);
+  EXPECT_NEAR(result.mean.whole.value().MSE, 100.0 * share_of_the_person(), 1e-9);
+  EXPECT_LT(result.mean.whole.value().SSIM, 1.0);
+  EXPECT_FALSE(result.mean.whole_full);  // no image of the empty studio
+  const auto json = result.to_json();
+  EXPECT_EQ(json.at("whole_MSE"), result.mean.whole->MSE);
+  EXPECT_EQ(json.at("whole_PSNR"), result.mean.whole->PSNR);
+  EXPECT_EQ(json.at("cameras").at("c1").at("whole_SSIM"), result.cameras[1].second.whole->SSIM);
+  EXPECT_FALSE(json.contains("whole_full_MSE"));
+}
+
+TEST_F(PhotometricReference, WholeImagesOverTheEmptyStudio) {
+  const Dataset studio = with_studio("with_studio_for_whole_images");
+  EvaluationOptions options;
+  options.whole_frames = true;
+  const PhotometricScores exact = evaluate_images(studio, Split::test, whole_truth(0), options, "test").mean;
+  EXPECT_EQ(exact.whole_full.value().MSE, 0.0);
+  const PhotometricResult result = evaluate_images(studio, Split::test, whole_truth(10), options, "test");
+  EXPECT_NEAR(result.mean.whole_full.value().MSE, 100.0 * share_of_the_person(), 1e-9);
+  EXPECT_EQ(result.to_json().at("whole_full_MSE"), result.mean.whole_full->MSE);
+  // Where the drawing covers the studio it differs from the image as filmed, and the mask hides this.
+  const auto everywhere = [](const ImageRequest& request) {
+    RenderedImages drawn = truth(0)(request);
+    drawn.whole = [request](std::size_t b) {
+      WholeDrawing whole = whole_truth(0)(request).whole(b);
+      whole.colour = torch::where(whole.covered.unsqueeze(2), whole.colour, torch::zeros({1}));
+      return WholeDrawing{whole.colour, torch::ones_like(whole.covered)};
+    };
+    return drawn;
+  };
+  const PhotometricScores black = evaluate_images(studio, Split::test, everywhere, options, "test").mean;
+  EXPECT_EQ(black.whole.value().MSE, 0.0);
+  EXPECT_NEAR(black.whole_full.value().MSE, (1 - share_of_the_person()) * (60 * 60 * 2 + 140 * 140) / 3.0, 1e-6);
+}
+
+TEST_F(PhotometricReference, WholeImagesAreComparedOnlyOnRequest) {
+  EvaluationOptions options;
+  options.whole_frames = true;
+  const auto without_whole = evaluate(truth(0), options);
+  EXPECT_FALSE(without_whole.mean.whole);
+  bool drawn_whole = false;
+  const auto counted = [&](const ImageRequest& request) {
+    RenderedImages drawn = truth(0)(request);
+    drawn.whole = [&](std::size_t) {
+      drawn_whole = true;
+      return WholeDrawing{};
+    };
+    return drawn;
+  };
+  EXPECT_FALSE(evaluate(counted).to_json().contains("whole_MSE"));
+  EXPECT_FALSE(drawn_whole);
+  EXPECT_THAT(message_of<UsageError>([&] { evaluate(counted, options); }),
+              HasSubstr("whole drawing must be float [128"));
+  EXPECT_FALSE(photometric_protocol(*dataset_).contains("whole"));
+  EXPECT_THAT(photometric_protocol(*dataset_, options).at("whole").get<std::string>(), HasSubstr("whole image"));
+  EXPECT_THAT(photometric_protocol(*dataset_, options).at("whole_full").get<std::string>(), HasSubstr("left out"));
+}
+
+TEST_F(PhotometricReference, LpipsComparesThePersonAlone) {
+  EvaluationOptions options;
+  options.lpips = std::make_shared<const Lpips>(test::random_lpips_weights(1), "random weights");
+  options.cameras = {"c1"};
+  options.frames = {3, 4};
+  const auto outside = [](const ImageRequest& request) {
+    RenderedImages drawn = truth(0)(request);
+    drawn.colour = torch::where(drawn.covered.unsqueeze(-1).ne(0), drawn.colour, torch::ones({1}));
+    drawn.covered = torch::ones_like(drawn.covered);
+    return drawn;
+  };
+  EXPECT_EQ(evaluate(outside, options).mean.LPIPS.value(), 0.0);
+  const Batch batch = make_batch(*dataset_, {{1, 3}, {1, 4}}, {{1}, {1}}, {0, true, 64});
+  const torch::Tensor mask = batch.image_mask.select(1, 0).unsqueeze(1), image = batch.image.select(1, 0);
+  const auto shown = [&](int brighter) {
+    const torch::Tensor colour = (image.to(torch::kFloat32) + brighter).permute({0, 3, 1, 2}) * mask;
+    return (colour / 127.5 - 1.0).contiguous();
+  };
+  const double expected = options.lpips->distance(shown(0), shown(30)).mean().item<double>();
+  const PhotometricResult result = evaluate(truth(30), options);
+  EXPECT_GT(expected, 1e-4);
+  EXPECT_NEAR(result.mean.LPIPS.value(), expected, 1e-4 * expected);
+  EXPECT_EQ(result.to_json().at("LPIPS"), *result.mean.LPIPS);
+  EXPECT_THAT(photometric_protocol(*dataset_, options).at("LPIPS").get<std::string>(), HasSubstr("random weights"));
+  options.lpips = nullptr;
+  EXPECT_FALSE(evaluate(truth(30), options).to_json().contains("LPIPS"));
+}
+
+TEST_F(PhotometricReference, TheTableShowsTheNewFigures) {
+  EvaluationOptions options;
+  options.whole_frames = true;
+  options.cameras = {"c1"};
+  options.frames = {3};
+  nlohmann::ordered_json evaluation;
+  evaluation["protocol"] = evaluation_protocol(*dataset_, {Split::test}, options);
+  evaluation["splits"]["test"]["lit"] = evaluate(whole_truth(10), options).to_json();
+  const double mse = evaluation["splits"]["test"]["lit"]["whole_MSE"].get<double>();
+  EXPECT_THAT(evaluation_table(evaluation), HasSubstr(fmt::format("whole MSE {:.2f}", mse)));
 }
 
 TEST_F(PhotometricRejects, DrawingsOfAnotherSize) {

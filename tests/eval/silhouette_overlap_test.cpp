@@ -6,6 +6,7 @@
 #include "doppel/character/character.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/mesh.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/seen_vertices.h"
 #include "support/message_of.h"
@@ -176,6 +177,49 @@ TEST_F(SurfaceOverlapReference, TheInputCameraIsCountedApart) {
   EXPECT_THAT(
       support::message_of<UsageError>([&] { evaluate([&](const auto& samples) { return truth(samples); }, options); }),
       HasSubstr("input camera c1"));
+}
+
+// The scans are planes above the person, so the distance of a vertex to its scan is known.
+TEST_F(SurfaceOverlapReference, DistanceToScansIsAveragedOverTheirFrames) {
+  const TemporaryFolder scans;
+  TriangleMesh plane;
+  plane.vertices = {{-50, 9, -50}, {50, 9, -50}, {50, 9, 50}, {-50, 9, 50}};
+  plane.faces = {{0, 1, 2}, {0, 2, 3}};
+  std::filesystem::create_directories(scans / "dance");
+  double expected = 0.0;
+  for (const long frame : {1L, 4L}) {
+    write_obj(scans / "dance" / (std::to_string(frame) + ".obj"), plane, 1.0);
+    expected += 500.0 * (9.0 - truth({{1, frame}}).select(2, 1).mean().item<double>());
+  }
+  EvaluationOptions options;
+  options.scans = scans.path();
+  options.scan_unit = 1.0;
+  const auto result = evaluate([&](const auto& samples) { return truth(samples); }, options);
+  EXPECT_NEAR(result.scan_distance_mm.value(), expected, 0.01);
+  EXPECT_DOUBLE_EQ(result.to_json()["scan_distance_mm"], *result.scan_distance_mm);
+  nlohmann::ordered_json evaluation;
+  evaluation["protocol"] = evaluation_protocol(*dataset_, {Split::test}, options);
+  evaluation["splits"]["test"]["skinning"] = result.to_json();
+  EXPECT_EQ(evaluation["protocol"]["scans"]["frames"]["test"], 2);
+  EXPECT_EQ(evaluation["protocol"]["scans"]["metres_per_unit"], 1.0);
+  EXPECT_THAT(evaluation_table(evaluation), HasSubstr(fmt::format("off the scan {:.2f} mm", *result.scan_distance_mm)));
+}
+
+TEST_F(SurfaceOverlapReference, WithoutScansThereIsNoDistanceToThem) {
+  const auto result = evaluate([&](const auto& samples) { return truth(samples); });
+  EXPECT_FALSE(result.scan_distance_mm);
+  EXPECT_FALSE(result.to_json().contains("scan_distance_mm"));
+  EXPECT_FALSE(evaluation_protocol(*dataset_, {Split::test}, {}).contains("scans"));
+}
+
+TEST_F(SurfaceOverlapRejects, ScansOfOtherFrames) {
+  const TemporaryFolder scans;
+  EvaluationOptions options;
+  options.scans = scans.path();
+  const auto complaint = [&](const std::function<void()>& action) { return support::message_of<UsageError>(action); };
+  EXPECT_THAT(complaint([&] { evaluation_protocol(*dataset_, {Split::test}, options); }), HasSubstr("dance/0.obj"));
+  EXPECT_THAT(complaint([&] { evaluate([&](const auto& samples) { return truth(samples); }, options); }),
+              HasSubstr("none of the 5 evaluated frames"));
 }
 
 TEST_F(SurfaceOverlapReference, JsonAndTableSayTheSame) {
