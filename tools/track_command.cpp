@@ -79,7 +79,7 @@ void print_table(const TrackReport& report) {
                sequence.frames_per_second());
     if (sequence.difference)
       fmt::print("  compared with the given motion: mean distance of landmarks {:.1f} mm\n",
-                 sequence.difference->mean_mm);
+                 sequence.difference->landmarks_mm);
     if (tracked.surface) {
       const SurfaceSummary surface = summarise(*tracked.surface);
       fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",

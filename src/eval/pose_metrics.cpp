@@ -101,6 +101,13 @@ const std::array<std::string, kCommonJoints>& common_joint_names() {
   return names;
 }
 
+bool has_common_joints(const std::vector<std::string>& landmark_names) {
+  std::vector<std::string> plain;
+  for (const std::string& name : landmark_names) plain.push_back(plain_name(name));
+  return std::all_of(kJoints.begin(), kJoints.end(),
+                     [&](const CommonJoint& joint) { return row_of(joint, plain) >= 0; });
+}
+
 std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& landmark_names) {
   std::vector<std::string> plain, missing;
   for (const std::string& name : landmark_names) plain.push_back(plain_name(name));

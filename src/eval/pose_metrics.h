@@ -20,6 +20,8 @@ const std::array<std::string, kCommonJoints>& common_joint_names();
 /// "LShoulder". The nose may stand for the head.
 /// @throws UsageError listing the missing joints
 std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& landmark_names);
+/// Whether a list of landmarks has all of these joints.
+bool has_common_joints(const std::vector<std::string>& landmark_names);
 
 struct PoseScores {
   std::int64_t frames = 0;   ///< compared

@@ -91,7 +91,8 @@ std::unique_ptr<Preview> open_preview(const std::string& target, const PinholeCa
 
 cv::Mat read_texture(const std::string& path) {
   if (path.empty()) return {};
-  cv::Mat texture = fs::is_regular_file(path) ? cv::imread(path, cv::IMREAD_COLOR) : cv::Mat();
+  cv::Mat texture = fs::is_regular_file(path) ? cv::imread(path, cv::IMREAD_UNCHANGED) : cv::Mat();
+  if (texture.type() != CV_8UC4 && !texture.empty()) texture = cv::imread(path, cv::IMREAD_COLOR);
   if (texture.empty()) fail<UsageError>("--texture {}: there is no image of this name that OpenCV can decode", path);
   return texture;
 }

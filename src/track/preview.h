@@ -31,7 +31,8 @@ class Preview {
 /// @throws UsageError for another file type, a window without a screen, or a texture on a mesh without UVs
 std::unique_ptr<Preview> open_preview(const std::string& target, const PinholeCamera& camera, const TriangleMesh& mesh,
                                       double frames_per_second, const TrackViewOptions& options = {});
-/// Reads the image of a texture. @return empty for an empty path @throws UsageError for a file that is not an image
+/// Reads the image of a texture, 8-bit BGR, or BGRA if it has an alpha channel. @return empty for an empty path @throws
+/// UsageError for a file that is not an image
 cv::Mat read_texture(const std::string& path);
 
 }  // namespace doppel

@@ -138,10 +138,12 @@ ordered_json to_json(const SequenceReport& report) {
   json["keypoint_error_px"] = report.keypoint_error();
   json["steps_per_frame"] = report.steps_per_frame();
   json["frames_per_second"] = report.frames_per_second();
-  if (report.difference)
-    json["against_given_motion"] = {{"MPJPE_mm", report.difference->mean_mm},
-                                    {"MPJPE_aligned_mm", report.difference->aligned_mm},
-                                    {"3DPCK", 100.0 * report.difference->within_150mm}};
+  if (report.difference) {
+    ordered_json& difference = json["against_given_motion"];
+    difference = {{"landmarks_mm", report.difference->landmarks_mm},
+                  {"aligned_landmarks_mm", report.difference->aligned_landmarks_mm}};
+    if (report.difference->poses) difference.update(report.difference->poses->to_json());
+  }
   if (report.errors) {
     json["against_true_surface"]["vertex_error_pose_mm"] = mean(report.errors->skinned);
     if (!report.errors->tracked.empty()) json["against_true_surface"]["vertex_error_mm"] = mean(report.errors->tracked);
@@ -161,26 +163,22 @@ ordered_json to_json(const SequenceReport& report) {
 MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
                                  const Motion& b, long first_frame, long last_frame) {
   MotionDifference result;
-  double count = 0.0;
+  std::vector<torch::Tensor> all_a, all_b;
   for (long row = first_frame; row <= last_frame; ++row) {
     const auto f = as_size(row);
-    const auto in_a = landmark_positions(skeleton, landmarks, a.frames[f]);
-    const auto in_b = landmark_positions(skeleton, landmarks, b.frames[f]);
-    Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-    for (std::size_t m = 0; m < landmarks.size(); ++m) shift += (in_a[m] - in_b[m]) / static_cast<double>(in_a.size());
-    double distance = 0.0;
-    for (std::size_t m = 0; m < landmarks.size(); ++m) {
-      distance += 1e3 * (in_a[m] - in_b[m]).norm();
-      result.within_150mm += (in_a[m] - in_b[m] - shift).norm() <= 0.15;
-      ++count;
-    }
-    const torch::Tensor truth = tensor_of(in_b), aligned = align_similarity(tensor_of(in_a), truth);
-    result.frame_mm.push_back(distance / static_cast<double>(landmarks.size()));
-    result.frame_aligned_mm.push_back(1e3 * (aligned - truth).norm(2, -1).mean().item<double>());
+    all_a.push_back(tensor_of(landmark_positions(skeleton, landmarks, a.frames[f])));
+    all_b.push_back(tensor_of(landmark_positions(skeleton, landmarks, b.frames[f])));
+    const torch::Tensor aligned = align_similarity(all_a.back(), all_b.back());
+    result.frame_mm.push_back(1e3 * (all_a.back() - all_b.back()).norm(2, -1).mean().item<double>());
+    result.frame_aligned_mm.push_back(1e3 * (aligned - all_b.back()).norm(2, -1).mean().item<double>());
   }
-  result.mean_mm = mean(result.frame_mm);
-  result.aligned_mm = mean(result.frame_aligned_mm);
-  result.within_150mm /= count;
+  result.landmarks_mm = mean(result.frame_mm);
+  result.aligned_landmarks_mm = mean(result.frame_aligned_mm);
+  std::vector<std::string> names;
+  for (const Marker& landmark : landmarks) names.push_back(landmark.name);
+  if (!has_common_joints(names)) return result;
+  const torch::Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);
+  result.poses = compare_poses(torch::cat(all_a).index_select(1, rows), torch::cat(all_b).index_select(1, rows));
   return result;
 }
 

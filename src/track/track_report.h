@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "doppel/eval/pose_metrics.h"
 #include "doppel/track/tracked_sequence.h"
 #include "doppel/track/truth.h"
 
@@ -17,10 +18,10 @@ namespace doppel {
 
 /// Distances of tracked landmarks from those of another motion of the same frames.
 struct MotionDifference {
-  double mean_mm = 0.0;       ///< over landmarks and frames
-  double aligned_mm = 0.0;    ///< the same after the best similarity transform of each frame
-  double within_150mm = 0.0;  ///< share of landmarks within 150 mm, after alignment of the landmarks' means
+  double landmarks_mm = 0.0;                       ///< mean over landmarks and frames
+  double aligned_landmarks_mm = 0.0;               ///< the same after the best similarity transform of each frame
   std::vector<double> frame_mm, frame_aligned_mm;  ///< [frames] means over landmarks
+  std::optional<PoseScores> poses;  ///< of the 14 common joints, as `doppel evaluate` computes them, if there are all
 };
 MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
                                  const Motion& b, long first_frame, long last_frame);

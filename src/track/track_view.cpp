@@ -32,7 +32,7 @@ torch::Tensor texture_for(const TriangleMesh& mesh, const RenderMesh& drawn, con
   if (texture.empty()) return {};
   if (!drawn.has_uvs()) fail<UsageError>("the template has no texture coordinates, so no texture can be drawn on it");
   TriangleMesh dressed = mesh;
-  dressed.texture = texture;
+  dressed.texture = composite(texture, mesh.texture);
   return texture_tensor(dressed);
 }
 
@@ -42,6 +42,22 @@ Eigen::Vector3d middle_of(const torch::Tensor& vertices) {
 }
 
 }  // namespace
+
+cv::Mat composite(const cv::Mat& over, const cv::Mat& under) {
+  if (over.channels() != 4) return over;
+  cv::Mat base(over.size(), CV_8UC3, kGrey);
+  if (!under.empty()) cv::resize(under, base, over.size(), 0.0, 0.0, cv::INTER_AREA);
+  cv::Mat result(over.size(), CV_8UC3);
+  for (int row = 0; row < over.rows; ++row)
+    for (int column = 0; column < over.cols; ++column) {
+      const cv::Vec4b& top = over.at<cv::Vec4b>(row, column);
+      const cv::Vec3b& below = base.at<cv::Vec3b>(row, column);
+      for (int c = 0; c < 3; ++c)
+        result.at<cv::Vec3b>(row, column)[c] =
+            cv::saturate_cast<std::uint8_t>((top[c] * top[3] + below[c] * (255 - top[3])) / 255.0);
+    }
+  return result;
+}
 
 torch::Tensor tensor_of_vertices(const Eigen::Matrix3Xd& vertices) {
   torch::Tensor tensor = torch::empty({vertices.cols(), 3});

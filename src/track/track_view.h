@@ -10,8 +10,16 @@
 
 namespace doppel {
 
+/// A BGRA image composited over another one.
+/// @param over 8-bit BGRA; an image without alpha is returned as it is
+/// @param under 8-bit BGR of any size, scaled to that of `over`; empty: grey
+/// @return 8-bit BGR
+cv::Mat composite(const cv::Mat& over, const cv::Mat& under);
+
 struct TrackViewOptions {
-  cv::Mat texture;        ///< 8-bit BGR, drawn on the surface by the mesh's UVs (virtual try-on); empty: plain grey
+  /// Drawn on the surface by the mesh's UVs (virtual try-on): 8-bit BGR, or BGRA that is composited over the texture of
+  /// the template, for example a logo. Empty: plain grey.
+  cv::Mat texture;
   int highest = 720;      ///< largest height of the image, pixels
   int supersampling = 2;  ///< samples per pixel and direction
   double angle = 90.0;    ///< rotation of the second view, degrees

@@ -1,0 +1,244 @@
+#include "doppel/eval/tracked_evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <optional>
+
+#include "doppel/capture/capture.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/eval/error_map.h"
+#include "doppel/eval/ground_truth.h"
+#include "doppel/eval/pose_evaluation.h"
+#include "doppel/eval/pose_metrics.h"
+#include "doppel/layers/landmarks/landmarks.h"
+#include "doppel/layers/pose_dofs.h"
+#include "doppel/layers/surface.h"
+#include "doppel/render/face_tensor.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using torch::Tensor;
+
+namespace {
+
+constexpr double kErrorMapLimit = 0.02;  // metres
+constexpr long kSmoothedFrames = 2;      // on either side: five frames in all (5.8)
+
+Tensor read_vertices(const fs::path& path, int num_vertices) {
+  const NpyArray array = read_npy(path);
+  if (array.shape.size() != 3 || array.shape[1] != num_vertices || array.shape[2] != 3)
+    fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices,
+         fmt::join(array.shape, ","));
+  const std::vector<float> values = array.as<float>();
+  return torch::tensor(values).view({array.shape[0], num_vertices, 3});
+}
+
+std::string method_of(const fs::path& report) {
+  if (!fs::exists(report)) return "";
+  const auto json = nlohmann::json::parse(read_file(report), nullptr, false);
+  return json.is_object() ? json.value("method", "") : "";
+}
+
+class TrackedEvaluation {
+ public:
+  TrackedEvaluation(const Dataset& dataset, const Character& character, const TrackedRun& tracked, Split split,
+                    const TrackedEvaluationOptions& options)
+      : dataset_(dataset),
+        tracked_(tracked),
+        split_(split),
+        options_(options),
+        known_(poses_are_known(dataset, split)),
+        surface_(character),
+        landmarks_(dataset.landmarks().empty() ? character.skeleton.markers : dataset.landmarks()),
+        landmark_layer_(character.skeleton, landmarks_),
+        faces_(face_tensor(character.mesh)) {
+    if (known_ && !options.input_camera.empty())
+      root_.emplace(character.skeleton, std::vector<std::string>{}, character.rest_dofs);
+  }
+
+  Json run() {
+    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) check(sample);
+    const Json scores = pose_scores();
+    Json rows;
+    rows["pose"] = method("pose", scores, [this](const SampleId& sample) { return skinned(sample); });
+    if (has_vertices())
+      rows["surface"] = method("surface", scores, [this](const SampleId& sample) { return tracked_vertices(sample); });
+    if (!options_.error_maps.empty()) draw_error_maps();
+    return rows;
+  }
+
+ private:
+  const std::string& name_of(const SampleId& sample) const {
+    return dataset_.sequences()[as_size(sample.sequence)].name;
+  }
+  const TrackedMotion& motion_of(const SampleId& sample) const { return tracked_.sequences.at(name_of(sample)); }
+
+  void check(const SampleId& sample) const {
+    const auto found = tracked_.sequences.find(name_of(sample));
+    if (found != tracked_.sequences.end() && sample.frame >= found->second.first_frame &&
+        sample.frame < found->second.motion.num_frames())
+      return;
+    fail<UsageError>(
+        "--tracked: frame {} of sequence {} was not tracked; track it too, or name tracked frames with "
+        "--frames",
+        sample.frame, name_of(sample));
+  }
+
+  bool has_vertices() const {
+    const std::vector<SampleId> samples = evaluated_samples(dataset_, split_, options_);
+    return !samples.empty() && std::all_of(samples.begin(), samples.end(), [this](const SampleId& sample) {
+      const TrackedMotion& motion = motion_of(sample);
+      return motion.vertices.defined() && sample.frame - motion.first_frame < motion.vertices.size(0);
+    });
+  }
+
+  /// The frames that are averaged for a frame, with their weights; none beyond the tracked frames.
+  std::vector<std::pair<long, double>> window(const SampleId& sample) const {
+    if (options_.smoothing == 0.0) return {{sample.frame, 1.0}};
+    const TrackedMotion& motion = motion_of(sample);
+    std::vector<std::pair<long, double>> frames;
+    double sum = 0.0;
+    for (long i = -kSmoothedFrames; i <= kSmoothedFrames; ++i) {
+      const long frame = sample.frame + i;
+      if (frame < motion.first_frame || frame >= motion.motion.num_frames()) continue;
+      const double x = static_cast<double>(i) / options_.smoothing;
+      frames.emplace_back(frame, std::exp(-0.5 * x * x));
+      sum += frames.back().second;
+    }
+    for (auto& [frame, weight] : frames) weight /= sum;
+    return frames;
+  }
+
+  /// The weighted mean over the window of a frame. @param value of a frame, for its DoFs [1,D] and its row
+  template <typename Value>
+  Tensor smoothed(const SampleId& sample, const Value& value) const {
+    Tensor sum;
+    for (const auto& [frame, weight] : window(sample)) {
+      const Tensor part = weight * value(frame);
+      sum = sum.defined() ? sum + part : part;
+    }
+    return sum;
+  }
+
+  Tensor tracked_dofs(const SampleId& sample, long frame) const {
+    return torch::tensor(motion_of(sample).motion.frames[as_size(frame)], torch::kFloat32).unsqueeze(0);
+  }
+  Tensor true_dofs(const SampleId& sample) const { return dataset_.dof_window(sample, 0); }
+
+  /// From the tracked to the true position of the root, [1,1,3]; 0 where the position is evaluated too.
+  Tensor shift(const SampleId& sample, long frame) const {
+    if (!root_) return torch::zeros({1, 1, 3});
+    return (root_->position(true_dofs(sample)) - root_->position(tracked_dofs(sample, frame))).unsqueeze(1);
+  }
+
+  Tensor skinned(const SampleId& sample) {
+    return smoothed(sample,
+                    [&](long frame) { return surface_->skinned(tracked_dofs(sample, frame)) + shift(sample, frame); });
+  }
+  Tensor tracked_vertices(const SampleId& sample) {
+    const TrackedMotion& motion = motion_of(sample);
+    return smoothed(sample, [&](long frame) {
+      return motion.vertices[frame - motion.first_frame].unsqueeze(0) + shift(sample, frame);
+    });
+  }
+
+  void draw_error_maps() {
+    GroundTruth truth(dataset_);
+    const int camera = options_.input_camera.empty() ? dataset_.camera_indices(options_.cameras).front()
+                                                     : dataset_.camera_index(options_.input_camera);
+    fs::create_directories(options_.error_maps);
+    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) {
+      const Tensor skin = skinned(sample)[0], expected = truth.at(sample, skin.size(0));
+      if (!expected.defined() || !has_vertices())
+        fail<UsageError>(
+            "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track "
+            "--vertices)",
+            name_of(sample));
+      const Tensor surface = tracked_vertices(sample)[0];
+      const cv::Mat map = draw_vertex_values(surface, faces_, error_improvement(surface, skin, expected),
+                                             dataset_.camera(camera), kErrorMapLimit);
+      std::vector<unsigned char> png;
+      cv::imencode(".png", map, png);
+      write_atomically(options_.error_maps / fmt::format("{}_{:06}.png", name_of(sample), sample.frame),
+                       std::string(png.begin(), png.end()));
+    }
+  }
+
+  Json pose_scores() {
+    std::vector<std::string> names;
+    for (const Marker& landmark : landmarks_) names.push_back(landmark.name);
+    if (!known_ || !has_common_joints(names)) return Json::object();
+    const Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);
+    std::vector<Tensor> found, truth;
+    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) {
+      found.push_back(smoothed(sample, [&](long frame) {
+                        return landmark_layer_->forward(tracked_dofs(sample, frame));
+                      }).index_select(1, rows));
+      truth.push_back(landmark_layer_->forward(true_dofs(sample)).index_select(1, rows));
+    }
+    return compare_poses(torch::cat(found), torch::cat(truth)).to_json();
+  }
+
+  template <typename Surface>
+  Json method(const char* name, const Json& scores, const Surface& surface) {
+    const auto drawn = [&](const std::vector<SampleId>& samples) {
+      std::vector<Tensor> surfaces;
+      for (const SampleId& sample : samples) surfaces.push_back(surface(sample));
+      return torch::cat(surfaces);
+    };
+    Json json =
+        evaluate_surface(dataset_, split_, faces_, drawn, options_, std::string(name) + ", " + to_string(split_))
+            .to_json();
+    for (const auto& [key, value] : scores.items())
+      if (key != "frames" && key != "missing") json[key] = value;
+    return json;
+  }
+
+  const Dataset& dataset_;
+  const TrackedRun& tracked_;
+  Split split_;
+  const TrackedEvaluationOptions& options_;
+  bool known_;
+  std::optional<PoseDofs> root_;  ///< where surfaces are moved to the true position
+  CharacterSurface surface_;
+  std::vector<Marker> landmarks_;
+  Landmarks landmark_layer_;
+  Tensor faces_;
+};
+
+}  // namespace
+
+TrackedRun TrackedRun::load(const fs::path& folder, const Character& character) {
+  if (!fs::exists(folder / "capture.yaml"))
+    fail<UsageError>("--tracked {}: this folder has no capture.yaml; give the output folder of `doppel track`",
+                     folder.string());
+  const Capture capture = read_capture(folder / "capture.yaml");
+  TrackedRun run;
+  run.method = method_of(folder / "track.json");
+  for (const SequenceEntry& entry : capture.sequences) {
+    const fs::path motion = folder / (entry.name + ".motion");
+    if (!fs::exists(motion)) continue;
+    TrackedMotion tracked{read_motion(motion, character.skeleton.num_dofs()), entry.first_frame, {}};
+    const fs::path vertices = folder / (entry.name + "_vertices.npy");
+    if (fs::exists(vertices)) tracked.vertices = read_vertices(vertices, character.num_vertices());
+    run.sequences.emplace(entry.name, std::move(tracked));
+  }
+  if (run.sequences.empty())
+    fail<UsageError>("--tracked {}: this folder has no tracked motion; give the output folder of `doppel track`",
+                     folder.string());
+  return run;
+}
+
+Json evaluate_tracked(const Dataset& dataset, const Character& character, const TrackedRun& tracked, Split split,
+                      const TrackedEvaluationOptions& options) {
+  const torch::NoGradGuard no_grad;
+  return TrackedEvaluation(dataset, character, tracked, split, options).run();
+}
+
+}  // namespace doppel
