@@ -28,7 +28,10 @@ torch::Tensor normalised_places(const Character& character) {
 
 }  // namespace
 
-HybridConfig::HybridConfig() { motion.sagcn.head_scale = kFeatureScale; }
+HybridConfig::HybridConfig() {
+  motion.sagcn.head_scale = kFeatureScale;
+  motion.heading = Heading::kept;
+}
 
 HybridConfig HybridConfig::read(const ConfigReader& reader) {
   HybridConfig config;
@@ -50,6 +53,12 @@ HybridImpl::HybridImpl(const Character& character, DeltaNet& deltanet, const Hyb
   copy_weights(*deltanet, *refined);
   for (torch::Tensor& parameter : around->parameters()) parameter.requires_grad_(false);
   follow();
+}
+
+void HybridImpl::train(bool on) {
+  torch::nn::Module::train(on);
+  refined->eval();
+  around->eval();
 }
 
 void HybridImpl::follow() { copy_weights(*refined, *around); }

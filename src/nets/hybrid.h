@@ -18,10 +18,13 @@
 namespace doppel {
 
 struct HybridConfig {
-  MotionGraphConfig motion;  ///< of the network for the motion features
+  /// Of the network for the motion features. The heading is kept (6.25), unlike in DeltaNet: the colours of a person
+  /// who turns change with the lighting.
+  MotionGraphConfig motion;
   RadianceFieldConfig field;
 
-  /// Sets defaults with larger initial features, so that the field can distinguish vertices from the first step on.
+  /// Sets the defaults of 6.25, with larger initial features, so that the field can distinguish vertices from the first
+  /// step on.
   HybridConfig();
   /// Keys: `motion` (those of MotionGraphConfig) and `field` (those of RadianceFieldConfig).
   /// @throws FileError at the key
@@ -34,6 +37,9 @@ class HybridImpl : public torch::nn::Module {
   /// @param generator draws the initial weights of field and features; by default a fresh one with a fixed seed
   HybridImpl(const Character& character, DeltaNet& deltanet, const HybridConfig& config,
              std::optional<at::Generator> generator = std::nullopt);
+
+  /// Both DeltaNets stay in evaluation mode: a step has one frame, of which batch normalisation cannot take statistics.
+  void train(bool on = true) override;
 
   /// Copies `refined` to `around`: the field surrounds the refined mesh from now on.
   void follow();

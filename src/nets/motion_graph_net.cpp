@@ -27,6 +27,9 @@ MotionGraphConfig MotionGraphConfig::read(const ConfigReader& reader, const Moti
   config.sagcn = SagcnConfig::read(reader, config.sagcn);
   reader.renamed("window", "past_frames");
   config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
+  const std::vector<std::string> headings{"removed", "kept"};
+  config.heading = reader.choice("heading", headings, headings[as_size(config.heading)]) == "kept" ? Heading::kept
+                                                                                                   : Heading::removed;
   config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
   config.network = read_network_kind(reader, config.network);
   config.ablation = AblationConfig::read(reader, config.ablation);
@@ -67,11 +70,15 @@ void MotionGraphNetImpl::set_input_statistics(const Tensor& mean, const Tensor& 
 Tensor MotionGraphNetImpl::network_input(const Tensor& dof_window) {
   const int64_t frames = config_.past_frames + 1;
   check_shape(name_.c_str(), "dof_window", dof_window, {-1, frames, window_.num_dofs()}, "[B,F+1,D]");
+  const bool turned = config_.heading == Heading::removed;
   if (config_.network == NetworkKind::fully_connected)
-    return window_.normalise_dofs(dof_window).flatten(1).unsqueeze(1);
+    return (turned ? window_.normalise_dofs(dof_window) : window_.remove_translation(dof_window))
+        .flatten(1)
+        .unsqueeze(1);
   if (dof_window.size(0) == 0) return dof_window.new_zeros({0, num_vertices_, 3 * frames});
 
-  const Tensor normaliser = window_.normaliser(dof_window.select(1, frames - 1));
+  const Tensor last = dof_window.select(1, frames - 1);
+  const Tensor normaliser = turned ? window_.normaliser(last) : window_.translation_normaliser(last);
   const Tensor per_pose = normaliser.unsqueeze(1).expand({-1, frames, -1, -1}).flatten(0, 1).unsqueeze(1);
   const Tensor bones = compose(per_pose, kinematics_->bones(dof_window.flatten(0, 1)));
   const Tensor& rest = dof_window.scalar_type() == torch::kFloat32 ? rest_float_ : rest_;

@@ -20,16 +20,22 @@
 
 namespace doppel {
 
+/// Whether the network knows which way the person faces. `removed`: the window of 6.4 for geometry, M hat. `kept`: the
+/// window of 6.4 for the texture, M tilde, for colours under lighting that is fixed in the world.
+enum class Heading { removed, kept };
+
 struct MotionGraphConfig {
-  SagcnConfig sagcn;         ///< of the template's mesh graph
-  int past_frames = 2;       ///< F: past frames beside the current one
+  SagcnConfig sagcn;    ///< of the template's mesh graph
+  int past_frames = 2;  ///< F: past frames beside the current one
+  Heading heading = Heading::removed;
   double input_limit = 0.0;  ///< limit of the standardised inputs, standard deviations; 0: no limit
   NetworkKind network = NetworkKind::sagcn;
   AblationConfig ablation;
 
   /// 16 features, 8 residual blocks, R = 3, broadcast dense block, no batch normalisation.
   MotionGraphConfig();
-  /// Keys: `past_frames`, `input_limit`, `network`, those of SagcnConfig and of AblationConfig, over `defaults`.
+  /// Keys: `past_frames`, `heading: removed | kept`, `input_limit`, `network`, those of SagcnConfig and of
+  /// AblationConfig, over `defaults`.
   /// @throws FileError at the key
   static MotionGraphConfig read(const ConfigReader& reader, const MotionGraphConfig& defaults = {});
   /// @throws UsageError listing every fault

@@ -60,6 +60,12 @@ Tensor MotionWindow::normaliser(const Tensor& dofs) const {
   return at::cat({turn, moved.unsqueeze(-1)}, -1);
 }
 
+Tensor MotionWindow::translation_normaliser(const Tensor& dofs) const {
+  check_shape("motion window", "dofs", dofs, {-1, num_dofs_}, "[B,D]");
+  const Tensor identity = torch::eye(3, dofs.options()).expand({dofs.size(0), 3, 3});
+  return at::cat({identity, -translation(dofs).unsqueeze(-1)}, -1);
+}
+
 Tensor MotionWindow::remove_translation(const Tensor& window) const {
   check_shape("motion window", "window", window, {-1, -1, num_dofs_}, "[B,F+1,D]");
   const Tensor last = window.select(1, window.size(1) - 1);

@@ -33,6 +33,9 @@ class MotionWindow {
   /// of the window to one relative to the frame `dofs`.
   /// @param dofs [B,D] of the last frame @return [B,3,4]
   torch::Tensor normaliser(const torch::Tensor& dofs) const;
+  /// N = Trans(-z): the same, but the heading is kept, as in the motion window of the texture (6.4).
+  /// @param dofs [B,D] of the last frame @return [B,3,4]
+  torch::Tensor translation_normaliser(const torch::Tensor& dofs) const;
 
   /// The same normalisation applied to the DoFs, where this is exact.
   /// @param window [B,F+1,D] oldest first @return [B,F+1,D]

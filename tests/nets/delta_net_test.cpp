@@ -109,6 +109,35 @@ TEST(DeltaNetReference, OutputIgnoresWhereOnePersonStandsAndFaces) {
   }
 }
 
+/// The window of the texture (M tilde of 6.4), which the radiance field takes (6.25): moved people look the same,
+/// turned people do not.
+TEST(DeltaNetReference, KeptHeadingIsSeenAndThePositionIsNot) {
+  const Character character = make_test_character();
+  for (const NetworkKind kind : kKinds) {
+    DeltaNetConfig config = small_config(kind);
+    config.sagcn.head_scale = 0.3;
+    config.heading = Heading::kept;
+    DeltaNet net(character, config);
+    const Tensor window = random_windows(character, 3);
+    const Tensor D = net->forward(window);
+    EXPECT_LT(largest(D - net->forward(turned_and_moved(character, window, 0.0))), 2e-4 * (1.0 + largest(D)));
+    EXPECT_GT(largest(D - net->forward(turned_and_moved(character, window, 1.3))), 1e-2 * largest(D));
+  }
+}
+
+TEST(DeltaNetReference, KeptHeadingPosesTheTemplateByTheMovedWindow) {
+  const Character character = make_test_character();
+  DeltaNetConfig config = small_config();
+  config.heading = Heading::kept;
+  DeltaNet net(character, config);
+  const Tensor window = random_windows(character, 2).to(torch::kFloat64);
+  const Tensor input = net->network_input(window);
+  CharacterSurface surface(character);
+  const Tensor moved = MotionWindow(character.skeleton).remove_translation(window);
+  for (int frame = 0; frame < 3; ++frame)
+    EXPECT_TRUE(test::is_near(input.narrow(2, 3 * frame, 3), surface->skinned(moved.select(1, frame)), 1e-9));
+}
+
 TEST(DeltaNetReference, GlobalDisplacementsTurnWithTheBody) {
   const Character character = make_test_character();
   DeltaNetConfig config = small_config();

@@ -93,6 +93,18 @@ TEST(MotionWindowReference, TurnedAndMovedWindowsNormaliseToTheSame) {
   EXPECT_LT(largest(normalised_joints(character, moved) - normalised_joints(character, window)), 1e-12);
 }
 
+TEST(MotionWindowReference, TheTranslationNormaliserMovesTheRootAndKeepsTheHeading) {
+  for (const auto& order : {std::array{'y', 'z', 'x'}, {'x', 'y', 'z'}}) {
+    const Character character = character_with_root(order);
+    const MotionWindow motion(character.skeleton);
+    const Tensor window = random_window(character, 3, 4);
+    const Tensor normaliser = motion.translation_normaliser(window.select(1, 3)).unsqueeze(1).unsqueeze(1);
+    const Tensor joints = compose(normaliser, joints_of(character, window));
+    EXPECT_LT(largest(joints - joints_of(character, motion.remove_translation(window))), 1e-12);
+    EXPECT_LT(largest(joints.narrow(-1, 0, 3) - joints_of(character, window).narrow(-1, 0, 3)), 1e-12);
+  }
+}
+
 TEST(MotionWindowReference, HeadingIsTheDofTimesItsWeight) {
   const Character character = make_test_character();
   const auto root = character.skeleton.root();
@@ -115,6 +127,7 @@ TEST(MotionWindowRejects, EditingDofsWhenTheHeadingIsNotOutermost) {
   const Character character = character_with_root({'x', 'y', 'z'});
   EXPECT_THROW(MotionWindow(character.skeleton).normalise_dofs(random_window(character, 1, 3)), Error);
   EXPECT_THROW(MotionWindow(character.skeleton).heading(torch::zeros({2, 3})), Error);
+  EXPECT_THROW(MotionWindow(character.skeleton).translation_normaliser(torch::zeros({2, 3})), Error);
 }
 
 }  // namespace
