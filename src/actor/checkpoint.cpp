@@ -159,8 +159,16 @@ void load_module(torch::nn::Module& module, const std::string& prefix, const Che
     if (item.value().defined()) checkpoint.copy_tensor(prefix + item.key(), item.value());
 }
 
-CheckpointFolder::CheckpointFolder(fs::path folder, int keep_last, std::int64_t keep_every)
-    : folder_(std::move(folder)), keep_last_(std::max(1, keep_last)), keep_every_(keep_every) {}
+void Checkpoint::set_validation_loss(double loss) { set_text("validation_loss", fmt::format("{:.17g}", loss)); }
+
+std::optional<double> Checkpoint::validation_loss() const {
+  if (!has_text("validation_loss")) return std::nullopt;
+  const double loss = number("validation_loss");
+  return std::isfinite(loss) ? std::optional<double>(loss) : std::nullopt;
+}
+
+CheckpointFolder::CheckpointFolder(fs::path folder, int keep_last, std::int64_t keep_every, bool keep_best)
+    : folder_(std::move(folder)), keep_last_(std::max(1, keep_last)), keep_every_(keep_every), keep_best_(keep_best) {}
 
 fs::path CheckpointFolder::path(std::int64_t step) const { return folder_ / fmt::format("step-{:06}.pt", step); }
 
@@ -194,26 +202,54 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest
   fail("no checkpoint in {} can be read; use --overwrite to start again. {}", folder_.string(), first_error);
 }
 
+std::optional<std::int64_t> CheckpointFolder::best() const {
+  const fs::path file = folder_ / "best";
+  if (!fs::exists(file)) return std::nullopt;
+  const std::string name = read_file(file);
+  for (const std::int64_t step : steps())
+    if (path(step).filename().string() + "\n" == name) return step;
+  return std::nullopt;
+}
+
+std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_for_use() const {
+  if (const auto step = best()) return std::make_pair(*step, Checkpoint::load(path(*step)));
+  return load_latest();
+}
+
+/// Among equal losses, the earlier step stays the best.
+void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint) const {
+  const auto loss = checkpoint.validation_loss();
+  if (!keep_best_ || !loss) return;
+  const auto so_far = best();
+  if (so_far && *so_far < step) {
+    const auto least = Checkpoint::load(path(*so_far)).validation_loss();
+    if (least && *least <= *loss) return;
+  }
+  write_atomically(folder_ / "best", path(step).filename().string() + "\n");
+}
+
 void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
   fs::create_directories(folder_);
   checkpoint.save(path(step));
   write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  note_best(step, checkpoint);
   remove_leftovers();
   prune();
 }
 
 void CheckpointFolder::prune() const {
   std::vector<std::int64_t> all = steps();
+  const auto chosen = best();
   const std::size_t kept = std::min(all.size(), as_size(keep_last_));
   for (std::size_t i = 0; i + kept < all.size(); ++i) {
     const bool milestone = keep_every_ > 0 && all[i] % keep_every_ == 0;
     std::error_code ignored;
-    if (!milestone) fs::remove(path(all[i]), ignored);
+    if (!milestone && all[i] != chosen) fs::remove(path(all[i]), ignored);
   }
 }
 
 void CheckpointFolder::remove_leftovers() const {
-  static const std::regex whole("(step-[0-9]{6,12}\\.pt)|latest"), ours(".*(step-[0-9]{6,12}|latest).*");
+  static const std::regex whole("(step-[0-9]{6,12}\\.pt)|latest|best"), ours(".*(step-[0-9]{6,12}|latest|best).*");
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder_, ignored)) {
     const std::string name = entry.path().filename().string();
@@ -224,6 +260,8 @@ void CheckpointFolder::remove_leftovers() const {
 void CheckpointFolder::keep_only(std::int64_t step) {
   if (!fs::exists(path(step))) fail("{}: there is no checkpoint of step {}", folder_.string(), step);
   write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  std::error_code none;
+  fs::remove(folder_ / "best", none);
   for (const std::int64_t other : steps()) {
     std::error_code ignored;
     if (other != step) fs::remove(path(other), ignored);
@@ -235,7 +273,7 @@ void CheckpointFolder::clear() {
   if (!fs::is_directory(folder_)) return;
   remove_leftovers();
   for (std::int64_t step : steps()) fs::remove(path(step), ignored);
-  fs::remove(folder_ / "latest", ignored);
+  for (const char* name : {"latest", "best"}) fs::remove(folder_ / name, ignored);
 }
 
 }  // namespace doppel

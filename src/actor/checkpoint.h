@@ -29,6 +29,9 @@ class Checkpoint {
   const std::string& text(const std::string& name) const;
   std::int64_t integer(const std::string& name) const;
   double number(const std::string& name) const;
+  /// The loss on validation frames; not finite or missing: none.
+  void set_validation_loss(double loss);
+  std::optional<double> validation_loss() const;
   const std::map<std::string, torch::Tensor>& tensors() const { return tensors_; }
 
   /// Copies a stored tensor into `target`. @throws Error for another shape or element type, naming both
@@ -51,12 +54,15 @@ void save_module(const torch::nn::Module& module, const std::string& prefix, Che
 /// @throws Error naming the first missing tensor, or the first of another shape
 void load_module(torch::nn::Module& module, const std::string& prefix, const Checkpoint& checkpoint);
 
-/// The checkpoints of a run: `step-000500.pt`, ..., and `latest`, a text file that names one of them.
+/// The checkpoints of a run: `step-000500.pt`, ..., and `latest`, a text file that names the newest. If the run keeps
+/// the best, `best` names the checkpoint with the smallest validation loss.
 class CheckpointFolder {
  public:
   /// @param keep_last number of the newest checkpoints to keep
   /// @param keep_every also keep steps divisible by this (0: none)
-  explicit CheckpointFolder(std::filesystem::path folder, int keep_last = 2, std::int64_t keep_every = 0);
+  /// @param keep_best also keep the step with the smallest validation loss
+  explicit CheckpointFolder(std::filesystem::path folder, int keep_last = 2, std::int64_t keep_every = 0,
+                            bool keep_best = false);
 
   std::filesystem::path path(std::int64_t step) const;
   /// Steps on disk, ascending.
@@ -64,6 +70,8 @@ class CheckpointFolder {
   /// The newest complete checkpoint. A checkpoint that cannot be read is skipped with a warning.
   /// @throws Error when there are checkpoints but none of them can be read
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
+  /// The checkpoint to use: the one that `best` names, or else the newest. @throws as load_latest
+  std::optional<std::pair<std::int64_t, Checkpoint>> load_for_use() const;
   /// Saves a checkpoint, updates `latest`, and removes checkpoints that need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);
   /// Removes all checkpoints except that of `step`. @throws Error when there is no checkpoint of this step
@@ -72,11 +80,14 @@ class CheckpointFolder {
   void clear();
 
  private:
+  std::optional<std::int64_t> best() const;
+  void note_best(std::int64_t step, const Checkpoint& checkpoint) const;
   void prune() const;
   void remove_leftovers() const;
   std::filesystem::path folder_;
   int keep_last_;
   std::int64_t keep_every_;
+  bool keep_best_;
 };
 
 }  // namespace doppel

@@ -98,7 +98,7 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
 void RunFolder::clear() const {
   std::error_code ignored;
   CheckpointFolder(checkpoints()).clear();
-  for (const fs::path& file : {metrics(), report(), evaluation()}) fs::remove(file, ignored);
+  for (const fs::path& file : {metrics(), validation(), report(), evaluation()}) fs::remove(file, ignored);
   fs::remove_all(images(), ignored);
   if (!fs::is_directory(path_)) return;
   for (const auto& entry : fs::directory_iterator(path_, ignored))

@@ -14,8 +14,8 @@ enum class RunMode {
   overwrite   ///< start again
 };
 
-/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `events.out.tfevents.*`, `pictures/`,
-/// `report.html`, `evaluation.json`.
+/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `validation.jsonl`, `events.out.tfevents.*`,
+/// `pictures/`, `report.html`, `evaluation.json`.
 class RunFolder {
  public:
   explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}
@@ -29,6 +29,7 @@ class RunFolder {
   std::filesystem::path config() const { return path_ / "config.yaml"; }
   std::filesystem::path checkpoints() const { return path_ / "checkpoints"; }
   std::filesystem::path metrics() const { return path_ / "metrics.jsonl"; }
+  std::filesystem::path validation() const { return path_ / "validation.jsonl"; }
   std::filesystem::path images() const { return path_ / "pictures"; }
   std::filesystem::path report() const { return path_ / "report.html"; }
   std::filesystem::path evaluation() const { return path_ / "evaluation.json"; }

@@ -27,7 +27,19 @@ RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& 
                      document.path().string());
   const std::filesystem::path folder = std::filesystem::absolute(document.path()).parent_path();
   return {(folder / capture).lexically_normal(), root.get<long>("seed", 1, at_least(0L)),
-          read_character_options(root.section("character"))};
+          read_character_options(root.section("character")), ValidationFrames::read(root.section("validation"))};
+}
+
+void RunSubject::use_capture(const std::filesystem::path& folder) {
+  const std::filesystem::path other = std::filesystem::absolute(folder);
+  if (other.lexically_normal() != capture.lexically_normal()) validation = {};
+  capture = other;
+}
+
+Dataset RunSubject::open_dataset() const {
+  Dataset dataset = Dataset::open(capture);
+  dataset.hold_out(validation);
+  return dataset;
 }
 
 }  // namespace doppel

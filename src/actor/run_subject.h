@@ -6,6 +6,7 @@
 
 #include "doppel/character/character.h"
 #include "doppel/core/config.h"
+#include "doppel/data/dataset.h"
 
 namespace doppel {
 
@@ -14,10 +15,16 @@ struct RunSubject {
   std::filesystem::path capture;  ///< prepared folder, absolute
   std::int64_t seed = 1;
   CharacterOptions character;
+  ValidationFrames validation;
 
-  /// Reads `stage` (which must be `stage`), `capture`, `seed` and the section `character`.
+  /// Reads `stage` (which must be `stage`), `capture`, `seed`, and the sections `character` and `validation`.
   /// @throws UsageError when no capture is named
   static RunSubject read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage);
+
+  /// Takes another capture, with all of its frames in their own splits.
+  void use_capture(const std::filesystem::path& folder);
+  /// Opens the capture with its validation frames set aside. @throws as Dataset::open and Dataset::hold_out
+  Dataset open_dataset() const;
 };
 
 }  // namespace doppel

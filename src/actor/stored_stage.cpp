@@ -11,7 +11,7 @@ namespace fs = std::filesystem;
 std::optional<StoredStage> find_stage(const fs::path& run_path, const std::string& stage) {
   const RunFolder run(stage_folder(run_path, stage));
   if (!fs::exists(run.config())) return std::nullopt;
-  auto latest = CheckpointFolder(run.checkpoints()).load_latest();
+  auto latest = CheckpointFolder(run.checkpoints()).load_for_use();
   if (!latest) return std::nullopt;
   return StoredStage{ConfigDocument::load(run.config()), latest->first, std::move(latest->second)};
 }

@@ -13,7 +13,7 @@
 
 namespace doppel {
 
-/// A stage on disk: its configuration and its newest checkpoint.
+/// A stage on disk: its configuration and the checkpoint to use, the best if the run keeps the best, else the newest.
 struct StoredStage {
   ConfigDocument config;
   std::int64_t step;

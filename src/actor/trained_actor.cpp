@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run, const fs::path& capture_path) {
   const ConfigReader root = stage.config.root();
   actor.subject = RunSubject::read(stage.config, root, "egnet");
-  actor.subject.capture = fs::absolute(capture_path);
+  actor.subject.use_capture(capture_path);
   actor.trained_on_cameras = root.section("data").list<std::string>("cameras");
   const Capture capture = read_capture(actor.subject.capture);
   actor.frames_per_second = capture.fps;
@@ -65,9 +65,8 @@ void load_nerf(TrainedActor& actor, const StoredStage& stage) {
   actor.nerf = PlainField(torch::zeros({1, 3}), PlainFieldConfig::read(root.section("model")));
   load_evaluation_weights(*actor.nerf, stage.checkpoint);
   const ConfigReader data = root.section("data");
-  actor.nerf_frame =
-      nerf_frame(Dataset::open(actor.subject.capture), parse_split(data.choice("split", {"train", "test"}, "train")),
-                 data.list<long>("frames"));
+  actor.nerf_frame = nerf_frame(actor.subject.open_dataset(), parse_split(data.choice("split", split_words(), "train")),
+                                data.list<long>("frames"));
 }
 
 /// The loaders of the stages, in the order of training. EGNet is the first stage of every actor and is loaded before

@@ -16,7 +16,7 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   const ConfigReader root = stored->config.root(), model = root.section("model");
   TrainedPose trained;
   trained.subject = RunSubject::read(stored->config, root, "posenet");
-  if (capture) trained.subject.capture = fs::absolute(*capture);
+  if (capture) trained.subject.use_capture(*capture);
   trained.detections = DetectionOptions::read(root.section("loss"));
   trained.trained_on_cameras = root.section("data").list<std::string>("cameras");
   const Dataset dataset = Dataset::open(trained.subject.capture);
@@ -27,7 +27,7 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   trained.pose.emplace(trained.character.skeleton, model.list<std::string>("dofs"), trained.character.rest_dofs);
   trained.landmark_layer = Landmarks(trained.character.skeleton, trained.landmarks);
   trained.surface = CharacterSurface(trained.character);
-  trained.posenet = PoseNet(*trained.pose, BackboneConfig::read(model));
+  trained.posenet = PoseNet(*trained.pose, PoseNetConfig::read(model));
   load_evaluation_weights(*trained.posenet, stored->checkpoint);
   trained.steps["posenet"] = stored->step;
   if (!with_defnet) return trained;

@@ -115,7 +115,7 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   SequenceEntry sequence;
   sequence.name = reader.get<std::string>("name");
   check_name(reader, "name", sequence.name);
-  sequence.split = parse_split(reader.choice("split", {"train", "test"}));
+  sequence.split = parse_split(reader.choice("split", split_words()));
   sequence.videos = read_pattern(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
@@ -249,13 +249,19 @@ fs::path portable_root(const fs::path& root, const fs::path& folder) {
 
 }  // namespace
 
-Split parse_split(const std::string& word) {
-  if (word == "train") return Split::train;
-  if (word == "test") return Split::test;
-  fail<UsageError>("'{}' is not a split; the splits are train and test", word);
+const std::vector<std::string>& split_words() {
+  static const std::vector<std::string> words{"train", "test", "validation"};  // in the order of the enumeration
+  return words;
 }
 
-std::string to_string(Split split) { return split == Split::train ? "train" : "test"; }
+Split parse_split(const std::string& word) {
+  const auto found = std::find(split_words().begin(), split_words().end(), word);
+  if (found == split_words().end())
+    fail<UsageError>("'{}' is not a split; the splits are train, validation and test", word);
+  return static_cast<Split>(found - split_words().begin());
+}
+
+std::string to_string(Split split) { return split_words()[as_size(split)]; }
 
 long SequenceEntry::offset(const std::string& camera) const {
   const auto found = frame_offset.find(camera);

@@ -15,8 +15,11 @@
 namespace doppel {
 
 /// The use of a sequence: training or evaluation.
-enum class Split { train, test };
-/// "train" or "test". @throws UsageError for another word.
+/// What a sequence is for. Settings are chosen on `validation` frames, never on `test` frames.
+enum class Split { train, test, validation };
+/// The words of the splits: "train", "test", "validation".
+const std::vector<std::string>& split_words();
+/// @throws UsageError for a word that is not one of `split_words`
 Split parse_split(const std::string& word);
 std::string to_string(Split split);
 

@@ -80,6 +80,14 @@ DatasetSequence make_sequence(const SequenceEntry& entry, const Capture& capture
   return sequence;
 }
 
+/// The names of the sequences of a split, for a message.
+std::string names_of(const std::vector<DatasetSequence>& sequences, Split split) {
+  std::string names;
+  for (const DatasetSequence& sequence : sequences)
+    if (sequence.split == split) names += (names.empty() ? "" : ", ") + sequence.name;
+  return names.empty() ? "none" : names;
+}
+
 }  // namespace
 
 long DatasetSequence::segment_start(long frame) const {
@@ -137,7 +145,57 @@ std::vector<SampleId> Dataset::samples(Split split, int every) const {
   return result;
 }
 
-void Dataset::hold_out(double share) {
+ValidationFrames ValidationFrames::read(const ConfigReader& reader) {
+  return {reader.list<std::string>("sequences"), reader.list<int>("takes"),
+          reader.get("share", 0.0, between(0.0, 0.9))};
+}
+
+/// Splits the training sequences at their cuts and moves some of the segments.
+void Dataset::hold_out_takes(const std::vector<int>& takes) {
+  std::vector<DatasetSequence> segments, others;
+  for (const DatasetSequence& sequence : sequences_) {
+    if (sequence.split != Split::train) {
+      others.push_back(sequence);
+      continue;
+    }
+    DatasetSequence segment = sequence;
+    for (const long cut : sequence.cuts) {
+      if (cut <= segment.first_frame || cut > sequence.last_frame) continue;
+      segment.last_frame = cut - 1;
+      segments.push_back(segment);
+      segment.first_frame = cut;
+      segment.last_frame = sequence.last_frame;
+    }
+    segments.push_back(segment);
+  }
+  for (const int take : takes) {
+    if (take < 0 || as_size(take) >= segments.size())
+      fail<UsageError>("validation: there is no take {}; the training sequences of {} have takes 0 to {}", take,
+                       folder_.string(), segments.size() - 1);
+    segments[as_size(take)].split = Split::validation;
+  }
+  segments.insert(segments.end(), others.begin(), others.end());
+  sequences_ = std::move(segments);
+}
+
+void Dataset::hold_out(const ValidationFrames& frames) {
+  for (const std::string& name : frames.sequences) {
+    const auto found = std::find_if(sequences_.begin(), sequences_.end(), [&](const DatasetSequence& sequence) {
+      return sequence.name == name && sequence.split == Split::train;
+    });
+    if (found == sequences_.end())
+      fail<UsageError>("validation: {} has no training sequence \"{}\"; it has {}", folder_.string(), name,
+                       names_of(sequences_, Split::train));
+    found->split = Split::validation;
+  }
+  if (!frames.takes.empty()) hold_out_takes(frames.takes);
+  if (!(frames.sequences.empty() && frames.takes.empty()) && samples(Split::train).empty())
+    fail<UsageError>("validation: all training sequences of {} are set aside; leave at least one to train on",
+                     folder_.string());
+  if (frames.share > 0.0) hold_out(frames.share, Split::validation);
+}
+
+void Dataset::hold_out(double share, Split split) {
   std::vector<DatasetSequence> held_out;
   for (DatasetSequence& sequence : sequences_) {
     if (sequence.split != Split::train) continue;
@@ -146,7 +204,7 @@ void Dataset::hold_out(double share) {
       fail<UsageError>("{}: of the {} frames of sequence {}, a share of {} cannot be held out", folder_.string(),
                        sequence.num_frames(), sequence.name, share);
     held_out.push_back(sequence);
-    held_out.back().split = Split::test;
+    held_out.back().split = split;
     held_out.back().first_frame = sequence.last_frame - held + 1;
     sequence.last_frame -= held;
   }

@@ -61,6 +61,16 @@ struct ImageCrop {
   std::vector<std::uint8_t> foreground;  ///< [I*I] 1 = person; 0 beyond the camera's image
 };
 
+/// Training frames to set aside for validation.
+struct ValidationFrames {
+  std::vector<std::string> sequences;  ///< whole training sequences
+  std::vector<int> takes;              ///< segments of the training sequences between their cuts, counted from 0
+  double share = 0.0;                  ///< of every training sequence that is left, its last frames; 0: none
+
+  /// Keys `sequences` (a list of names), `takes` and `share` (0 to 0.9). @throws FileError at the key
+  static ValidationFrames read(const ConfigReader& reader);
+};
+
 /// A prepared capture: poses, cameras, and the store of masks and images. Reading is thread-safe.
 class Dataset {
  public:
@@ -86,9 +96,12 @@ class Dataset {
   /// The samples of a split, ordered by sequence and frame. @param every take every n-th frame of a sequence
   std::vector<SampleId> samples(Split split, int every = 1) const;
 
-  /// Moves the last `share` of every training sequence to the test split. Affects this object only.
-  /// @throws UsageError when no frame is left for training, or for the test
-  void hold_out(double share);
+  /// Moves the last `share` of every training sequence to another split. Affects this object only.
+  /// @throws UsageError when no frame is left for training, or for the other split
+  void hold_out(double share, Split split);
+  /// Moves training frames to the validation split. Affects this object only.
+  /// @throws UsageError for a sequence or take that is not one of the training, or when no training frame is left
+  void hold_out(const ValidationFrames& frames);
 
   /// The landmarks of the prepared keypoints, [M]; none when the capture had no keypoints.
   const std::vector<Marker>& landmarks() const { return landmarks_; }
@@ -130,6 +143,7 @@ class Dataset {
 
  private:
   Dataset() = default;
+  void hold_out_takes(const std::vector<int>& takes);
   cv::Mat decode_image(const FrameRecord& found, const SampleId& sample, int camera) const;
   FrameRecord record(const SampleId& sample, int camera) const;
   std::string key(const SampleId& sample, int camera) const;

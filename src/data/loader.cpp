@@ -42,6 +42,10 @@ SamplePlan make_plan(const Dataset& dataset, const LoaderOptions& options) {
 
 }  // namespace
 
+BatchOptions batch_options(const LoaderOptions& o) {
+  return {o.past_frames, o.images, o.image_size, o.keypoints, o.person_size, o.augment};
+}
+
 struct Loader::Impl {
   /// A batch from a worker, or the worker's error.
   struct Loaded {
@@ -94,9 +98,7 @@ struct Loader::Impl {
       // Workers record no autograd history. Gradient mode is per thread.
       torch::NoGradGuard no_grad;
       const auto items = plan.items(first_sample + number * options.batch_size, options.batch_size);
-      loaded.batch = build_batch(dataset, cache, items,
-                                 {options.past_frames, options.images, options.image_size, options.keypoints,
-                                  options.person_size, options.augment});
+      loaded.batch = build_batch(dataset, cache, items, batch_options(options));
     } catch (...) {
       loaded.error = std::current_exception();
     }

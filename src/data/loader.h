@@ -28,6 +28,9 @@ struct LoaderOptions {
   int cache_mb = 1024;  ///< memory for distance fields and images kept between epochs; 0: no cache
 };
 
+/// What a batch of a loader contains.
+BatchOptions batch_options(const LoaderOptions& options);
+
 /// Endless stream of batches: all samples of a split, in a new seeded order each epoch. A batch may contain the end of
 /// one epoch and the start of the next. The stream depends only on the options and the position, not on the number of
 /// workers, the prefetch depth or the cache. With cameras_per_sample = C < all, each sample takes the first C of a

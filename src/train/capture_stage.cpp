@@ -1,8 +1,12 @@
 #include "doppel/train/capture_stage.h"
 
+#include <ATen/CPUGeneratorImpl.h>
+
 #include <algorithm>
+#include <limits>
 
 #include "doppel/core/as_size.h"
+#include "doppel/data/batch_builder.h"
 #include "doppel/render/boundary.h"
 #include "doppel/train/overlay.h"
 
@@ -11,6 +15,8 @@ namespace doppel {
 namespace {
 
 constexpr std::int64_t kStatisticsChunk = 64;
+constexpr int kValidationFrames = 64;
+constexpr std::int64_t kLastStep = std::numeric_limits<std::int64_t>::max();
 
 std::string join(const torch::Tensor& numbers, const std::function<std::string(std::int64_t)>& name) {
   std::string out;
@@ -59,11 +65,39 @@ torch::Tensor CaptureStage::training_windows(std::size_t limit, int past_frames)
   return dataset_.dof_windows(chosen, past_frames);
 }
 
+LossTerms CaptureStage::validation_terms(const Batch& batch, StepContext& context) {
+  context.step = kLastStep;
+  return loss(batch, context);
+}
+
+std::optional<double> CaptureStage::validation_loss(std::int64_t step) {
+  const std::vector<SampleId> samples = samples_to_show(Split::validation, kValidationFrames);
+  if (samples.empty()) return std::nullopt;
+  const torch::NoGradGuard no_grad;
+  BatchOptions options = batch_options(options_);
+  options.augment = false;
+  const std::vector<int> all = dataset_.camera_indices(options_.cameras);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    // A stage that trains on one camera at a time gets the cameras in turn.
+    const std::vector<int> cameras = options_.cameras_per_sample == 1 ? std::vector<int>{all[i % all.size()]} : all;
+    Profile profile;
+    StepContext context{step, at::detail::createCPUGenerator(options_.seed), &profile};
+    for (const LossTerm& term : validation_terms(make_batch(dataset_, {samples[i]}, {cameras}, options), context))
+      sum += term.weight * term.value.item<double>();
+  }
+  return sum / static_cast<double>(samples.size());
+}
+
+std::vector<Split> CaptureStage::splits_to_show() const {
+  return {dataset_.samples(Split::validation).empty() ? Split::test : Split::validation, Split::train};
+}
+
 std::vector<SampleId> CaptureStage::samples_to_show(Split split, int count) const {
   const std::vector<SampleId> samples =
       split == options_.split ? chosen_samples(dataset_, options_.split, options_.frames) : dataset_.samples(split);
   std::vector<SampleId> chosen;
-  const auto n = as_size(count);
+  const auto n = std::min(as_size(count), samples.size());
   for (std::size_t i = 0; i < n && !samples.empty(); ++i)
     chosen.push_back(samples[(2 * i + 1) * samples.size() / (2 * n)]);
   return chosen;
@@ -73,7 +107,7 @@ std::vector<ReportImage> CaptureStage::outline_images(
     const torch::Tensor& faces, const std::string& legend,
     const std::function<std::pair<torch::Tensor, torch::Tensor>(const SampleId&)>& surfaces) const {
   std::vector<ReportImage> images;
-  for (Split split : {Split::test, Split::train}) {
+  for (const Split split : splits_to_show()) {
     const std::vector<SampleId> samples = samples_to_show(split, 4);
     if (samples.empty()) continue;
     OverlaySheet sheet(dataset_, faces);

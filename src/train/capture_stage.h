@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,6 +26,10 @@ class CaptureStage : public Stage {
   /// The loss on a given batch.
   virtual LossTerms loss(const Batch& batch, StepContext& context) = 0;
 
+  /// The loss without random changes of the inputs on at most 64 validation frames, evenly spread. Constant weights:
+  /// those of the last step.
+  std::optional<double> validation_loss(std::int64_t step) override;
+
   std::string batch_description() const override;
   std::string data_state() const override { return loader_.state(); }
   void restore_data(const std::string& state) override { loader_.restore(state); }
@@ -35,6 +41,11 @@ class CaptureStage : public Stage {
   const LoaderOptions& loader_options() const { return options_; }
   /// Motion windows of training frames, at most `limit`, evenly spread. @return [n,F+1,D] with F past frames
   torch::Tensor training_windows(std::size_t limit, int past_frames) const;
+  /// The terms of the validation loss on a batch. By default those of `loss` after the last step.
+  /// @param context of the steps done so far
+  virtual LossTerms validation_terms(const Batch& batch, StepContext& context);
+  /// The splits to show in the report: the training frames, and those of the validation, or else of the test.
+  std::vector<Split> splits_to_show() const;
   /// Frames of a split to show in the report, evenly spread.
   std::vector<SampleId> samples_to_show(Split split, int count) const;
   /// An image of outlines for each split that has frames: the mask's green, those of two surfaces blue and red.

@@ -66,7 +66,7 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
 
 LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
-  const torch::Tensor noisy = noise_.apply(batch.dofs, context.generator);
+  const torch::Tensor noisy = network_->is_training() ? noise_.apply(batch.dofs, context.generator) : batch.dofs;
   torch::Tensor A, T, coarse, fine;
   {
     ProfileScope scope(profile, "egnet");
@@ -120,7 +120,7 @@ std::pair<torch::Tensor, torch::Tensor> DeltaNetStage::surfaces(const torch::Ten
 std::vector<ReportImage> DeltaNetStage::images() {
   std::vector<ReportImage> images;
   const int past_frames = loader_options().past_frames;
-  for (Split split : {Split::test, Split::train}) {
+  for (const Split split : splits_to_show()) {
     const std::vector<SampleId> samples = samples_to_show(split, 4);
     if (samples.empty()) continue;
     OverlaySheet outlines(dataset(), actor_.mesh->faces);

@@ -120,6 +120,12 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
           {"anchor", terms.anchor, config_.anchor_weight}};
 }
 
+LossTerms HybridStage::validation_terms(const Batch& batch, StepContext& context) {
+  const Tensor views = batch.valid[0].nonzero().squeeze(1);
+  if (views.size(0) == 0) return {};
+  return {{"colour", field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0], context).colour}};
+}
+
 HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
                                               StepContext& context) {
   const std::int64_t size = batch.image.size(2), V = views.size(0);
@@ -245,7 +251,7 @@ std::vector<ReportImage> HybridStage::images() {
       });
   FieldImageOptions options;
   options.samples = config_.field_rays.samples;
-  for (Split split : {Split::test, Split::train}) {
+  for (const Split split : splits_to_show()) {
     ImageSheet sheet(dataset(), loader_options().image_size);
     for (const SampleId& sample : samples_to_show(split, kImagesOfSplit)) {
       const Batch batch = sheet.batch(sample, loader_options().past_frames);

@@ -70,6 +70,10 @@ class HybridStage : public CaptureStage {
 
   Hybrid& hybrid() { return model_; }
 
+ protected:
+  /// The colours of the radiance field alone, because the phases train different terms.
+  LossTerms validation_terms(const Batch& batch, StepContext& context) override;
+
  private:
   /// All terms of a step; those of other phases stay 0.
   struct Terms {

@@ -31,6 +31,8 @@ class NerfStage : public CaptureStage {
   torch::nn::Module& model() override { return *model_; }
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;
+  /// None: the field represents a single frame.
+  std::optional<double> validation_loss(std::int64_t) override { return std::nullopt; }
 
  private:
   NerfRunConfig config_;

@@ -37,7 +37,7 @@ ChartSeries curve(const std::string& name, const std::vector<MetricsRecord>& rec
   return series;
 }
 
-std::string charts(const std::vector<MetricsRecord>& records) {
+std::string charts(const std::vector<MetricsRecord>& records, const std::vector<MetricsRecord>& validation) {
   if (records.empty()) return "<p class=\"muted\">No steps have been logged yet.</p>";
   std::string out = "<div class=\"charts\">";
   std::vector<ChartSeries> loss = {curve("sum", records, [](const MetricsRecord& r) { return r.loss; })};
@@ -45,6 +45,9 @@ std::string charts(const std::vector<MetricsRecord>& records) {
     loss.push_back(curve(records.front().terms[i].name, records,
                          [i](const MetricsRecord& r) { return i < r.terms.size() ? r.terms[i].weighted : 0.0; }));
   out += svg_chart("Loss, weighted terms", loss, true);
+  if (!validation.empty())
+    out += svg_chart("Loss on validation frames",
+                     {curve("validation", validation, [](const MetricsRecord& r) { return r.loss; })}, true);
   for (std::size_t i = 0; i < records.front().terms.size(); ++i)
     out += svg_chart(
         records.front().terms[i].name + ", unweighted",
@@ -155,7 +158,8 @@ std::string summary(const std::vector<MetricsRecord>& records) {
 /// The training part of a run's report: curves, times, images.
 std::string training(const RunFolder& run) {
   const auto records = read_metrics(run.metrics());
-  return summary(records) + "<h2>Curves</h2>" + charts(records) + step_times(records) + images(run);
+  return summary(records) + "<h2>Curves</h2>" + charts(records, read_metrics(run.validation())) + step_times(records) +
+         images(run);
 }
 
 /// Writes a whole page around `body` to the run's report.

@@ -6,7 +6,7 @@ namespace doppel {
 
 LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample, std::int64_t seed) {
   LoaderOptions o;
-  o.split = parse_split(data.choice("split", {"train", "test"}, "train"));
+  o.split = parse_split(data.choice("split", split_words(), "train"));
   o.batch_size = data.get("batch_size", batch_size, at_least(1));
   o.cameras = data.list<std::string>("cameras");
   o.frames = data.list<long>("frames");

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,6 +62,10 @@ class Stage {
   /// evaluation weights (the running mean, if there is one) in the model. Must not use random numbers; its changes to
   /// the model are undone afterwards.
   virtual void prepare_evaluation() {}
+  /// The loss on frames of the validation split, with the evaluation weights in the model, which is in evaluation mode.
+  /// Nothing when there are no such frames. Must not change the model or use the run's random numbers.
+  /// @param step steps done so far
+  virtual std::optional<double> validation_loss(std::int64_t /*step*/) { return std::nullopt; }
   /// Images of the current state for the report. Must not change the model or use random numbers.
   virtual std::vector<ReportImage> images() { return {}; }
 };

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<std::string> kSharedKeys{"capture", "seed", "character"};
+const std::vector<std::string> kSharedKeys{"capture", "seed", "character", "validation"};
 
 bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();

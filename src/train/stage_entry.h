@@ -37,7 +37,7 @@ struct StageEntry {
 template <typename StageType, typename Config>
 TrainSummary train_first(const StageTask& task) {
   const Config config = Config::read(task.document);
-  const Dataset dataset = Dataset::open(config.subject.capture);
+  const Dataset dataset = config.subject.open_dataset();
   const Character character = load_character(dataset.character_path(), config.subject.character);
   task.folder.open(task.resolved, task.mode);
   StageType stage(dataset, character, config);
@@ -47,7 +47,7 @@ TrainSummary train_first(const StageTask& task) {
 /// Trains a stage that builds on earlier stages. @param trained a TrainedActor or a TrainedPose
 template <typename StageType, typename Config, typename Trained>
 TrainSummary train_on(Trained trained, const StageTask& task) {
-  const Dataset dataset = Dataset::open(trained.subject.capture);
+  const Dataset dataset = trained.subject.open_dataset();
   task.folder.open(task.resolved, task.mode);
   const Config config = Config::read(task.document);
   StageType stage(dataset, trained, config);

@@ -50,7 +50,8 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
   {
     ProfileScope scope(profile, "input");
     torch::NoGradGuard no_grad;
-    input = texture_input(actor_, texture_space_, config_.model, noise_.apply(batch.dofs, context.generator),
+    input = texture_input(actor_, texture_space_, config_.model,
+                          network_->is_training() ? noise_.apply(batch.dofs, context.generator) : batch.dofs,
                           batch.image_projection.select(1, 0), vertices);
   }
   {
@@ -72,7 +73,7 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
 std::vector<ReportImage> TexNetStage::images() {
   std::vector<ReportImage> images;
   const int past_frames = loader_options().past_frames;
-  for (Split split : {Split::test, Split::train}) {
+  for (const Split split : splits_to_show()) {
     const std::vector<SampleId> samples = samples_to_show(split, 4);
     if (samples.empty()) continue;
     ImageSheet sheet(dataset(), loader_options().image_size);

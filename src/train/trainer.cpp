@@ -24,27 +24,33 @@ torch::Tensor generator_state(const at::Generator& generator) { return generator
 
 }  // namespace
 
-TrainerOptions TrainerOptions::read(const ConfigReader& reader, std::int64_t seed) {
+TrainerOptions TrainerOptions::read_unscheduled(const ConfigReader& reader, std::int64_t seed) {
   TrainerOptions o;
   o.seed = seed;
-  o.iterations = reader.get<long>("iterations", o.iterations, at_least(1L));
-  o.schedule = Schedule::read(reader, o.iterations);
   o.adam = AdamOptions::read(reader);
   o.log_every = reader.get<long>("log_every", o.log_every, at_least(1L));
   o.checkpoint_every = reader.get<long>("checkpoint_every", o.checkpoint_every, at_least(1L));
   o.keep_last = reader.get("keep_last", o.keep_last, at_least(1));
   o.keep_every = reader.get<long>("keep_every", o.keep_every, at_least(0L));
+  o.keep_best = reader.choice("keep", {"last", "best"}, "last") == "best";
   reader.renamed("pictures_every", "images_every");
   o.images_every = reader.get<long>("images_every", o.images_every, at_least(0L));
   o.max_minutes = reader.get("max_minutes", o.max_minutes, at_least(0.0));
   return o;
 }
 
+TrainerOptions TrainerOptions::read(const ConfigReader& reader, std::int64_t seed) {
+  TrainerOptions o = read_unscheduled(reader, seed);
+  o.iterations = reader.get<long>("iterations", o.iterations, at_least(1L));
+  o.schedule = Schedule::read(reader, o.iterations);
+  return o;
+}
+
 TrainerOptions TrainerOptions::read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
                                            const std::string& source) {
-  for (const char* key : {"iterations", "learning_rate", "schedule"})
+  for (const char* key : {"iterations", "learning_rate", "schedule", "warmup", "final_ratio"})
     if (reader.has(key)) reader.fail_at_key(key, "{}", source);
-  TrainerOptions o = read(reader, seed);
+  TrainerOptions o = read_unscheduled(reader, seed);
   o.iterations = schedule.iterations;
   o.schedule = schedule;
   return o;
@@ -54,7 +60,7 @@ Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& r
     : stage_(stage),
       options_(options),
       run_(run),
-      checkpoints_(run.checkpoints(), options.keep_last, options.keep_every),
+      checkpoints_(run.checkpoints(), options.keep_last, options.keep_every, options.keep_best),
       adam_(stage.model(), options.adam),
       generator_(at::detail::createCPUGenerator(static_cast<std::uint64_t>(options.seed))) {
   global_generator().set_current_seed(static_cast<std::uint64_t>(options.seed));
@@ -67,9 +73,9 @@ TrainSummary Trainer::run() {
   start_ = std::chrono::steady_clock::now();
   resume();
   summary.resumed_at = step_;
-  if (options_.keep_start && saved_step_ < 0) save_checkpoint();
   metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
   tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
+  if (options_.keep_start && saved_step_ < 0) save_checkpoint();
   {
     Progress progress(stage_.name(), options_.iterations, step_);
     while (step_ < options_.iterations && !stop_requested() && !out_of_time()) {
@@ -206,13 +212,13 @@ void Trainer::save_checkpoint() {
   checkpoint.set_tensor("generator.global", generator_state(global_generator()));
   save_module(stage_.model(), "model.", checkpoint);
   adam_.save(checkpoint);
-  save_evaluation_buffers(checkpoint);
+  save_evaluation(checkpoint);
   checkpoints_.save(step_, checkpoint);
   saved_step_ = step_;
   write_report(run_);
 }
 
-void Trainer::save_evaluation_buffers(Checkpoint& checkpoint) {
+void Trainer::save_evaluation(Checkpoint& checkpoint) {
   torch::NoGradGuard no_grad;
   torch::nn::Module& model = stage_.model();
   Checkpoint present;  // the evaluation weights temporarily replace those of the model
@@ -225,8 +231,28 @@ void Trainer::save_evaluation_buffers(Checkpoint& checkpoint) {
   stage_.prepare_evaluation();
   for (const auto& item : model.named_buffers())
     if (item.value().defined()) checkpoint.set_tensor("evaluation." + item.key(), item.value().clone());
+  model.eval();
+  const std::optional<double> loss = stage_.validation_loss(step_);
   load_module(model, "", present);
   model.train();
+  if (!loss && options_.keep_best)
+    fail<UsageError>(
+        "train.keep: best needs validation frames; name them in the section `validation` of the configuration, or as "
+        "`split: validation` in capture.yaml");
+  if (!loss) return;
+  checkpoint.set_validation_loss(*loss);
+  log_validation(*loss);
+}
+
+void Trainer::log_validation(double loss) {
+  MetricsRecord record;
+  record.step = step_;
+  record.seconds = seconds();
+  record.loss = loss;
+  // A session that was killed after this line and before the checkpoint wrote the line already.
+  if (!validation_) validation_ = std::make_unique<MetricsFile>(run_.validation(), step_ - 1);
+  validation_->append(record);
+  tensorboard_->add_scalars(step_, {{"validation/loss", loss}});
 }
 
 void Trainer::save_images() {

@@ -29,16 +29,21 @@ struct TrainerOptions {
   std::int64_t keep_every = 0;          ///< also keep the checkpoints of steps divisible by this; 0: none
   std::int64_t images_every = 0;        ///< steps between two sets of images; 0: images at the end only
   double max_minutes = 0.0;             ///< limit of the training time, summed over all sessions; 0: no limit
-  bool keep_start = false;              ///< write a checkpoint before the first step too; not a configuration key
+  bool keep_best = false;   ///< keep the checkpoint with the smallest validation loss too, and use this one later
+  bool keep_start = false;  ///< write a checkpoint before the first step too; not a configuration key
 
   /// Reads the keys of the section `train`. @param reader that section @throws FileError at a key with a wrong value
   static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);
   /// The same for a stage whose number of steps and learning rates come from other keys.
   /// @param schedule made from those keys; it gives the iterations too
   /// @param source the message of the error, which names those keys
-  /// @throws FileError also when the section holds `iterations`, `learning_rate` or `schedule`
+  /// @throws FileError also when the section holds a key of the schedule
   static TrainerOptions read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
                                     const std::string& source);
+
+ private:
+  /// Reads all keys except those of iterations and learning rates.
+  static TrainerOptions read_unscheduled(const ConfigReader& reader, std::int64_t seed);
 };
 
 /// Why a session ended. `finished`: all iterations are done. `time_limit`: max_minutes is reached. `interrupted`:
@@ -79,7 +84,9 @@ class Trainer {
   [[noreturn]] void fail_not_finite(const std::string& what) const;
   void log_metrics();
   void save_checkpoint();
-  void save_evaluation_buffers(Checkpoint& checkpoint);
+  /// Adds the buffers of the evaluation, and measures the validation loss with them.
+  void save_evaluation(Checkpoint& checkpoint);
+  void log_validation(double loss);
   void save_images();
   double seconds() const;
   bool out_of_time() const;
@@ -91,7 +98,7 @@ class Trainer {
   Adam adam_;
   at::Generator generator_;
   MetricsWindow window_;
-  std::unique_ptr<MetricsFile> metrics_;
+  std::unique_ptr<MetricsFile> metrics_, validation_;
   std::unique_ptr<TensorBoardWriter> tensorboard_;
   std::int64_t step_ = 0, saved_step_ = -1;
   double earlier_seconds_ = 0.0, last_loss_ = 0.0;

@@ -8,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/render/face_tensor.h"
+#include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 
@@ -112,6 +113,46 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   EXPECT_NEAR(terms[1].value.item<double>(), expected.data_to_model.item<double>(), 1e-4);
   EXPECT_EQ(terms[2].value.item<double>(), 0.0);
   EXPECT_GT(terms[0].value.item<double>(), 0.0);
+}
+
+TEST_F(EgNetStageReference, ValidationFramesAreSetAsideByShareOrByName) {
+  const EgNetRunConfig c = config({"validation.share=0.25"});
+  const Dataset dataset = c.subject.open_dataset(), all = Dataset::open(c.subject.capture);
+  const std::size_t count = all.samples(Split::train).size(), held = dataset.samples(Split::validation).size();
+  EXPECT_EQ(held, count / 4);
+  EXPECT_EQ(dataset.samples(Split::train).size(), count - held);
+  EXPECT_EQ(dataset.samples(Split::validation).back().frame, all.samples(Split::train).back().frame);
+  EXPECT_EQ(dataset.samples(Split::test), all.samples(Split::test));
+
+  const auto named = [](const std::string& sequences) {
+    Dataset other = Dataset::open(prepared_);
+    other.hold_out({{sequences}, {}, 0.0});
+    return other;
+  };
+  EXPECT_THAT(support::message_of<UsageError>([&] { named("run"); }), HasSubstr("it has walk"));
+  EXPECT_THAT(support::message_of<UsageError>([&] { named("dance"); }), HasSubstr("no training sequence \"dance\""));
+  EXPECT_THAT(support::message_of<UsageError>([&] { named("walk"); }), HasSubstr("leave at least one"));
+}
+
+TEST_F(EgNetStageReference, ValidationLossIsTheLossWithoutNoiseOnValidationFrames) {
+  const EgNetRunConfig c = config({"validation.share=0.25"});
+  const Dataset dataset = c.subject.open_dataset();
+  const Character character = load_character(dataset.character_path(), c.subject.character);
+  EgNetStage stage(dataset, character, c);
+  stage.model().eval();
+  const std::vector<int> cameras = dataset.camera_indices({});
+  double sum = 0.0;
+  for (const SampleId& sample : dataset.samples(Split::validation)) {
+    Profile profile;
+    StepContext context{0, at::detail::createCPUGenerator(99), &profile};
+    for (const LossTerm& term : stage.loss(make_batch(dataset, {sample}, {cameras}, c.loader.past_frames), context))
+      sum += term.weight * term.value.item<double>();
+  }
+  const double expected = sum / static_cast<double>(dataset.samples(Split::validation).size());
+  EXPECT_GT(expected, 0.0);
+  EXPECT_NEAR(*stage.validation_loss(7), expected, 1e-6 * expected);
+  const Dataset without = Dataset::open(prepared_);
+  EXPECT_FALSE(EgNetStage(without, character, config()).validation_loss(7));
 }
 
 TEST_F(EgNetStageReference, EvaluationStatisticsAreThoseOfAllTrainingFrames) {

@@ -65,12 +65,16 @@ class ToyStage : public Stage {
   void restore_data(const std::string& state) override { std::istringstream(state) >> stream_; }
   std::string identity() const override { return identity_; }
   void prepare_evaluation() override { model_->norm->running_mean.fill_(42.0); }
+  std::optional<double> validation_loss(std::int64_t step) override {
+    return validation ? validation(step) : std::nullopt;
+  }
   std::vector<ReportImage> images() override {
     return {{"toy", "a grey square", cv::Mat(8, 8, CV_8UC3, cv::Scalar(128, 128, 128))}};
   }
 
   std::string identity_ = "toy data";
   std::function<void(std::int64_t, LossTerms&)> spoil;
+  std::function<std::optional<double>(std::int64_t)> validation;
 
  private:
   ToyModel model_;

@@ -75,6 +75,72 @@ TEST(TrainerReference, EvaluationBuffersAreSavedWithoutTouchingTheModel) {
   EXPECT_TRUE(torch::equal(stage.toy().first, checkpoint.tensor("model.first")));
 }
 
+TEST(TrainerRecovers, TheBestCheckpointOnValidationFramesIsKeptAndUsed) {
+  const TemporaryFolder folder;
+  const RunFolder run(folder / "run");
+  run.open("stage: toy\n", RunMode::automatic);
+  ToyStage stage;
+  stage.validation = [&stage](std::int64_t step) {
+    EXPECT_FALSE(stage.model().is_training());
+    EXPECT_EQ(stage.toy().norm->running_mean[0].item<float>(), 42.0f) << "the evaluation buffers are in the model";
+    return std::optional<double>(std::abs(static_cast<double>(step) - 20.0));
+  };
+  TrainerOptions options = quick(60);
+  options.keep_last = 1;
+  options.keep_best = true;
+  Trainer(stage, options, run).run();
+  const CheckpointFolder checkpoints(run.checkpoints());
+  EXPECT_EQ(checkpoints.steps(), (std::vector<std::int64_t>{20, 60}));
+  EXPECT_EQ(checkpoints.load_latest()->first, 60);
+  EXPECT_EQ(checkpoints.load_for_use()->first, 20);
+  EXPECT_EQ(checkpoints.load_for_use()->second.validation_loss(), 0.0);
+  std::vector<double> losses;
+  for (const MetricsRecord& record : read_metrics(run.validation())) losses.push_back(record.loss);
+  EXPECT_EQ(losses, (std::vector<double>{10, 0, 10, 20, 30, 40}));
+  EXPECT_THAT(read_file(run.report()), HasSubstr("Loss on validation frames"));
+}
+
+TEST(TrainerReference, WithoutKeepBestTheNewestCheckpointIsUsed) {
+  const TemporaryFolder folder;
+  const RunFolder run(folder / "run");
+  run.open("stage: toy\n", RunMode::automatic);
+  ToyStage stage;
+  stage.validation = [](std::int64_t step) { return std::optional<double>(static_cast<double>(step)); };
+  Trainer(stage, quick(30), run).run();
+  EXPECT_EQ(CheckpointFolder(run.checkpoints()).load_for_use()->first, 30);
+}
+
+TEST(TrainerRecovers, ValidationLinesOfAResumedRunAreThoseOfAnUnbrokenRun) {
+  const TemporaryFolder folder;
+  const auto losses = [&](const char* name, std::vector<std::int64_t> sessions) {
+    const RunFolder run(folder / name);
+    std::vector<double> found;
+    for (const std::int64_t end : sessions) {
+      run.open("stage: toy\n", RunMode::automatic);
+      ToyStage stage;
+      stage.validation = [&stage](std::int64_t) {
+        return std::optional<double>(stage.toy().first.sum().item<double>());
+      };
+      Trainer(stage, quick(end), run).run();
+    }
+    for (const MetricsRecord& record : read_metrics(run.validation())) found.push_back(record.loss);
+    return found;
+  };
+  const std::vector<double> unbroken = losses("unbroken", {50});
+  EXPECT_EQ(unbroken.size(), 5u);
+  EXPECT_EQ(losses("broken", {20, 30, 50}), unbroken);
+}
+
+TEST(TrainerRejects, KeepBestWithoutValidationFrames) {
+  const TemporaryFolder folder;
+  const RunFolder run(folder / "run");
+  run.open("stage: toy\n", RunMode::automatic);
+  ToyStage stage;
+  TrainerOptions options = quick(30);
+  options.keep_best = true;
+  EXPECT_THAT(message([&] { Trainer(stage, options, run).run(); }), HasSubstr("validation"));
+}
+
 TEST(TrainerRejects, NonFiniteLossNamesStageStepBatchAndTerm) {
   const TemporaryFolder folder;
   const RunFolder run(folder / "run");
