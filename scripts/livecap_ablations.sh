@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Contribution of each part of the one-camera tracker (thesis 4.8.7): switches parts off one by one and writes a table.
+# Contribution of each part of the one-camera tracker (thesis 4.8.7): the four bars of Fig. 4.16, and a table with parts
+# switched off one by one. Writes fig-4.16.md and table.md.
 #   scripts/livecap_ablations.sh [FOLDER [CAPTURE [options of `doppel track`]]]
 # Default: the folder livecap-ablations, and one camera of the synthetic person. Existing variants are not run again.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-livecap-ablations}"
-doppel="${DOPPEL:-build/release/tools/doppel}"
-[ -x "$doppel" ] || { scripts/install_dependencies.sh; cmake --preset release >/dev/null; cmake --build --preset release --target doppel; }
+source scripts/figures.sh
 
 mkdir -p "$folder"
 if [ $# -ge 2 ]; then
@@ -18,21 +18,42 @@ else
   [ -f "$capture/capture.yaml" ] || "$doppel" synth --preset small --cameras 1 --frames 4 --test-frames 80 --out "$capture"
 fi
 
-# figure NAME KEY DIGITS: a number from the variant's track.json, or nothing if the key is missing
-figure() { grep -o "\"$2\": [0-9.e-]*" "$folder/$1/track.json" | head -1 | cut -d' ' -f2 | xargs -r printf "%.$3f"; }
+# number NAME KEY DIGITS: a number from the variant's track.json, or nothing if the key is missing
+number() { grep -o "\"$2\": [0-9.e-]*" "$folder/$1/track.json" | head -1 | cut -d' ' -f2 | xargs -r printf "%.$3f"; }
 
-# variant NAME DESCRIPTION [key=value ...]: tracks once and adds a row to the table
-variant() {
-  local name=$1 description=$2 sets=() change lost
-  shift 2
-  for change in "$@"; do sets+=(--set "$change"); done
+# run_variant NAME [key=value ...]: tracks once
+run_variant() {
+  local name=$1 sets=() change
+  for change in "${@:2}"; do sets+=(--set "$change"); done
   [ -f "$folder/$name/track.json" ] ||
     "$doppel" track "$capture" --method livecap --config configs/track/livecap.yaml --vertices --sheet-frames 0 \
       "${options[@]}" "${sets[@]}" --out "$folder/$name" >/dev/null
-  lost=$(grep -c '"state": "lost"' "$folder/$name/track.json" || true)
-  echo "| $description | $(figure "$name" IoU_pose 4) | $(figure "$name" IoU 4) | $(figure "$name" keypoint_error_px 2)" \
-    "| $(figure "$name" MPJPE_mm 1) | $(figure "$name" vertex_error_mm 1) | $lost |"
 }
+
+# variant NAME DESCRIPTION [key=value ...]: a row of the table
+variant() {
+  local name=$1 lost
+  run_variant "$name" "${@:3}"
+  lost=$(grep -c '"state": "lost"' "$folder/$name/track.json" || true)
+  echo "| $2 | $(number "$name" IoU_pose 4) | $(number "$name" IoU 4) | $(number "$name" keypoint_error_px 2)" \
+    "| $(number "$name" landmarks_mm 1) | $(number "$name" vertex_error_mm 1) | $lost |"
+}
+
+# bar TITLE NAME KEY [key=value ...]: a bar of Fig. 4.16, the mean distance of vertices from the true surface
+bar() {
+  run_variant "$2" "${@:4}"
+  echo "| $1 | $(number "$2" "$3" 1) |"
+}
+
+{
+  echo "| Fig. 4.16 | vertex error, mm |"
+  echo "|---|---:|"
+  bar "E_2D without faces + E_3D" bar-no-faces vertex_error_pose_mm keypoints.faces=false silhouette.weight=0 surface.enabled=false
+  bar "E_2D + E_3D" keypoints-only vertex_error_pose_mm silhouette.weight=0 surface.enabled=false
+  bar "E_pose" pose-only vertex_error_pose_mm surface.enabled=false
+  bar "E_pose + E_non-rigid" full vertex_error_mm
+  provenance "scripts/livecap_ablations.sh"
+} | tee "$folder/fig-4.16.md"
 
 {
   echo "| without | IoU, pose | IoU, surface | keypoints, pixels | joints, mm | vertices, mm | lost |"
@@ -58,4 +79,5 @@ variant() {
   variant no-clamp "clamp of isolated vertices" surface.max_isolated_motion=0
   variant soft "materials: 2 everywhere" surface.materials=false surface.rigidity=2
   variant stiff "materials: 50 everywhere" surface.materials=false surface.rigidity=50
+  provenance "scripts/livecap_ablations.sh"
 } | tee "$folder/table.md"

@@ -13,7 +13,9 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/eval/image_metrics.h"
+#include "doppel/eval/lpips.h"
 #include "doppel/eval/pose_evaluation.h"
+#include "doppel/eval/tracked_evaluation.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
@@ -31,23 +33,26 @@ constexpr char kEvaluateExample[] =
     "Without --run, only skinning is evaluated: doppel evaluate --capture prepared/anna";
 
 struct EvaluateArguments {
-  std::string run, capture, split = "test";
-  EvaluationOptions options;
+  std::string run, capture, tracked, split = "test";
+  std::string scan_unit = "mm";
+  std::vector<std::string> lpips;
+  TrackedEvaluationOptions options;
 };
 
 std::vector<Split> splits_to_evaluate(const Dataset& dataset, const std::string& word) {
   if (word != "all") return {parse_split(word)};
   std::vector<Split> splits;
-  for (Split split : {Split::train, Split::test})
+  for (Split split : {Split::train, Split::validation, Split::test})
     if (!dataset.samples(split).empty()) splits.push_back(split);
   return splits;
 }
 
-/// The subject of an evaluation: a trained actor, a trained pose network, or a character alone.
+/// The subject of an evaluation: a trained actor, a trained pose network, tracked sequences, or a character alone.
 struct Subject {
   std::optional<TrainedActor> actor;
   std::optional<TrainedPose> pose;
   std::optional<Character> untrained;
+  std::optional<TrackedRun> tracked;  ///< of the character `untrained`
   CharacterSurface surface{nullptr};
   const Character& character() const { return actor ? actor->character : pose ? pose->character : *untrained; }
 };
@@ -63,7 +68,7 @@ Json surfaces_first(const Json& rows) {
   return sorted;
 }
 
-Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options) {
+Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const TrackedEvaluationOptions& options) {
   const torch::Tensor faces = face_tensor(subject.character().mesh);
   const auto skinned = [&](const std::vector<SampleId>& samples) {
     return subject.surface->skinned(dataset.dof_windows(samples, 0).squeeze(1));
@@ -73,6 +78,7 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
   if (!subject.pose || poses_are_known(dataset, split))
     rows["skinning"] =
         evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
+  if (subject.tracked) rows.update(evaluate_tracked(dataset, subject.character(), *subject.tracked, split, options));
   if (subject.pose) rows.update(evaluate_pose_run(dataset, *subject.pose, split, options));
   if (subject.actor)
     for (const StageEntry& entry : stage_table())
@@ -83,10 +89,19 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
 
 Subject load_subject(const EvaluateArguments& arguments, fs::path& capture) {
   Subject subject;
+  if (!arguments.tracked.empty() && !arguments.run.empty())
+    fail<UsageError>("--tracked and --run name two things to evaluate; give one of them");
+  if (!arguments.tracked.empty() && arguments.capture.empty())
+    fail<UsageError>("--tracked needs the prepared capture to compare with: --capture PREPARED");
+  if (arguments.tracked.empty() && arguments.options.smoothing > 0.0)
+    fail<UsageError>("--smoothing smooths tracked sequences; give --tracked DIR, or leave it out");
+  if (arguments.tracked.empty() && !arguments.options.error_maps.empty())
+    fail<UsageError>("--error-maps draws tracked surfaces; give --tracked DIR, or leave it out");
   if (arguments.run.empty()) {
     if (arguments.capture.empty()) fail<UsageError>("nothing to evaluate; give --run RUN or --capture PREPARED");
     capture = arguments.capture;
     subject.untrained = load_character(read_capture(capture).character_path());
+    if (!arguments.tracked.empty()) subject.tracked = TrackedRun::load(arguments.tracked, *subject.untrained);
   } else {
     const auto other = arguments.capture.empty() ? std::nullopt : std::make_optional<fs::path>(arguments.capture);
     if (captures_poses(arguments.run))
@@ -100,18 +115,33 @@ Subject load_subject(const EvaluateArguments& arguments, fs::path& capture) {
 }
 
 /// Sets the input camera of a run that captures poses: the first of the compared cameras, unless one is named.
-EvaluationOptions with_input_camera(const Subject& subject, const Dataset& dataset, EvaluationOptions options) {
-  if (!subject.pose && !options.input_camera.empty())
+TrackedEvaluationOptions with_input_camera(const Subject& subject, const Dataset& dataset,
+                                           TrackedEvaluationOptions options) {
+  if (!subject.pose && !subject.tracked && !options.input_camera.empty())
     fail<UsageError>("--input-camera: this run has no input camera; leave the option out");
   if (subject.pose && options.input_camera.empty())
     options.input_camera = dataset.camera(dataset.camera_indices(options.cameras).front()).name;
   return options;
 }
 
+/// Adds what the options of the program say in other words: the unit of scans, and the weights of LPIPS.
+TrackedEvaluationOptions with_measurements(const Subject& subject, const EvaluateArguments& arguments,
+                                           TrackedEvaluationOptions options) {
+  options.scan_unit = arguments.scan_unit == "m" ? 1.0 : 0.001;
+  const bool draws = subject.actor && (compares_images(*subject.actor) || subject.actor->hybrid || subject.actor->nerf);
+  if ((options.whole_frames || !arguments.lpips.empty()) && !draws)
+    fail<UsageError>(
+        "--whole-frames and --lpips compare drawings with images, and nothing here is drawn; give --run with a run "
+        "that has colours (lighting, deltanet, texnet, hybrid or nerf), or leave them out");
+  const std::vector<fs::path> weights(arguments.lpips.begin(), arguments.lpips.end());
+  if (!weights.empty()) options.lpips = std::make_shared<const Lpips>(Lpips::load(weights));
+  return options;
+}
+
 /// Adds the conditions of the trained model to the protocol.
 void describe_run(const Subject& subject, const Dataset& dataset, const EvaluateArguments& arguments,
                   const EvaluationOptions& options, const std::vector<Split>& splits, Json& protocol) {
-  if (subject.actor && compares_images(*subject.actor)) protocol["pictures"] = photometric_protocol(dataset);
+  if (subject.actor && compares_images(*subject.actor)) protocol["pictures"] = photometric_protocol(dataset, options);
   if (subject.pose) {
     protocol["input_camera"] = options.input_camera;
     protocol["keypoints"] = "of all compared cameras, in pixels of an image 1024 wide";
@@ -130,14 +160,30 @@ void describe_run(const Subject& subject, const Dataset& dataset, const Evaluate
   protocol["trained_on_cameras"] = subject.pose ? subject.pose->trained_on_cameras : subject.actor->trained_on_cameras;
 }
 
+/// Adds the conditions of tracked sequences to the protocol.
+void describe_tracked(const EvaluateArguments& arguments, const TrackedRun& tracked,
+                      const TrackedEvaluationOptions& options, Json& protocol) {
+  protocol["tracked"] = fs::absolute(arguments.tracked).lexically_normal().string();
+  protocol["method"] = tracked.method;
+  protocol["smoothing"] = options.smoothing;
+  protocol["poses"] = "14 joints against the capture's motion, bones rescaled";
+  if (options.input_camera.empty()) return;
+  protocol["input_camera"] = options.input_camera;
+  protocol["surfaces"] = "moved to the true position";
+}
+
 int run(const EvaluateArguments& arguments, const CommonOptions& common) {
   fs::path capture;
   Subject subject = load_subject(arguments, capture);
-  const Dataset dataset = Dataset::open(capture);
-  const EvaluationOptions options = with_input_camera(subject, dataset, arguments.options);
+  const Dataset dataset = subject.pose    ? subject.pose->subject.open_dataset()
+                          : subject.actor ? subject.actor->subject.open_dataset()
+                                          : Dataset::open(capture);
+  const TrackedEvaluationOptions options =
+      with_measurements(subject, arguments, with_input_camera(subject, dataset, arguments.options));
   const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
   Json evaluation;
   evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
+  if (subject.tracked) describe_tracked(arguments, *subject.tracked, options, evaluation["protocol"]);
   if (!subject.untrained) describe_run(subject, dataset, arguments, options, splits, evaluation["protocol"]);
   for (Split split : splits) evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, options);
   if (!subject.untrained) {
@@ -158,16 +204,38 @@ Command add_evaluate(CLI::App& program) {
   app->add_option("--run", arguments->run,
                   "Folder of a run; results are also written to its evaluation.json and report.html");
   app->add_option("--capture", arguments->capture, "Prepared capture (default: that of the training)");
-  app->add_option("--split", arguments->split, "train, test or all")->capture_default_str();
+  app->add_option("--tracked", arguments->tracked,
+                  "Output folder of `doppel track` to evaluate against the poses, surfaces and masks of --capture");
+  app->add_option("--error-maps", arguments->options.error_maps,
+                  "With --tracked: folder for pictures of where the surface is nearer to the true one than skinning");
+  app->add_option("--smoothing", arguments->options.smoothing,
+                  "With --tracked: sigma, in frames, of the Gaussian over five frames (0: none)")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  app->add_option("--split", arguments->split, "train, validation, test or all")->capture_default_str();
   app->add_option("--cameras", arguments->options.cameras, "Names of cameras (default: all)")->delimiter(',');
-  app->add_option("--input-camera", arguments->options.input_camera,
-                  "Camera of the images for PoseNet and DefNet (default: the first of --cameras)");
+  app->add_option(
+      "--input-camera", arguments->options.input_camera,
+      "Camera that the method saw: the images of PoseNet and DefNet (default: the first of --cameras), or of "
+      "--tracked, whose surfaces are then compared at the true position");
   app->add_option("--frames", arguments->options.frames,
                   "Frames to evaluate, as rows of the motions (default: set by --every)")
       ->delimiter(',');
   app->add_option("--every", arguments->options.every, "Evaluate every n-th frame")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app->add_flag("--whole-frames", arguments->options.whole_frames,
+                "Compare drawings with the whole images of the capture too, at the camera's resolution (slow)");
+  app->add_option("--lpips", arguments->lpips,
+                  "Weights of LPIPS with AlexNet, one file or several (docs/evaluation.md): compare drawings by it too")
+      ->delimiter(',');
+  CLI::Option* scans = app->add_option("--scan", arguments->options.scans,
+                                       "Folder of scans, <sequence>/<frame>.obj or <frame>.obj: measure surfaces "
+                                       "against them");
+  app->add_option("--scan-unit", arguments->scan_unit, "Unit of the scans: mm or m")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"mm", "m"}))
+      ->needs(scans);
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

@@ -31,7 +31,7 @@ void frame(const doppel::Character& character, doppel::ResNetKind kind, int64_t 
   const torch::NoGradGuard no_grad;
   std::vector<doppel::Marker> markers;
   for (int m = 0; m < 21; ++m) markers.push_back({"", m % character.skeleton.num_joints(), {0.0, 0.05, 0.0}, 0.0});
-  doppel::BackboneConfig backbone;
+  doppel::PoseNetConfig backbone;
   backbone.kind = kind;
   backbone.input_size = static_cast<int>(size);
   const doppel::PoseDofs pose(character.skeleton, {}, character.rest_dofs);

@@ -148,6 +148,11 @@ Character load_character(const fs::path& path, const CharacterOptions& options) 
   read_skin_of(files, character);
   const fs::path segmentation = files.mesh.parent_path() / "segmentation.txt";
   if (fs::exists(segmentation)) character.labels = read_segmentation(segmentation, character.num_vertices());
+  if (character.labels.empty())
+    log::warn(
+        "{}: there is no segmentation.txt beside the mesh, so materials are unknown: every vertex has rigidity 1, and "
+        "ARAP, Laplacian and smoothness treat skin and cloth alike",
+        path.string());
   find_bones(files, character);
   check_place(path, files, character);
   read_graph(path, files, character);

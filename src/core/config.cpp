@@ -22,6 +22,7 @@ struct ConfigReader::Shared {
   std::filesystem::path path;
   std::map<std::string, std::string> overridden;
   std::map<std::string, Mapping> mappings;  // by dotted path
+  std::shared_ptr<std::map<std::string, std::string>> values;
 };
 
 namespace {
@@ -213,6 +214,7 @@ ConfigReader ConfigDocument::root() const {
   auto shared = std::make_shared<ConfigReader::Shared>();
   shared->path = path_;
   shared->overridden = overridden_;
+  shared->values = values_;
   shared->mappings[""].node = node_;
   return ConfigReader(shared, node_, "");
 }
@@ -265,6 +267,10 @@ void ConfigReader::fail_formatted(const std::string& key, const std::string& mes
 
 void ConfigReader::note(const std::string& key) const { shared_->mappings[prefix_].asked.insert(key); }
 
+void ConfigReader::note_value(const std::string& key, const std::string& value) const {
+  (*shared_->values)[joined_path(prefix_, key)] = value;
+}
+
 bool ConfigReader::has(const std::string& key) const {
   note(key);
   return node_.IsMap() && node_[key].IsDefined();
@@ -279,6 +285,7 @@ T ConfigReader::get(const std::string& key, const Range<T>& range) const {
   if ((range.minimum && *value < *range.minimum) || (range.maximum && *value > *range.maximum)) {
     fail_at_key(key, "found {}, allowed is {}", *value, range_text(range));
   }
+  note_value(key, fmt::format("{}", *value));
   return *value;
 }
 template bool ConfigReader::get<bool>(const std::string&, const Range<bool>&) const;
@@ -290,6 +297,7 @@ template std::string ConfigReader::get<std::string>(const std::string&, const Ra
 template <typename T>
 std::vector<T> ConfigReader::list(const std::string& key) const {
   std::vector<T> values;
+  note_value(key, "[]");
   if (!has(key) || node_[key].IsNull()) return values;
   const YAML::Node node = node_[key];
   const auto take = [&](const YAML::Node& item) {
@@ -304,6 +312,9 @@ std::vector<T> ConfigReader::list(const std::string& key) const {
   } else {
     take(node);
   }
+  std::vector<std::string> texts;
+  for (const T& value : values) texts.push_back(fmt::format("{}", value));
+  note_value(key, "[" + joined(texts) + "]");
   return values;
 }
 template std::vector<bool> ConfigReader::list<bool>(const std::string&) const;
@@ -315,8 +326,9 @@ template std::vector<std::string> ConfigReader::list<std::string>(const std::str
 std::string ConfigReader::choice(const std::string& key, const std::vector<std::string>& allowed,
                                  const std::optional<std::string>& fallback) const {
   if (!has(key)) {
-    if (fallback) return *fallback;
-    fail_at_key(key, "this key is missing; it must be one of {}", joined(allowed));
+    if (!fallback) fail_at_key(key, "this key is missing; it must be one of {}", joined(allowed));
+    note_value(key, *fallback);
+    return *fallback;
   }
   const std::string word = get<std::string>(key);
   if (std::find(allowed.begin(), allowed.end(), word) != allowed.end()) return word;

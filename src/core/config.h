@@ -40,6 +40,9 @@ class ConfigDocument {
   /// The document with the overrides applied, as YAML text. Paths that were read through `ConfigReader::path` are
   /// absolute, so the text means the same in any folder.
   std::string resolved() const;
+  /// Every key that the readers of this document have asked for, by dotted path, with the value that they got as text:
+  /// that of the document, or the reader's default. A key that has neither is missing.
+  const std::map<std::string, std::string>& values() const { return *values_; }
   const std::filesystem::path& path() const { return path_; }
 
  private:
@@ -48,6 +51,7 @@ class ConfigDocument {
   std::filesystem::path path_;
   /// The command-line override that set a key, by dotted path, for messages.
   std::map<std::string, std::string> overridden_;
+  std::shared_ptr<std::map<std::string, std::string>> values_ = std::make_shared<std::map<std::string, std::string>>();
 };
 
 /// The allowed values of a number: a closed interval. The default allows all finite values.
@@ -76,7 +80,9 @@ class ConfigReader {
   template <typename T>
   T get(const std::string& key, const T& fallback, const Range<T>& range = {}) const {
     note(key);
-    return has(key) ? get<T>(key, range) : fallback;
+    if (has(key)) return get<T>(key, range);
+    note_value(key, fmt::format("{}", fallback));
+    return fallback;
   }
   std::string get(const std::string& key, const char* fallback) const {
     return get<std::string>(key, std::string(fallback));
@@ -119,6 +125,7 @@ class ConfigReader {
   ConfigReader(std::shared_ptr<Shared> shared, const YAML::Node& node, std::string prefix)
       : shared_(std::move(shared)), node_(node), prefix_(std::move(prefix)) {}
   void note(const std::string& key) const;
+  void note_value(const std::string& key, const std::string& value) const;
   [[noreturn]] void fail_formatted(const std::string& key, const std::string& message) const;
 
   std::shared_ptr<Shared> shared_;

@@ -21,7 +21,8 @@ struct ConfigUnits {
 /// Reads a number and converts it; a missing key leaves the option unchanged.
 inline void read_number(const ConfigReader& reader, const char* key, double& option, const Range<double>& range,
                         UnitConversion to_option) {
-  if (reader.has(key)) option = to_option(reader.get<double>(key, range));
+  const double written = reader.get<double>(key, option / to_option(1.0), range);
+  if (reader.has(key)) option = to_option(written);
 }
 
 inline void read_weight(const ConfigReader& root, const char* term, double& weight,
@@ -32,7 +33,7 @@ inline void read_weight(const ConfigReader& root, const char* term, double& weig
 inline void read_image_term(const ConfigReader& root, const char* term, double& weight, double& scale,
                             const ConfigUnits& units = {}) {
   read_weight(root, term, weight, units.per_squared_pixel);
-  read_number(root.section(term), "scale", scale, between(1e-3, 1e6), units.pixels);
+  read_number(root.section(term), "scale", scale, between(0.0, 1e6), units.pixels);
 }
 
 /// The section `inliers`; its old name `trust` is still read.

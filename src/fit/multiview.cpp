@@ -124,7 +124,7 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
 
 Terms image_terms(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                   const std::vector<OutlineVertex>& outline, const MultiviewOptions& o) {
-  const auto kernel = [](double scale) { return RobustKernel{RobustKernel::Kind::geman_mcclure, scale}; };
+  const auto kernel = RobustKernel::geman_mcclure_of;
   Terms result;
   result.push_back(
       std::make_unique<KeypointTerm<PoseModel>>(cameras, frame, o.keypoint_weight, kernel(o.keypoint_scale)));

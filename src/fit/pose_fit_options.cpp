@@ -18,11 +18,12 @@ void check_fit(const PoseFitOptions& o) {
                                                     {"temporal weight", o.temporal_weight},
                                                     {"steady weight", o.steady_weight},
                                                     {"prior weight", o.prior_weight},
+                                                    {"keypoint scale", o.keypoint_scale},
+                                                    {"silhouette scale", o.silhouette_scale},
                                                     {"smallest inlier ratio", o.min_inlier_ratio}};
   for (const auto& [name, value] : numbers) check_not_negative(name, value);
-  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0) || !(o.inlier_threshold > 0.0))
-    fail("the scales of the fit are {}, {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale,
-         o.inlier_threshold);
+  if (!(o.inlier_threshold > 0.0))
+    fail("the inlier threshold of the fit is {}; it must be more than 0", o.inlier_threshold);
   if (o.outline_pixels < 16 || o.outline_vertices < 1)
     fail("the fit needs outline windows of at least 16 pixels and at least 1 outline vertex");
 }

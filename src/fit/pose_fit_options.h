@@ -10,9 +10,9 @@ namespace doppel {
 /// off. Pixels are reference pixels (image 1024 wide). Defaults are those of the multi-view fit.
 struct PoseFitOptions {
   double keypoint_weight = 1.0;     ///< per squared pixel
-  double keypoint_scale = 20.0;     ///< of the Geman-McClure kernel, pixels
+  double keypoint_scale = 20.0;     ///< of the Geman-McClure kernel, pixels; 0: no kernel
   double silhouette_weight = 5.0;   ///< per squared pixel
-  double silhouette_scale = 20.0;   ///< of the Geman-McClure kernel, pixels
+  double silhouette_scale = 20.0;   ///< of the Geman-McClure kernel, pixels; 0: no kernel
   double limit_weight = 2000.0;     ///< per squared radian, DoFs beyond their limits
   double temporal_weight = 5000.0;  ///< per squared metre, positions of landmarks
   double steady_weight = 100.0;     ///< per squared radian, DoFs to their predicted values

@@ -19,8 +19,8 @@ void check(const SurfaceOptions& o) {
   for (const auto& [name, weight] : weights)
     if (!(weight >= 0.0) || !std::isfinite(weight))
       fail("the weight of {} in the surface fit is {}; it must be 0 or more", name, weight);
-  if (!(o.keypoint_scale > 0.0) || !(o.silhouette_scale > 0.0))
-    fail("the scales of the surface fit are {} and {}; they must be more than 0", o.keypoint_scale, o.silhouette_scale);
+  if (!(o.keypoint_scale >= 0.0) || !(o.silhouette_scale >= 0.0))
+    fail("the scales of the surface fit are {} and {}; they must be 0 or more", o.keypoint_scale, o.silhouette_scale);
 }
 
 }  // namespace
@@ -37,7 +37,7 @@ SurfaceTracker::SurfaceTracker(const Character& character, const std::vector<Mar
 FitProblem<GraphModel>::Terms SurfaceTracker::terms(const FrameEvidence& frame,
                                                     const std::vector<OutlineVertex>& outline) const {
   const SurfaceOptions& o = options_;
-  const auto kernel = [](double scale) { return RobustKernel{RobustKernel::Kind::geman_mcclure, scale}; };
+  const auto kernel = RobustKernel::geman_mcclure_of;
   FitProblem<GraphModel>::Terms result;
   if (o.keypoint_weight > 0.0)
     result.push_back(

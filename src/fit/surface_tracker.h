@@ -16,7 +16,7 @@ namespace doppel {
 struct SurfaceOptions {
   /// A weight of 0 switches a term off.
   double keypoint_weight = 0.05;   ///< per squared reference pixel
-  double keypoint_scale = 20.0;    ///< of the Geman-McClure kernel, reference pixels
+  double keypoint_scale = 20.0;    ///< of the Geman-McClure kernel, reference pixels; 0: no kernel
   double silhouette_weight = 1.0;  ///< per squared reference pixel, each camera: surface's outline to the mask's
   double contour_weight = 1.0;     ///< per squared reference pixel, each camera: mask's outline to the surface's
   double contour_reach = 60.0;     ///< reference pixels: largest distance of a contour point and its vertex

@@ -6,23 +6,31 @@ namespace doppel {
 
 using torch::Tensor;
 
-namespace {
-constexpr int64_t kRotation = 4;  // cosine and sine of the heading (up to a factor), alpha_2, alpha_3
-}  // namespace
+PoseNetConfig PoseNetConfig::read(const ConfigReader& reader) {
+  PoseNetConfig config;
+  static_cast<BackboneConfig&>(config) = BackboneConfig::read(reader);
+  config.heading = reader.choice("heading", {"direction", "angle"}, "direction") == "angle" ? HeadingOutput::angle
+                                                                                            : HeadingOutput::direction;
+  return config;
+}
 
-PoseNetImpl::PoseNetImpl(const PoseDofs& pose, const BackboneConfig& config, std::optional<at::Generator> generator)
-    : num_angles_(pose.size()) {
+PoseNetImpl::PoseNetImpl(const PoseDofs& pose, const PoseNetConfig& config, std::optional<at::Generator> generator)
+    : config_(config), num_angles_(pose.size()) {
   const auto [heading, tilt, roll] = kUprightFacingCamera;
-  const Tensor upright = torch::tensor({std::cos(heading), std::sin(heading), tilt, roll}, torch::kFloat64);
-  backbone_ = register_module("backbone", Backbone(config, num_angles_ + kRotation,
+  const Tensor upright = config.heading == HeadingOutput::angle
+                             ? torch::tensor({heading, tilt, roll}, torch::kFloat64)
+                             : torch::tensor({std::cos(heading), std::sin(heading), tilt, roll}, torch::kFloat64);
+  backbone_ = register_module("backbone", Backbone(config, num_angles_ + upright.size(0),
                                                    torch::cat({pose.middle(), upright}), std::move(generator)));
 }
 
 std::pair<Tensor, Tensor> PoseNetImpl::forward(const Tensor& image) {
   const Tensor output = backbone_->forward(image);
-  const Tensor rotation = output.narrow(1, num_angles_, kRotation);
+  const Tensor theta = output.narrow(1, 0, num_angles_);
+  const Tensor rotation = output.narrow(1, num_angles_, output.size(1) - num_angles_);
+  if (config_.heading == HeadingOutput::angle) return {theta, rotation};
   const Tensor heading = torch::atan2(rotation.narrow(1, 1, 1), rotation.narrow(1, 0, 1));
-  return {output.narrow(1, 0, num_angles_), torch::cat({heading, rotation.narrow(1, 2, 2)}, 1)};
+  return {theta, torch::cat({heading, rotation.narrow(1, 2, 2)}, 1)};
 }
 
 }  // namespace doppel

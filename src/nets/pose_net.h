@@ -14,14 +14,22 @@
 
 namespace doppel {
 
-/// In the thesis, the last layer outputs alpha itself. Here it outputs a 2D direction whose angle is the heading
-/// alpha_1. A direction changes smoothly while a person makes a full turn. An angle jumps by 2 pi at one heading, and
-/// images near this heading would get values in between.
+/// The output for the heading alpha_1. `angle`: alpha_1 itself, as in the thesis. `direction`: a 2D direction whose
+/// angle is alpha_1. A direction changes smoothly while a person makes a full turn. An angle jumps by 2 pi at one
+/// heading, and images near this heading would get values in between.
+enum class HeadingOutput { direction, angle };
+
+struct PoseNetConfig : BackboneConfig {
+  HeadingOutput heading = HeadingOutput::direction;
+
+  /// Keys: `heading: direction | angle`, and those of BackboneConfig. @throws FileError at the key
+  static PoseNetConfig read(const ConfigReader& reader);
+};
+
 class PoseNetImpl : public torch::nn::Module {
  public:
   /// @param pose the joint angles and their initial values
-  PoseNetImpl(const PoseDofs& pose, const BackboneConfig& config,
-              std::optional<at::Generator> generator = std::nullopt);
+  PoseNetImpl(const PoseDofs& pose, const PoseNetConfig& config, std::optional<at::Generator> generator = std::nullopt);
 
   /// @param image [B,3,S,S], colours standardised by ImageNet's mean and deviation
   /// @return theta [B,P] and alpha [B,3] (pose_dofs.h). Before training, theta is about the middle of its limits, and
@@ -29,9 +37,10 @@ class PoseNetImpl : public torch::nn::Module {
   std::pair<torch::Tensor, torch::Tensor> forward(const torch::Tensor& image);
 
   Backbone& backbone() { return backbone_; }
-  const BackboneConfig& config() const { return backbone_->config(); }
+  const PoseNetConfig& config() const { return config_; }
 
  private:
+  PoseNetConfig config_;
   int64_t num_angles_;
   Backbone backbone_{nullptr};
 };

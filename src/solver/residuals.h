@@ -18,6 +18,10 @@ struct RobustKernel {
   Kind kind = Kind::none;
   double scale = 1.0;  ///< in the unit of the residuals
 
+  /// The kernel of a scale. 0: no kernel, the cost is s.
+  static RobustKernel geman_mcclure_of(double scale) {
+    return scale > 0.0 ? RobustKernel{Kind::geman_mcclure, scale} : RobustKernel{};
+  }
   double cost(double s) const;
   /// d cost / d s: the weight of a row in the normal equations.
   double weight(double s) const;

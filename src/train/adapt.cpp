@@ -37,6 +37,7 @@ std::string settings_of(const AdaptOptions& options, const Dataset& dataset, con
   settings["camera"] = camera;
   settings["seed"] = config.seed;
   settings["held_out"] = config.held_out;
+  settings["validation"] = config.validation;
   settings["check_every"] = config.check_every;
   for (const std::string kind : kStages) {
     const AdaptStage& stage = kind == "posenet" ? config.posenet : config.defnet;
@@ -44,6 +45,7 @@ std::string settings_of(const AdaptOptions& options, const Dataset& dataset, con
     keys["iterations"] = stage.iterations;
     keys["learning_rate"] = stage.learning_rate;
     keys["batch_size"] = stage.batch_size;
+    if (kind == "posenet") keys["keypoints"] = stage.keypoints;
     keys["freeze_norm"] = stage.freeze_norm;
   }
   return YAML::Dump(settings) + "\n";
@@ -55,7 +57,10 @@ class Adaptation {
       : options_(options), dataset_(Dataset::open(fs::absolute(options.capture))) {
     camera_ = options.camera.empty() ? dataset_.cameras().front().name : options.camera;
     dataset_.camera_index(camera_);
-    dataset_.hold_out(options.config.held_out);
+    const AdaptConfig& config = options.config;
+    if (config.held_out > 0.0) dataset_.hold_out(config.held_out, Split::test);
+    // The share is one of all frames; `hold_out` takes it of those that are left.
+    if (config.validation > 0.0) dataset_.hold_out(config.validation / (1.0 - config.held_out), Split::validation);
     has_defnet_ = find_stage(options.run, "defnet").has_value();
   }
 
@@ -103,8 +108,8 @@ class Adaptation {
                                      fmt::format("train.checkpoint_every={}", options_.config.check_every),
                                      fmt::format("train.keep_every={}", options_.config.check_every)};
     if (kind == "posenet") {
-      changes.push_back(
-          fmt::format("phases=[{{iterations: {}, learning_rate: {}}}]", stage.iterations, stage.learning_rate));
+      changes.push_back(fmt::format("phases=[{{iterations: {}, learning_rate: {}, keypoints: {}}}]", stage.iterations,
+                                    stage.learning_rate, stage.keypoints));
     } else {
       changes.push_back(fmt::format("train.iterations={}", stage.iterations));
       changes.push_back(fmt::format("train.learning_rate={}", stage.learning_rate));
@@ -166,7 +171,7 @@ class Adaptation {
     PoseNetStage stage(dataset_, character, config);
     train(stage, "posenet", config.trainer);
     keep_best("posenet", [&](TrainedPose& trained, const std::string&) {
-      return -keypoint_error(trained, Split::test, /*deformed=*/false);
+      return -keypoint_error(trained, Split::validation, /*deformed=*/false);
     });
   }
 
@@ -177,15 +182,19 @@ class Adaptation {
     DefNetStage stage(dataset_, pose, config);
     train(stage, "defnet", config.trainer);
     keep_best("defnet", [&](TrainedPose& trained, const std::string& title) {
-      return overlap(trained, Split::test, /*deformed=*/true, title).AMVIoU;
+      return overlap(trained, Split::validation, /*deformed=*/true, title).AMVIoU;
     });
   }
 
-  /// Keeps the best of all checkpoints on disk; among equals, the earliest.
-  /// @param merit of the networks on the held-out frames; larger is better
+  /// Keeps the best of all checkpoints on disk, among equals the earliest; without validation frames the last.
+  /// @param merit of the networks on the validation frames; larger is better
   template <typename Merit>
   void keep_best(const std::string& kind, const Merit& merit) {
     CheckpointFolder checkpoints(folder(kind).checkpoints());
+    if (dataset_.samples(Split::validation).empty()) {
+      checkpoints.keep_only(checkpoints.steps().back());
+      return;
+    }
     std::optional<double> best;
     std::int64_t best_step = 0;
     TrainedPose trained = TrainedPose::load(options_.out, std::nullopt, kind == "defnet");
@@ -200,9 +209,9 @@ class Adaptation {
     }
     checkpoints.keep_only(best_step);
     if (best_step == 0)
-      log::warn("{}: no checkpoint is better on the held-out frames than the studio's network, which is kept", kind);
+      log::warn("{}: no checkpoint is better on the validation frames than the studio's network, which is kept", kind);
     else
-      log::info("{}: step {} is best on the held-out frames", kind, best_step);
+      log::info("{}: step {} is best on the validation frames", kind, best_step);
   }
 
   /// The surfaces that the networks predict for samples, in the order of the methods: skinned and deformed.
@@ -247,7 +256,7 @@ class Adaptation {
       ++frames;
     }
     if (frames == 0.0)
-      fail("{}: camera {} shows no person in the held-out frames", dataset_.folder().string(), camera_);
+      fail("{}: camera {} shows no person in the {} frames", dataset_.folder().string(), camera_, to_string(split));
     return sum / frames;
   }
 
@@ -264,16 +273,23 @@ class Adaptation {
   }
 
   void judge(TrainedPose& trained, const std::string& when, ordered_json& report) const {
-    ordered_json& splits = report["splits"];
-    splits["held out, " + when] = score(trained, Split::test, "held out, " + when);
-    splits["tuned on, " + when] = score(trained, Split::train, "tuned on, " + when);
+    for (const auto& [name, split] : judged()) {
+      const std::string title = fmt::format("{}, {}", name, when);
+      report["splits"][title] = score(trained, split, title);
+    }
+  }
+
+  /// The frames to report on: those that neither trained nor chose anything, if there are some, and those tuned on.
+  std::vector<std::pair<const char*, Split>> judged() const {
+    if (dataset_.samples(Split::test).empty()) return {{"tuned on", Split::train}};
+    return {{"held out", Split::test}, {"tuned on", Split::train}};
   }
 
   ordered_json protocol() const {
     ordered_json frames;
     for (const char* when : {"before", "after"}) {
-      frames[fmt::format("held out, {}", when)] = dataset_.samples(Split::test).size();
-      frames[fmt::format("tuned on, {}", when)] = dataset_.samples(Split::train).size();
+      for (const auto& [name, split] : judged())
+        frames[fmt::format("{}, {}", name, when)] = dataset_.samples(split).size();
     }
     return {{"protocol",
              {{"metric", "IoU of the drawn surface and the clip's masks; keypoints in pixels of an image 1024 wide"},
@@ -291,8 +307,8 @@ class Adaptation {
 
 }  // namespace
 
-AdaptStage AdaptStage::read(const ConfigReader& reader) {
-  AdaptStage s;
+AdaptStage AdaptStage::read(const ConfigReader& reader, const AdaptStage& defaults) {
+  AdaptStage s = defaults;
   s.iterations = reader.get<long>("iterations", s.iterations, at_least(0L));
   s.learning_rate = reader.get("learning_rate", s.learning_rate, between(0.0, 1.0));
   s.batch_size = reader.get("batch_size", s.batch_size, at_least(1));
@@ -304,10 +320,16 @@ AdaptConfig AdaptConfig::read(const ConfigDocument& document) {
   const ConfigReader root = document.root();
   AdaptConfig c;
   c.seed = root.get<long>("seed", c.seed);
-  c.held_out = root.get("held_out", c.held_out, between(0.01, 0.9));
+  c.held_out = root.get("held_out", c.held_out, between(0.0, 0.9));
+  c.validation = root.get("validation", c.validation, between(0.0, 0.9));
+  if (c.held_out + c.validation > 0.95)
+    root.fail_at_key("validation",
+                     "held_out and validation are {} and {} of the clip; too few frames are left to tune on",
+                     c.held_out, c.validation);
   c.check_every = root.get<long>("check_every", c.check_every, at_least(1L));
-  c.posenet = AdaptStage::read(root.section("posenet"));
-  c.defnet = AdaptStage::read(root.section("defnet"));
+  c.posenet = AdaptStage::read(root.section("posenet"), c.posenet);
+  c.posenet.keypoints = root.section("posenet").get("keypoints", c.posenet.keypoints, at_least(0.0));
+  c.defnet = AdaptStage::read(root.section("defnet"), c.defnet);
   root.finish();
   return c;
 }

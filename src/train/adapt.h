@@ -15,16 +15,21 @@ namespace doppel {
 struct AdaptStage {
   std::int64_t iterations = 250;  ///< 0: the network is not changed
   double learning_rate = 1e-6;
-  int batch_size = 8;
+  int batch_size = 90;
+  double keypoints = 1e-6;   ///< PoseNet only: weight of the keypoint loss, per squared reference pixel
   bool freeze_norm = false;  ///< batch normalisation keeps the studio's statistics
 
-  static AdaptStage read(const ConfigReader& reader);
+  static AdaptStage read(const ConfigReader& reader, const AdaptStage& defaults);
 };
 
-/// The content of `configs/*/adapt.yaml`; docs/training.md lists the keys. Defaults are those of the thesis.
+/// The content of `configs/*/adapt.yaml`; docs/training.md lists the keys. Defaults are those of the thesis (A.1.3):
+/// the networks are tuned on all frames of the clip, and the last step is kept.
 struct AdaptConfig {
+  AdaptConfig() { defnet.batch_size = 50; }
+
   std::int64_t seed = 1;
-  double held_out = 0.2;          ///< share of the clip's frames, the last ones, that are used only to evaluate
+  double held_out = 0.0;          ///< share of the clip's frames, the last ones, that are used only to evaluate
+  double validation = 0.0;        ///< share of the frames before these, which choose the checkpoint; 0: the last step
   std::int64_t check_every = 25;  ///< steps between the checkpoints that are evaluated
   AdaptStage posenet, defnet;
 
@@ -40,13 +45,14 @@ struct AdaptOptions {
   AdaptConfig config;
 };
 
-/// Trains PoseNet and then DefNet with the losses of a single view, on all but the held-out frames. Of each network it
-/// keeps the checkpoint that is best on the held-out frames: PoseNet by the distance of keypoints, DefNet by IoU. If no
-/// checkpoint is better than the studio's network, that one is kept. `out` becomes a run with `adapt.json` and
-/// `evaluation.json`, the returned report, and `adapt.yaml`, the settings. A repeated call resumes a stopped one.
-/// @return {"protocol": ..., "splits": {"held out, before", "held out, after", "clip, before", "clip, after"}}, each
-/// with the methods posenet and defnet: `AMVIoU` and `keypoint_error_px` (mean distance of landmarks from confident
-/// keypoints, pixels of an image 1024 wide)
+/// Trains PoseNet and then DefNet with the losses of a single view, on all frames that are neither held out nor for
+/// validation. Of each network it keeps the checkpoint that is best on the validation frames: PoseNet by the distance
+/// of keypoints, DefNet by IoU. If no checkpoint is better than the studio's network, that one is kept. Without
+/// validation frames it keeps the last checkpoint. `out` becomes a run with `adapt.json` and `evaluation.json`, the
+/// returned report, and `adapt.yaml`, the settings. A repeated call resumes a stopped one.
+/// @return {"protocol": ..., "splits": {"held out, before", "held out, after", "tuned on, before", "tuned on, after"}};
+/// those with held-out frames only if there are such frames. Each has the methods posenet and defnet: `AMVIoU` and
+/// `keypoint_error_px` (mean distance of landmarks from confident keypoints, pixels of an image 1024 wide)
 /// @throws UsageError when `out` holds another run or one with other settings (the message names them), or when the
 /// clip has too few frames
 nlohmann::ordered_json adapt(const AdaptOptions& options);

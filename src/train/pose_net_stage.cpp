@@ -1,5 +1,10 @@
 #include "doppel/train/pose_net_stage.h"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
 #include "doppel/render/face_tensor.h"
 
@@ -28,7 +33,7 @@ PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
   c.loader = read_loader_options(root.section("data"), 90, 0, c.subject.seed);
   const ConfigReader model = root.section("model");
   c.dofs = model.list<std::string>("dofs");
-  c.model = BackboneConfig::read(model);
+  c.model = PoseNetConfig::read(model);
   c.detections = DetectionOptions::read(root.section("loss"));
   c.phases = PosePhases::read(root);
   c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.phases.schedule(),
@@ -48,6 +53,13 @@ PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, c
       surface_(character),
       faces_(face_tensor(character.mesh)) {
   network_->backbone()->load_pretrained();
+  const bool known = std::any_of(landmark_names_.begin(), landmark_names_.end(),
+                                 [](const std::string& name) { return landmark_kind(name) != LandmarkKind::other; });
+  if (!known)
+    log::warn(
+        "posenet: no landmark name names the neck, a shoulder, hip, elbow or knee ({}), so all landmarks have the same "
+        "weight, and training does not begin with the torso (5.6)",
+        fmt::join(landmark_names_, ", "));
 }
 
 CapturedPose PoseNetStage::capture(const Batch& batch) {

@@ -19,7 +19,7 @@ struct PoseNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
   std::vector<std::string> dofs;  ///< patterns of PoseDofs
-  BackboneConfig model;
+  PoseNetConfig model;
   PosePhases phases;
   DetectionOptions detections;
   TrainerOptions trainer;

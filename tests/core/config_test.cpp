@@ -65,6 +65,23 @@ TEST(ConfigReference, MissingKeysTakeTheirDefaults) {
   EXPECT_NO_THROW(root.finish());
 }
 
+TEST(ConfigReference, RemembersTheValueOfEveryKeyThatWasRead) {
+  const ConfigDocument text = document();
+  const ConfigReader root = text.root(), train = root.section("train");
+  EXPECT_TRUE(text.values().empty());
+  train.get("batch_size", 7);
+  train.get("decay", 0.25);
+  train.choice("kind", {"slow", "fast"}, "slow");
+  train.list<int>("schedule");
+  root.sections("stages")[1].get<int>("steps");
+  EXPECT_FALSE(root.has("absent"));
+  EXPECT_EQ(text.values(), (std::map<std::string, std::string>{{"train.batch_size", "40"},
+                                                               {"train.decay", "0.25"},
+                                                               {"train.kind", "slow"},
+                                                               {"train.schedule", "[100, 200, 300]"},
+                                                               {"stages[1].steps", "20"}}));
+}
+
 TEST(ConfigReference, OverridesComeLastAndShowInTheResolvedText) {
   const ConfigDocument changed =
       document({"train.batch_size=4", "train.batch_size=8", "extra.deep.key=[1, 2]", "stages.1.steps=99", "name=a=b"});

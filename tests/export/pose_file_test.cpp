@@ -34,7 +34,7 @@ TrainedPose make_trained(bool with_defnet) {
   trained.pose.emplace(trained.character.skeleton, std::vector<std::string>{}, trained.character.rest_dofs);
   trained.landmark_layer = Landmarks(trained.character.skeleton, trained.landmarks);
   trained.surface = CharacterSurface(trained.character);
-  BackboneConfig config;
+  PoseNetConfig config;
   config.kind = ResNetKind::resnet18;
   config.input_size = kInput;
   config.head_scale = 0.02;

@@ -169,8 +169,8 @@ const Character& actor() {
   return character;
 }
 
-BackboneConfig small_backbone() {
-  BackboneConfig config;
+PoseNetConfig small_backbone() {
+  PoseNetConfig config;
   config.kind = ResNetKind::resnet18;
   config.input_size = 64;
   return config;
@@ -200,6 +200,21 @@ TEST(PoseNet, HeadingsGoRightRound) {
   }
 }
 
+/// As in the thesis: the last layer outputs alpha itself.
+TEST(PoseNet, MayPredictTheHeadingAsAnAngle) {
+  const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
+  PoseNetConfig config = small_backbone();
+  config.heading = HeadingOutput::angle;
+  PoseNet net(pose, config);
+  const torch::NoGradGuard no_grad;
+  EXPECT_TRUE(is_near(net->forward(random_images(3, 64)).second,
+                      torch::tensor({0.0, M_PI, 0.0}, torch::kFloat64).expand({3, 3}), 0.15));
+  auto parameters = net->named_parameters();
+  parameters["backbone.head.weight"].zero_();
+  parameters["backbone.head.bias"].narrow(0, pose.size(), 3).copy_(torch::tensor({7.0, 3.0, 0.1}));
+  EXPECT_TRUE(is_near(net->forward(random_images(2, 64)).second, torch::tensor({7.0, 3.0, 0.1}).expand({2, 3}), 1e-6));
+}
+
 TEST(PoseNet, IsTheSameForTheSameSeed) {
   const PoseDofs pose(actor().skeleton, {}, actor().rest_dofs);
   PoseNet a(pose, small_backbone(), seeded(4)), b(pose, small_backbone(), seeded(4)),
@@ -212,15 +227,18 @@ TEST(PoseNet, IsTheSameForTheSameSeed) {
 
 TEST(PoseNet, ReadsItsConfiguration) {
   const ConfigDocument document = ConfigDocument::parse(
-      "backbone: resnet18\ninput_size: 128\npretrained: weights.pth\nfreeze_norm: true\nhead_scale: 0.01\n", "c.yaml");
+      "backbone: resnet18\ninput_size: 128\npretrained: weights.pth\nfreeze_norm: true\nhead_scale: 0.01\n"
+      "heading: angle\n",
+      "c.yaml");
   const ConfigReader reader = document.root();
-  const BackboneConfig config = BackboneConfig::read(reader);
+  const PoseNetConfig config = PoseNetConfig::read(reader);
   reader.finish();
   EXPECT_EQ(config.kind, ResNetKind::resnet18);
   EXPECT_EQ(config.input_size, 128);
   EXPECT_EQ(config.pretrained.filename(), "weights.pth");
   EXPECT_TRUE(config.freeze_norm);
   EXPECT_EQ(config.head_scale, 0.01);
+  EXPECT_EQ(config.heading, HeadingOutput::angle);
   EXPECT_THAT(message_of<FileError>(
                   [] { BackboneConfig::read(ConfigDocument::parse("backbone: resnet51\n", "c.yaml").root()); }),
               HasSubstr("resnet50"));

@@ -45,7 +45,8 @@ class Adapt : public support::SmallPoseRun {
 };
 
 constexpr char kQuick[] =
-    "{held_out: 0.25, check_every: 10, posenet: {iterations: 20, learning_rate: 1e-3, batch_size: 3}, "
+    "{validation: 0.25, check_every: 10, "
+    "posenet: {iterations: 60, learning_rate: 1e-3, batch_size: 6, keypoints: 0.01}, "
     "defnet: {iterations: 10, learning_rate: 1e-4, batch_size: 2}}";
 
 TEST_F(Adapt, BringsTheNetworksNearerToTheClipAndLeavesTheStudioAlone) {
@@ -70,8 +71,8 @@ TEST_F(Adapt, BringsTheNetworksNearerToTheClipAndLeavesTheStudioAlone) {
   // And refuses to take it for what would come of other settings.
   const auto complaint = [](const AdaptOptions& other) { return message_of<UsageError>([&] { adapt(other); }); };
   AdaptOptions other = options("clip", kQuick);
-  other.config.held_out = 0.5;
-  EXPECT_THAT(complaint(other), HasSubstr("held_out: 0.25 -> 0.5"));
+  other.config.validation = 0.5;
+  EXPECT_THAT(complaint(other), HasSubstr("validation: 0.25 -> 0.5"));
   other = options("clip", kQuick);
   other.camera = "2";
   other.config.defnet.iterations = 0;
@@ -83,9 +84,21 @@ TEST_F(Adapt, BringsTheNetworksNearerToTheClipAndLeavesTheStudioAlone) {
   EXPECT_EQ(contents(*folder_ / "clip"), done);
 }
 
+TEST_F(Adapt, TunesOnTheWholeClipAndKeepsTheLastStepAsTheThesisDoes) {
+  const nlohmann::ordered_json report =
+      adapt(options("whole",
+                    "{check_every: 2, posenet: {iterations: 4, learning_rate: 1, batch_size: 3, keypoints: 0.01}, "
+                    "defnet: {iterations: 0}}"));
+  EXPECT_EQ(report.at("protocol").at("frames").at("tuned on, after"), 8);
+  EXPECT_EQ(report.at("protocol").at("frames").at("held out, after"), 4) << "the test sequence of the capture";
+  EXPECT_EQ(TrainedPose::load(*folder_ / "whole").steps.at("posenet"), 4);
+}
+
 TEST_F(Adapt, RefusesToDrift) {
-  const nlohmann::ordered_json report = adapt(
-      options("drifted", "{check_every: 2, posenet: {iterations: 4, learning_rate: 1}, defnet: {iterations: 0}}"));
+  const nlohmann::ordered_json report = adapt(options(
+      "drifted",
+      "{validation: 0.25, check_every: 2, posenet: {iterations: 4, learning_rate: 1, batch_size: 3, keypoints: 0.01}, "
+      "defnet: {iterations: 0}}"));
   EXPECT_EQ(keypoint_error(report, "after"), keypoint_error(report, "before"));
   const TrainedPose studio = TrainedPose::load(*folder_ / "run"), kept = TrainedPose::load(*folder_ / "drifted");
   EXPECT_EQ(kept.steps.at("posenet"), 0);
@@ -108,6 +121,9 @@ TEST_F(Adapt, Rejects) {
   EXPECT_THAT(complaint(wrong), HasSubstr("there is no camera '9'"));
   EXPECT_THAT(message_of([] { AdaptConfig::read(ConfigDocument::parse("held_out: 1", "adapt.yaml")); }),
               HasSubstr("held_out"));
+  EXPECT_THAT(
+      message_of([] { AdaptConfig::read(ConfigDocument::parse("{held_out: 0.5, validation: 0.5}", "adapt.yaml")); }),
+      HasSubstr("validation"));
 }
 
 TEST(AdaptConfigurations, ThatComeAlongAreReadable) {

@@ -34,8 +34,6 @@ void check(const LivecapOptions& options) {
     fail("the keypoint weight and the joint weight of the fit are both 0; without either, nothing can be tracked");
 }
 
-RobustKernel kernel(double scale) { return {RobustKernel::Kind::geman_mcclure, scale}; }
-
 std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
   std::vector<Eigen::Vector3d> points;
   for (int m = 0; m < model.num_landmarks(); ++m) points.push_back(model.landmark(body, m));
@@ -166,8 +164,8 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   Terms result;
   const LivecapOptions& o = options_;
   if (keypoint_weight > 0.0)
-    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(cameras_, evidence.frame, keypoint_weight,
-                                                               kernel(o.keypoint_scale), roles_.detection));
+    result.push_back(std::make_unique<KeypointTerm<PoseModel>>(
+        cameras_, evidence.frame, keypoint_weight, RobustKernel::geman_mcclure_of(o.keypoint_scale), roles_.detection));
   std::vector<PointTerm::Target> joints;
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
@@ -215,12 +213,12 @@ void LivecapTracker::set_depth_aside(const PosedSurface& surface, const std::vec
 std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& evidence, const std::vector<double>& dofs) {
   const PosedSurface surface = pose_surface(model_, model_.pose(dofs, false), rest_vertices_);
   std::vector<OutlineVertex> outline = viewer_.look(surface, evidence.frame.front().outline.box(), 0.0).outline;
-  set_depth_aside(surface, outline);
+  if (options_.remove_depth) set_depth_aside(surface, outline);
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = options_.silhouette_weight * static_cast<double>(outline.size());
   return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
-                                                     kernel(options_.silhouette_scale));
+                                                     RobustKernel::geman_mcclure_of(options_.silhouette_scale));
 }
 
 /// @param expected the predicted pose, or null

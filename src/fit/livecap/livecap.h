@@ -27,6 +27,9 @@ namespace doppel {
 struct LivecapOptions : PoseFitOptions {
   LivecapOptions();
 
+  /// Fit the pose with displacements that do not move the outline towards the camera or away from it. Not in the
+  /// thesis.
+  bool remove_depth = true;
   double joint_weight = per_squared_millimetre(28.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
   bool faces = true;                                   ///< landmarks of the face have weight 0.326; false: weight 0
   int start_iterations = 60;                           ///< of a frame without a prediction

@@ -11,8 +11,10 @@ constexpr ConfigUnits kThesisUnits{per_squared_thesis_pixel, thesis_pixels, per_
 void read_photometric(const ConfigReader& reader, NonrigidOptions& surface) {
   surface.photometric_weight = reader.get("weight", surface.photometric_weight, between(0.0, 1e12));
   surface.colour_threshold = reader.get("threshold", surface.colour_threshold, between(0.0, 2.0));
+  surface.halve_levels = reader.get("halve_levels", surface.halve_levels);
   surface.match_exposure = reader.get("match_exposure", surface.match_exposure);
-  if (reader.has("kernels")) surface.blur_kernels = reader.list<int>("kernels");
+  const std::vector<int> kernels = reader.list<int>("kernels");
+  if (reader.has("kernels")) surface.blur_kernels = kernels;
   for (const int size : surface.blur_kernels)
     if (size < 1 || size > 255 || size % 2 == 0)
       reader.fail_at_key("kernels", "a kernel is {} pixels; it must be odd, 1 to 255", size);
@@ -36,6 +38,8 @@ void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
   surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
   surface.warp_displacements = reader.get("warp", surface.warp_displacements);
   surface.snap = reader.get("snap", surface.snap);
+  surface.snapping.max_rigidity = reader.get("snap_max_rigidity", surface.snapping.max_rigidity, between(0.0, 1e6));
+  surface.snapping.first_share = reader.get("snap_first_share", surface.snapping.first_share, between(0.0, 1.0));
   reader.renamed("lonely_motion", "max_isolated_motion");
   surface.max_isolated_motion = reader.get("max_isolated_motion", surface.max_isolated_motion, between(0.0, 1e6));
   surface.conjugate_gradients = reader.get("conjugate_gradients", surface.conjugate_gradients, between(1, 10000));
@@ -49,6 +53,7 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   const ConfigReader root = document.root();
   read_pose_fit(root, fit, kThesisUnits);
   fit.faces = root.section("keypoints").get("faces", fit.faces);
+  fit.remove_depth = root.section("silhouette").get("remove_depth", fit.remove_depth);
   read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
   fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
   read_surface(root.section("surface"), fit);

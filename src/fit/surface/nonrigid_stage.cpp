@@ -31,6 +31,9 @@ void check(const NonrigidOptions& o) {
   const std::pair<const char*, double> numbers[] = {{"photometric weight", o.photometric_weight},
                                                     {"colour threshold", o.colour_threshold},
                                                     {"silhouette weight", o.silhouette_weight},
+                                                    {"silhouette scale", o.silhouette_scale},
+                                                    {"largest rigidity of a snapped vertex", o.snapping.max_rigidity},
+                                                    {"first share of snapping", o.snapping.first_share},
                                                     {"part growth", o.part_growth},
                                                     {"smoothness weight", o.smoothness_weight},
                                                     {"length weight", o.length_weight},
@@ -41,7 +44,6 @@ void check(const NonrigidOptions& o) {
   for (const auto& [name, value] : numbers)
     if (!(value >= 0.0) || !std::isfinite(value))
       fail("the {} of the non-rigid stage is {}; it must be 0 or more", name, value);
-  if (!(o.silhouette_scale > 0.0)) fail("the silhouette scale of the non-rigid stage must be more than 0");
   if (o.conjugate_gradients < 1 || o.window_pixels < 16)
     fail("the non-rigid stage needs at least 1 iteration of conjugate gradients and a window of at least 16 pixels");
   if (o.blur_kernels.empty()) fail("the non-rigid stage needs at least one level of the pyramid");
@@ -173,7 +175,7 @@ struct NonrigidStage::State {
     energy.add<OutlineTerm>(o.silhouette_weight, evidence(energy, start, outline), energy.view.outline,
                             o.silhouette_weight, o.silhouette_scale);
     if (o.photometric_weight == 0.0 || image.empty() || colours.cols() == 0) return;
-    energy.pyramid = ColourPyramid(image, window_around(start.vertices, camera), o.blur_kernels);
+    energy.pyramid = ColourPyramid(image, window_around(start.vertices, camera), o.blur_kernels, o.halve_levels);
     if (energy.pyramid.num_levels() == 0) return;
     energy.colours = o.match_exposure ? as_bright_as_image(colours, energy, camera, start.vertices) : colours;
     energy.photometric = energy.add<PhotometricTerm>(o.photometric_weight, camera, energy.pyramid, energy.view.visible,
@@ -205,7 +207,7 @@ struct NonrigidStage::State {
               const OutlineField& outline) {
     if (options.snap) {
       surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
-                                              topology, rigidity, was_outline);
+                                              topology, rigidity, was_outline, options.snapping);
       was_outline.assign(rigidity.size(), 0);
       for (const OutlineVertex& vertex : energy.view.outline) was_outline[as_size(vertex.vertex)] = 1;
     }

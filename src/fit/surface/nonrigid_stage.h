@@ -13,6 +13,7 @@
 #include "doppel/character/character.h"
 #include "doppel/energy/evidence.h"
 #include "doppel/fit/surface/posed_surface.h"
+#include "doppel/fit/surface/snapping.h"
 #include "doppel/fit/thesis_units.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/solver/least_squares.h"
@@ -25,9 +26,10 @@ struct NonrigidOptions {
   double photometric_weight = 10000.0;      ///< per squared colour difference
   double colour_threshold = 0.25;           ///< sigma_c: a vertex with a larger colour difference is ignored
   std::vector<int> blur_kernels{15, 9, 3};  ///< pixels of the image, odd; one Gauss-Newton step each
-  bool match_exposure = true;               ///< scale the template's colours to the image's brightness first
+  bool halve_levels = false;   ///< halve the image with each coarser level, before the blur; false: blur alone
+  bool match_exposure = true;  ///< scale the template's colours to the image's brightness first
   double silhouette_weight = per_squared_thesis_pixel(600.0);  ///< per squared pixel, each outline vertex
-  double silhouette_scale = thesis_pixels(15.0);               ///< of the Geman-McClure kernel, pixels
+  double silhouette_scale = thesis_pixels(15.0);               ///< of the Geman-McClure kernel, pixels; 0: no kernel
   bool part_mask = true;                     ///< outlines attract only vertices of their own part of the body
   double part_growth = thesis_pixels(10.0);  ///< pixels by which the parts are grown
   double smoothness_weight = per_squared_millimetre(10.0);  ///< per squared metre
@@ -37,7 +39,8 @@ struct NonrigidOptions {
   double velocity_weight = per_squared_millimetre(0.25);     ///< per squared metre
   double acceleration_weight = per_squared_millimetre(0.1);  ///< per squared metre
   bool warp_displacements = true;                            ///< start from the displacements of the last frame
-  bool snap = true;                  ///< move outline vertices onto the mask's outline at the end (4.6.6)
+  bool snap = true;  ///< move outline vertices onto the mask's outline at the end (4.6.6)
+  SnapOptions snapping;
   double max_isolated_motion = 5.0;  ///< largest ratio of a vertex's motion to its neighbours' mean motion; 0: no limit
   int conjugate_gradients = 4;       ///< iterations of each step
   int window_pixels = 256;  ///< side of the window in which the surface is drawn to find outline and visibility

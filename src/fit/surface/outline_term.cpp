@@ -14,7 +14,7 @@ OutlineTerm::OutlineTerm(const Evidence& evidence, std::vector<OutlineVertex> ou
       targets_(evidence.normals.size(), 0.0) {}
 
 void OutlineTerm::freeze(const SurfacePoints& vertices) {
-  const RobustKernel kernel{RobustKernel::Kind::geman_mcclure, scale_};
+  const RobustKernel kernel = RobustKernel::geman_mcclure_of(scale_);
   const double pixels = reference_pixels(evidence_.camera);
   for (const auto& [camera, vertex, own_distance] : outline_) {
     const auto v = as_size(vertex);

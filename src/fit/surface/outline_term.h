@@ -26,7 +26,7 @@ class OutlineTerm : public SurfaceTerm {
   /// @param evidence its referents must outlive the term
   /// @param outline vertices on the outline of the surface, each once; their `camera` is ignored
   /// @param weight of each vertex, per squared reference pixel
-  /// @param scale of the Geman-McClure kernel, reference pixels; its weights stay constant during a step
+  /// @param scale of the Geman-McClure kernel, reference pixels (0: no kernel); its weights stay constant during a step
   OutlineTerm(const Evidence& evidence, std::vector<OutlineVertex> outline, double weight, double scale);
 
   std::string name() const override { return "silhouette"; }

@@ -1,9 +1,13 @@
 #include "doppel/fit/surface/part_mask.h"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/log.h"
 #include "doppel/fit/words.h"
 
 namespace doppel {
@@ -43,6 +47,12 @@ std::vector<char> body_parts(const SkinningWeights& skin) {
     if (is_hip[as_size(bones[0])] && (bones.size() < 2 || part_of[as_size(bones[1])] != part)) part = kTorso;
     parts.push_back(part);
   }
+  if (std::all_of(parts.begin(), parts.end(), [](char part) { return part == kTorso; }))
+    log::warn(
+        "no bone name names an arm or a leg of one side, as in left_knee or RightForeArm, so every vertex belongs to "
+        "the "
+        "torso and the part mask (4.6.2) has no effect; the bones are {}",
+        fmt::join(skin.bones, ", "));
   return parts;
 }
 

@@ -14,8 +14,7 @@ enum class BodyPart : char { none, torso, left_arm, right_arm, left_leg, right_l
 
 /// The part of each vertex, [N], never none. It is the part of the bone with the largest weight, recognised by words in
 /// the bone's name (`LeftForeArm`, `r_knee`). A vertex of a hip belongs to the leg only where its second bone also
-/// belongs to the leg. Bones with unknown names are torso, so that a skeleton with unknown names has one part and no
-/// vertex is excluded.
+/// belongs to the leg. Bones with unknown names are torso. If all are, no vertex is excluded, and a warning says so.
 std::vector<char> body_parts(const SkinningWeights& skin);
 
 /// The part of the posed body at each pixel; parts are grown to close the gaps between them.

@@ -53,7 +53,7 @@ std::vector<int> followers(const MeshTopology& topology, std::vector<char> marke
   }
   std::vector<int> result;
   for (std::size_t v = 0; v < marked.size(); ++v)
-    if (marked[v] && !leaders[v] && rigidity[v] <= options.softest) result.push_back(static_cast<int>(v));
+    if (marked[v] && !leaders[v] && rigidity[v] <= options.max_rigidity) result.push_back(static_cast<int>(v));
   return result;
 }
 
@@ -79,14 +79,14 @@ int snap_outline(Matrix3Xd& vertices, const OutlineTerm::Evidence& evidence, con
   int count = 0;
   for (const OutlineVertex& vertex : outline) {
     const auto v = as_size(vertex.vertex);
-    if (rigidity[v] > options.softest) continue;
+    if (rigidity[v] > options.max_rigidity) continue;
     const auto projected = project_with_jacobian(evidence.camera, before.col(vertex.vertex));
     if (!projected || belongs_to_opposite_outline(*projected, evidence.normals[v], evidence.field.at(projected->pixel)))
       continue;
     const auto pixel = walk(evidence, vertex, projected->pixel, farthest);
     if (!pixel) continue;
     const Vector3d there = at_own_depth(evidence.camera, before.col(vertex.vertex), *pixel);
-    const double share = was_outline.empty() || was_outline[v] ? 1.0 : options.newcomer;
+    const double share = was_outline.empty() || was_outline[v] ? 1.0 : options.first_share;
     vertices.col(vertex.vertex) += share * (there - before.col(vertex.vertex));
     snapped[v] = 1;
     ++count;

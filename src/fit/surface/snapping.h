@@ -10,10 +10,11 @@ namespace doppel {
 
 struct SnapOptions {
   double farthest = thesis_pixels(20.0);  ///< largest motion of a vertex, reference pixels
-  double softest = 3.0;                   ///< largest rigidity of a vertex that may move
+  double max_rigidity = 3.0;              ///< largest rigidity of a vertex that may move (thesis: any may move)
   int rings = 4;                          ///< rings of neighbours around snapped vertices that follow
   int sweeps = 25;                        ///< iterations over these neighbours
-  double newcomer = 0.7;  ///< share of the motion for a vertex that was not on the outline in the last frame
+  /// Share of the motion for a vertex that was not on the outline in the last frame (thesis: 1).
+  double first_share = 0.7;
 };
 
 /// Moves the outline vertices of a nearly fitted surface onto the mask's outline (4.6.6). Each follows the gradient of

@@ -22,6 +22,17 @@ TEST(LandmarkRoles, AreToldByNames) {
   EXPECT_EQ(roles.steadiness, (std::vector<double>{2.5, 2.5, 2.0, 1.5, 1.0, 2.5, 1.0}));
 }
 
+TEST(LandmarkRoles, WarnOfUnknownNames) {
+  std::vector<Marker> landmarks(2);
+  landmarks[0].name = "left_knee";
+  landmarks[1].name = "marker_17";
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
+  landmark_roles(landmarks);
+  const std::string warning = ::testing::internal::GetCapturedStderr() + ::testing::internal::GetCapturedStdout();
+  EXPECT_NE(warning.find("without a role: marker_17."), std::string::npos) << warning;
+}
+
 struct Body {
   Character character = make_test_character();
   PoseModel model{character, tube_landmarks(5), all_dofs(character)};

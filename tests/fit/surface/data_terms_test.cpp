@@ -66,6 +66,21 @@ TEST(ColourPyramid, SamplesPixelCentresAndItsWindowOnly) {
   EXPECT_EQ(ColourPyramid(image, {40, 40, 10, 10}, {3}).num_levels(), 0);
 }
 
+/// On a linear ramp of colour, levels of any size have the colour and the slope of the image.
+TEST(ColourPyramid, HalvedLevelsKeepPixelsOfTheImage) {
+  cv::Mat image(64, 64, CV_8UC3);
+  for (int v = 0; v < 64; ++v)
+    for (int u = 0; u < 64; ++u) image.at<cv::Vec3b>(v, u) = cv::Vec3b::all(static_cast<uchar>(2 * u + v));
+  const ColourPyramid pyramid(image, {0, 0, 64, 64}, {3, 3, 3}, true);
+  for (int level = 0; level < 3; ++level) {
+    ColourPyramid::Sample sample;
+    ASSERT_TRUE(pyramid.at(level, {30.5, 33.5}, sample));
+    EXPECT_NEAR(255.0 * sample.colour[0], 2 * 30 + 33, 0.01) << level;
+    EXPECT_NEAR(255.0 * sample.jacobian(0, 0), 2.0, 0.01) << level;
+    EXPECT_NEAR(255.0 * sample.jacobian(0, 1), 1.0, 0.01) << level;
+  }
+}
+
 TEST(PhotometricTerm, IsTheDifferenceOfColours) {
   const Coloured scene;
   PhotometricTerm term = scene.term(1.0);
@@ -210,6 +225,13 @@ TEST(OutlineTerm, FarFromTheOutlineCountsLess) {
   }
 }
 
+TEST(OutlineTerm, WithoutAKernelAllDistancesCountAlike) {
+  const Outlined scene;
+  OutlineTerm term = scene.term(3.0, 0.0);
+  term.freeze(scene.vertices);
+  for (int i = 0; i < scene.count; ++i) EXPECT_EQ(term.rows(i, scene.vertices).weight, 3.0);
+}
+
 // ---- parts ----
 
 TEST(PartMask, GrowsIntoGapsWhereTheTorsoWins) {
@@ -244,6 +266,22 @@ TEST(BodyParts, AreToldByNames) {
   EXPECT_EQ(body_parts(skin), (std::vector<char>{c(BodyPart::torso), c(BodyPart::left_arm), c(BodyPart::right_leg),
                                                  c(BodyPart::torso), c(BodyPart::left_leg), c(BodyPart::right_leg),
                                                  c(BodyPart::torso), c(BodyPart::left_leg)}));
+}
+
+TEST(BodyParts, WarnWhereNoNameNamesAPart) {
+  SkinningWeights skin;
+  skin.bones = {"bone_1", "bone_2"};
+  for (const int bone : {0, 1}) {
+    skin.vertex_bones.items.push_back(bone);
+    skin.weights.push_back(1.0);
+    skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));
+  }
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
+  body_parts(skin);
+  const std::string warning = ::testing::internal::GetCapturedStderr() + ::testing::internal::GetCapturedStdout();
+  EXPECT_NE(warning.find("part mask (4.6.2) has no effect"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("bone_1, bone_2"), std::string::npos) << warning;
 }
 
 }  // namespace

@@ -58,6 +58,10 @@ TEST(Snapping, LeavesWhatIsStiffFarTurnedAwayOrOfAnotherPart) {
   Border stiff(69);
   stiff.rigidity.assign(stiff.rigidity.size(), 50.0);
   EXPECT_EQ(snapped(stiff), 0);
+  SnapOptions thesis;
+  thesis.max_rigidity = 200.0;
+  Eigen::Matrix3Xd moved = stiff.vertices;
+  EXPECT_EQ(snap_outline(moved, stiff.evidence(), stiff.outline, stiff.topology, stiff.rigidity, {}, thesis), 5);
   Border turned(69);
   turned.normals.assign(turned.normals.size(), {1.0, 0.0, 0.0});
   EXPECT_EQ(snapped(turned), 0);

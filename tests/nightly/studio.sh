@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Trains or tracks on the studio capture and compares a figure with its threshold.
+#   studio.sh livecap|egnet|ddc|hybrid DOPPEL SOURCE WORK
+# The folder DOPPEL_SHARED holds the capture. WORK keeps runs, so that ddc builds on egnet and hybrid on ddc.
+set -euo pipefail
+figure=$1 doppel=$2 source=$3 work=$4
+if [ -z "${DOPPEL_SHARED:-}" ]; then
+  echo "SKIPPED: DOPPEL_SHARED is not set, so there is no studio capture"
+  exit 77
+fi
+capture=$DOPPEL_SHARED/captures/s22
+mkdir -p "$work"
+cd "$work"
+[ -e prepared ] || "$doppel" prepare "$capture" --mask-size 700 --out prepared >/dev/null
+
+# value FILE METHOD KEY: a number of the method's row in the JSON of `doppel evaluate`.
+value() { grep -o "\"$2\":{.*" "$1" | grep -o "\"$3\":[-0-9.e]*" | head -1 | cut -d: -f2; }
+# expect NAME VALUE THRESHOLD
+expect() {
+  echo "$1: $2, at least $3 expected"
+  awk -v value="$2" -v least="$3" 'BEGIN { exit !(value + 0 >= least + 0) }' || { echo "FAILED: $1" && exit 1; }
+}
+cameras="[0,1,2,3,4,5]"
+chain=()
+for stage in egnet lighting deltanet texnet; do chain+=(--set "$stage.data.cameras=$cameras"); done
+train() { "$doppel" train "$source/configs/small/$1.yaml" --set capture="$work/prepared" "${@:2}"; }
+
+case $figure in
+  livecap)
+    "$doppel" track "$capture/wild" --method livecap --vertices --sheet-frames 0 --out clip >/dev/null
+    expect "IoU of the surface" "$(grep -o '"IoU": [0-9.]*' clip/track.json | head -1 | cut -d' ' -f2)" 0.948
+    ;;
+  egnet)
+    train ddc "${chain[@]}" --stages egnet --out ddc
+    "$doppel" evaluate --run ddc --every 2 --json >egnet.json
+    expect "AMVIoU of EGNet" "$(value egnet.json egnet AMVIoU)" 0.9707
+    ;;
+  ddc)
+    train ddc "${chain[@]}" --out ddc
+    "$doppel" evaluate --run ddc --every 6 --json >ddc.json
+    expect "AMVIoU of DeltaNet" "$(value ddc.json deltanet AMVIoU)" 0.9717
+    expect "PSNR of the dynamic texture, dB" "$(value ddc.json texnet PSNR)" 31.5
+    ;;
+  hybrid)
+    train hybrid --set ddc="$work/ddc" --set "radiance.data.cameras=$cameras" \
+      --set "radiance.data.frames=[4,20,36,52,68,84,100,116,132,148]" --out hybrid
+    "$doppel" evaluate --run hybrid --split train --frames 20,52,84,116,148 --cameras 6,7 --json >hybrid.json
+    expect "PSNR in new cameras, dB" "$(value hybrid.json radiance PSNR)" 33.2
+    ;;
+esac
