@@ -52,8 +52,8 @@ struct ActorFunctions {
 /// detects sizes that the trace has fixed
 /// @param modules the modules that the functions use; their parameters and buffers are saved in the file under their
 /// names
-/// @throws Error when a traced function differs from the given function by more than 1e-5 m (1e-4 in colours) on other
-/// input, or contains an operation that is not aten's
+/// @throws Error when a traced function differs from the given function by more than 1e-5 m (1e-3 in colours 0..1) on
+/// other input, or contains an operation that is not aten's
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
                  const ActorFunctions& functions, const ScriptModules& modules);
 
