@@ -129,7 +129,7 @@ TEST_F(ProgramRecovers, TheModelFitsUnseenMotionBetterThanSkinning) {
   const double skinning = result["splits"]["test"]["skinning"]["AMVIoU"],
                egnet = result["splits"]["test"]["egnet"]["AMVIoU"];
   EXPECT_GT(skinning, 0.5);
-  EXPECT_GT(egnet, skinning + 0.002);
+  EXPECT_GT(egnet, skinning + 0.004);  // 0.005 here; the instruction set changes the last digits
   EXPECT_LE(egnet, 1.0);
 }
 
@@ -294,8 +294,8 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_EQ(test["posenet"]["3DPCK"], test["defnet"]["3DPCK"]);  // of the poses, which DefNet leaves alone
   EXPECT_NE(test["posenet"]["AMVIoU"], test["defnet"]["AMVIoU"]);
   EXPECT_EQ(test["posenet"]["SVIoU"], test["posenet"]["cameras"]["0"]);
-  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 10.0);
-  EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 800.0);
+  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 50.0);
+  EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 250.0);
 
   const Outcome other = run(evaluate + " --input-camera 2");
   ASSERT_EQ(other.code, 0) << other.err;
