@@ -24,7 +24,7 @@ train() {
   for change in "${@:5}"; do sets+=(--set "$change"); done
   [ -f "$folder/$run.json" ] && return
   "$doppel" train configs/ablation/thesis.yaml --set capture="$folder/prepared-$masks" "${sets[@]}" --stages "$stages" \
-    --out "$folder/$run"
+    --out "$folder/$run" >/dev/null
   "$doppel" evaluate --run "$folder/$run" --split test --every 2 --json >"$folder/$run.json.part"
   mv "$folder/$run.json.part" "$folder/$run.json"
 }
@@ -58,7 +58,7 @@ geometry() {
   geometry_variant "the thesis" thesis 350
   row "pure skinning" thesis skinning AMVIoU 4
   geometry_variant "\`inertia: 12\`" inertia 350 "${inertia[@]}"
-  geometry_variant "\`boundary: outline\`" outline 350 "${outline[@]}"
+  geometry_variant "\`boundary: outline\`, masks of 700 pixels" outline 700 "${outline[@]}"
   geometry_variant "masks of 700 pixels" masks 700
   geometry_variant "\`model_to_data: 30\`, \`arap: 300\`" weights 350 "${weights[@]}"
   geometry_variant "noise on the inputs" noise 350 "${noise[@]}"

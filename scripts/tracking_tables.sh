@@ -3,7 +3,7 @@
 # smoothing over five frames, by the protocol of 5.8.3 and 5.8.4: 14 joints, bones rescaled, surfaces of one-camera
 # methods at the true position.
 #   scripts/tracking_tables.sh CAPTURE RUN SEQUENCE [FOLDER]
-# RUN is a run of the chain deepcap on another sequence of the capture; SEQUENCE is its test sequence. CAMERA=0 is the
+# RUN is a run of the chain deepcap on another sequence of the capture; SEQUENCE is the test sequence of the capture. CAMERA=0 is the
 # input camera; POSES=10 and SURFACES=100 are the steps between compared frames (as in the thesis).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -17,7 +17,7 @@ mkdir -p "$folder"
 # track NAME METHOD [option ...]: tracks once without smoothing
 track() {
   [ -f "$folder/$1/track.json" ] || "$doppel" track "$capture" --method "$2" --sequences "$sequence" --vertices \
-    --set smoothing=0 --sheet-frames 0 "${@:3}" --out "$folder/$1" >/dev/null
+    --sheet-frames 0 "${@:3}" --out "$folder/$1" >/dev/null
 }
 
 # measure NAME INPUT SMOOTHING EVERY FILE
@@ -42,10 +42,10 @@ rows() {
   done
 }
 
-track livecap livecap --camera "$camera" --config configs/track/livecap.yaml
-track livecap-paper livecap --camera "$camera" --config configs/paper/livecap.yaml
-track deepcap deepcap --camera "$camera" --run "$run"
-track multiview multiview --surface --config configs/track/multiview.yaml
+track livecap livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
+track livecap-paper livecap --camera "$camera" --config configs/paper/livecap.yaml --set smoothing=0
+track deepcap deepcap --camera "$camera" --run "$run" --smoothing 0
+track multiview multiview --surface --config configs/track/multiview.yaml --set smoothing=0
 printf '%s\n' "| Table 5.1 | GLE, mm | 3DPCK, % | AUC, % | MPJPE, mm |" "|---|---:|---:|---:|---:|" >"$folder/5.1.md"
 printf '%s\n' "| Table 5.2 | AMVIoU | RVIoU | SVIoU |" "|---|---:|---:|---:|" >"$folder/5.2.md"
 rows "LiveCap, \`configs/paper\`" livecap-paper "$camera" surface

@@ -101,7 +101,7 @@ Command add_compare(CLI::App& program) {
   app->footer(kCompareExample);
   auto arguments = std::make_shared<CompareArguments>();
   app->add_option("runs", arguments->runs, "Folders of runs")->required();
-  app->add_option("--split", arguments->split, "train or test")->capture_default_str();
+  app->add_option("--split", arguments->split, "train, validation or test")->capture_default_str();
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }
 

@@ -74,8 +74,8 @@ Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const
     return subject.surface->skinned(dataset.dof_windows(samples, 0).squeeze(1));
   };
   Json rows = Json::object();
-  // Only runs that capture poses can be evaluated without known poses; all others fail here.
-  if (!subject.pose || poses_are_known(dataset, split))
+  // Captured and tracked poses can be evaluated without known poses; everything else fails here.
+  if (!(subject.pose || subject.tracked) || poses_are_known(dataset, split))
     rows["skinning"] =
         evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
   if (subject.tracked) rows.update(evaluate_tracked(dataset, subject.character(), *subject.tracked, split, options));
@@ -161,15 +161,22 @@ void describe_run(const Subject& subject, const Dataset& dataset, const Evaluate
 }
 
 /// Adds the conditions of tracked sequences to the protocol.
-void describe_tracked(const EvaluateArguments& arguments, const TrackedRun& tracked,
-                      const TrackedEvaluationOptions& options, Json& protocol) {
+void describe_tracked(const EvaluateArguments& arguments, const Dataset& dataset, const TrackedRun& tracked,
+                      const TrackedEvaluationOptions& options, const std::vector<Split>& splits, Json& protocol) {
   protocol["tracked"] = fs::absolute(arguments.tracked).lexically_normal().string();
   protocol["method"] = tracked.method;
   protocol["smoothing"] = options.smoothing;
+  if (!options.input_camera.empty()) protocol["input_camera"] = options.input_camera;
+  for (const Split split : splits)
+    if (!poses_are_known(dataset, split)) {
+      protocol["left_out"][to_string(split)] =
+          "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stay where they "
+          "were "
+          "tracked";
+      return;
+    }
   protocol["poses"] = "14 joints against the capture's motion, bones rescaled";
-  if (options.input_camera.empty()) return;
-  protocol["input_camera"] = options.input_camera;
-  protocol["surfaces"] = "moved to the true position";
+  if (!options.input_camera.empty()) protocol["surfaces"] = "moved to the true position";
 }
 
 int run(const EvaluateArguments& arguments, const CommonOptions& common) {
@@ -183,7 +190,7 @@ int run(const EvaluateArguments& arguments, const CommonOptions& common) {
   const std::vector<Split> splits = splits_to_evaluate(dataset, arguments.split);
   Json evaluation;
   evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
-  if (subject.tracked) describe_tracked(arguments, *subject.tracked, options, evaluation["protocol"]);
+  if (subject.tracked) describe_tracked(arguments, dataset, *subject.tracked, options, splits, evaluation["protocol"]);
   if (!subject.untrained) describe_run(subject, dataset, arguments, options, splits, evaluation["protocol"]);
   for (Split split : splits) evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, options);
   if (!subject.untrained) {

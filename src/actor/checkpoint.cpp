@@ -212,7 +212,13 @@ std::optional<std::int64_t> CheckpointFolder::best() const {
 }
 
 std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_for_use() const {
-  if (const auto step = best()) return std::make_pair(*step, Checkpoint::load(path(*step)));
+  if (const auto step = best()) {
+    try {
+      return std::make_pair(*step, Checkpoint::load(path(*step)));
+    } catch (const Error& e) {
+      log::warn("{}; the newest checkpoint is used instead", e.what());
+    }
+  }
   return load_latest();
 }
 
@@ -222,8 +228,12 @@ void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint
   if (!keep_best_ || !loss) return;
   const auto so_far = best();
   if (so_far && *so_far < step) {
-    const auto least = Checkpoint::load(path(*so_far)).validation_loss();
-    if (least && *least <= *loss) return;
+    try {
+      const auto least = Checkpoint::load(path(*so_far)).validation_loss();
+      if (least && *least <= *loss) return;
+    } catch (const Error& e) {
+      log::warn("{}; step {} takes its place as the best", e.what(), step);
+    }
   }
   write_atomically(folder_ / "best", path(step).filename().string() + "\n");
 }

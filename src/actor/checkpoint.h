@@ -29,7 +29,7 @@ class Checkpoint {
   const std::string& text(const std::string& name) const;
   std::int64_t integer(const std::string& name) const;
   double number(const std::string& name) const;
-  /// The loss on validation frames; not finite or missing: none.
+  /// The loss on validation frames. Nothing if none was set, or if the loss is not finite.
   void set_validation_loss(double loss);
   std::optional<double> validation_loss() const;
   const std::map<std::string, torch::Tensor>& tensors() const { return tensors_; }
@@ -72,6 +72,8 @@ class CheckpointFolder {
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
   /// The checkpoint to use: the one that `best` names, or else the newest. @throws as load_latest
   std::optional<std::pair<std::int64_t, Checkpoint>> load_for_use() const;
+  /// Makes a saved checkpoint the best if its validation loss is the smallest. Repeated calls change nothing.
+  void note_best(std::int64_t step, const Checkpoint& checkpoint) const;
   /// Saves a checkpoint, updates `latest`, and removes checkpoints that need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);
   /// Removes all checkpoints except that of `step`. @throws Error when there is no checkpoint of this step
@@ -81,7 +83,6 @@ class CheckpointFolder {
 
  private:
   std::optional<std::int64_t> best() const;
-  void note_best(std::int64_t step, const Checkpoint& checkpoint) const;
   void prune() const;
   void remove_leftovers() const;
   std::filesystem::path folder_;

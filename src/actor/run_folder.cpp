@@ -36,7 +36,7 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
 
 /// The remains of an interrupted atomic write, such as `.report.4711-0.html`.
 void remove_leftovers(const fs::path& folder) {
-  static const std::regex leftover("\\.(config|metrics|report|evaluation)\\.[0-9]+-[0-9]+\\.[a-z]+");
+  static const std::regex leftover("\\.(config|metrics|validation|report|evaluation)\\.[0-9]+-[0-9]+\\.[a-z]+");
   std::error_code ignored;
   if (!fs::is_directory(folder)) return;
   for (const auto& entry : fs::directory_iterator(folder, ignored))

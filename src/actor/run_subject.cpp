@@ -32,7 +32,9 @@ RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& 
 
 void RunSubject::use_capture(const std::filesystem::path& folder) {
   const std::filesystem::path other = std::filesystem::absolute(folder);
-  if (other.lexically_normal() != capture.lexically_normal()) validation = {};
+  std::error_code missing;
+  if (!std::filesystem::equivalent(other, capture, missing) && other.lexically_normal() != capture.lexically_normal())
+    validation = {};
   capture = other;
 }
 

@@ -21,7 +21,7 @@ struct RunSubject {
   /// @throws UsageError when no capture is named
   static RunSubject read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage);
 
-  /// Takes another capture, with all of its frames in their own splits.
+  /// Takes a capture. For another capture than that of the run, `validation` is cleared.
   void use_capture(const std::filesystem::path& folder);
   /// Opens the capture with its validation frames set aside. @throws as Dataset::open and Dataset::hold_out
   Dataset open_dataset() const;

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& run, const fs::path& capture_path) {
   const ConfigReader root = stage.config.root();
   actor.subject = RunSubject::read(stage.config, root, "egnet");
-  actor.subject.use_capture(capture_path);
+  actor.subject.capture = fs::absolute(capture_path);
   actor.trained_on_cameras = root.section("data").list<std::string>("cameras");
   const Capture capture = read_capture(actor.subject.capture);
   actor.frames_per_second = capture.fps;
@@ -100,7 +100,10 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
   if (!egnet_stage) fail("{} has no checkpoint of egnet yet; train it first", run.string());
   TrainedActor actor;
   // The subject of this run. An EGNet from another run may have been trained on another capture.
-  load_egnet(actor, *egnet_stage, run, capture ? *capture : run_subject(run).capture);
+  RunSubject subject = run_subject(run);
+  if (capture) subject.use_capture(*capture);
+  load_egnet(actor, *egnet_stage, run, subject.capture);
+  actor.subject.validation = subject.validation;
   actor.steps["egnet"] = egnet_stage->step;
   for (const ActorPart& part : kActorParts) {
     if (before == part.stage) break;

@@ -28,7 +28,7 @@ namespace doppel {
 
 /// An actor loaded from a run, with all networks trained so far (chapter 6): EGNet, lighting, DeltaNet, TexNet, the
 /// hybrid and the radiance field without a mesh. A network is null if it was not trained, or if `load` left it out. All
-/// values come from the newest checkpoint of each stage. The weights are the running mean of the weights if the run
+/// values come from the checkpoint to use of each stage (`find_stage`). The weights are the running mean of the weights if the run
 /// kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its batch
 /// normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not require
 /// gradients.

@@ -16,6 +16,7 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   const ConfigReader root = stored->config.root(), model = root.section("model");
   TrainedPose trained;
   trained.subject = RunSubject::read(stored->config, root, "posenet");
+  trained.subject.validation = run_subject(run).validation;  // posenet may be that of another run
   if (capture) trained.subject.use_capture(*capture);
   trained.detections = DetectionOptions::read(root.section("loss"));
   trained.trained_on_cameras = root.section("data").list<std::string>("cameras");

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "doppel/capture/path_pattern.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
 

@@ -14,7 +14,6 @@
 
 namespace doppel {
 
-/// The use of a sequence: training or evaluation.
 /// What a sequence is for. Settings are chosen on `validation` frames, never on `test` frames.
 enum class Split { train, test, validation };
 /// The words of the splits: "train", "test", "validation".

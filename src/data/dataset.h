@@ -64,7 +64,7 @@ struct ImageCrop {
 /// Training frames to set aside for validation.
 struct ValidationFrames {
   std::vector<std::string> sequences;  ///< whole training sequences
-  std::vector<int> takes;              ///< segments of the training sequences between their cuts, counted from 0
+  std::vector<int> takes;              ///< segments between the cuts of the other training sequences, counted from 0
   double share = 0.0;                  ///< of every training sequence that is left, its last frames; 0: none
 
   /// Keys `sequences` (a list of names), `takes` and `share` (0 to 0.9). @throws FileError at the key

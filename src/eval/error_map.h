@@ -9,7 +9,7 @@
 namespace doppel {
 
 /// Draws a number per vertex on a surface: blue where it is positive, red where it is negative, light grey at 0; at
-/// `limit` and beyond the colours are full. Faces that look away from the camera are darker. White background.
+/// `limit` and beyond the colours are full. Faces that the camera sees at a slant are darker. White background.
 /// @param vertices float32 [N,3] world metres @param faces int32 [F,3] @param values float32 [N]
 /// @param limit more than 0, in the unit of the values
 /// @return 8-bit BGR of the camera's size

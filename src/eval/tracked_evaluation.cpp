@@ -98,15 +98,17 @@ class TrackedEvaluation {
     });
   }
 
-  /// The frames that are averaged for a frame, with their weights; none beyond the tracked frames.
+  /// The frames that are averaged for a frame, with their weights: tracked frames of the same segment.
   std::vector<std::pair<long, double>> window(const SampleId& sample) const {
     if (options_.smoothing == 0.0) return {{sample.frame, 1.0}};
     const TrackedMotion& motion = motion_of(sample);
+    const DatasetSequence& sequence = dataset_.sequences()[as_size(sample.sequence)];
     std::vector<std::pair<long, double>> frames;
     double sum = 0.0;
     for (long i = -kSmoothedFrames; i <= kSmoothedFrames; ++i) {
       const long frame = sample.frame + i;
       if (frame < motion.first_frame || frame >= motion.motion.num_frames()) continue;
+      if (sequence.segment_start(frame) != sequence.segment_start(sample.frame)) continue;
       const double x = static_cast<double>(i) / options_.smoothing;
       frames.emplace_back(frame, std::exp(-0.5 * x * x));
       sum += frames.back().second;
@@ -152,10 +154,11 @@ class TrackedEvaluation {
     GroundTruth truth(dataset_);
     const int camera = options_.input_camera.empty() ? dataset_.camera_indices(options_.cameras).front()
                                                      : dataset_.camera_index(options_.input_camera);
+    const bool tracked = has_vertices();
     fs::create_directories(options_.error_maps);
     for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) {
       const Tensor skin = skinned(sample)[0], expected = truth.at(sample, skin.size(0));
-      if (!expected.defined() || !has_vertices())
+      if (!expected.defined() || !tracked)
         fail<UsageError>(
             "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track "
             "--vertices)",
@@ -227,6 +230,10 @@ TrackedRun TrackedRun::load(const fs::path& folder, const Character& character) 
     TrackedMotion tracked{read_motion(motion, character.skeleton.num_dofs()), entry.first_frame, {}};
     const fs::path vertices = folder / (entry.name + "_vertices.npy");
     if (fs::exists(vertices)) tracked.vertices = read_vertices(vertices, character.num_vertices());
+    const long rows = tracked.motion.num_frames() - tracked.first_frame;
+    if (tracked.vertices.defined() && tracked.vertices.size(0) != rows)
+      fail("{}: the file has {} frames, and the motion beside it has {} tracked ones; track the sequence again",
+           vertices.string(), tracked.vertices.size(0), rows);
     run.sequences.emplace(entry.name, std::move(tracked));
   }
   if (run.sequences.empty())

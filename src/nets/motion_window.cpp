@@ -62,8 +62,9 @@ Tensor MotionWindow::normaliser(const Tensor& dofs) const {
 
 Tensor MotionWindow::translation_normaliser(const Tensor& dofs) const {
   check_shape("motion window", "dofs", dofs, {-1, num_dofs_}, "[B,D]");
-  const Tensor identity = torch::eye(3, dofs.options()).expand({dofs.size(0), 3, 3});
-  return at::cat({identity, -translation(dofs).unsqueeze(-1)}, -1);
+  const Tensor moved = -translation(dofs).unsqueeze(-1);
+  const Tensor identity = torch::eye(3, dofs.options()) + torch::zeros_like(moved);  // for any batch size in a trace
+  return at::cat({identity, moved}, -1);
 }
 
 Tensor MotionWindow::remove_translation(const Tensor& window) const {

@@ -104,6 +104,8 @@ class Adaptation {
                                      fmt::format("data.batch_size={}", stage.batch_size),
                                      fmt::format("model.freeze_norm={}", stage.freeze_norm),
                                      "train.max_minutes=0",
+                                     "train.keep=last",
+                                     "validation={}",
                                      "train.mean_weights=0",
                                      fmt::format("train.checkpoint_every={}", options_.config.check_every),
                                      fmt::format("train.keep_every={}", options_.config.check_every)};
@@ -129,7 +131,7 @@ class Adaptation {
       if (kind == "defnet" && !has_defnet_) continue;
       YAML::Node stage = YAML::Load(stage_config(kind).resolved());
       if (stage["character"]) root["character"] = stage["character"];
-      for (const char* shared : {"stage", "capture", "seed", "character"}) stage.remove(shared);
+      for (const char* shared : {"stage", "capture", "seed", "character", "validation"}) stage.remove(shared);
       if (tuned(kind))
         root[kind] = stage;
       else

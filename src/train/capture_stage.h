@@ -29,6 +29,7 @@ class CaptureStage : public Stage {
   /// The loss without random changes of the inputs on at most 64 validation frames, evenly spread. Constant weights:
   /// those of the last step.
   std::optional<double> validation_loss(std::int64_t step) override;
+  bool has_validation_frames() const override { return !dataset_.samples(Split::validation).empty(); }
 
   std::string batch_description() const override;
   std::string data_state() const override { return loader_.state(); }

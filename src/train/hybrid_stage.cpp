@@ -70,6 +70,10 @@ HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
   c.plan = HybridPlan::read(root);
   c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.plan.schedule(),
                                           "the stage radiance takes this from its `rounds` and `rates`");
+  if (c.trainer.keep_best)
+    root.section("train").fail_at_key("keep",
+                                      "found best; the phases of the hybrid train different terms, so no loss "
+                                      "compares their checkpoints; only last is allowed");
   root.finish();
   return c;
 }

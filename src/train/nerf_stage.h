@@ -33,6 +33,7 @@ class NerfStage : public CaptureStage {
   LossTerms loss(const Batch& batch, StepContext& context) override;
   /// None: the field represents a single frame.
   std::optional<double> validation_loss(std::int64_t) override { return std::nullopt; }
+  bool has_validation_frames() const override { return false; }
 
  private:
   NerfRunConfig config_;

@@ -59,7 +59,8 @@ PosePhases::Place PosePhases::at(std::int64_t step) const {
     if (step < phase.iterations) return {&phase, static_cast<double>(step) / static_cast<double>(phase.iterations)};
     step -= phase.iterations;
   }
-  return {&phases_.back(), 1.0};
+  const auto last = static_cast<double>(phases_.back().iterations);
+  return {&phases_.back(), (last - 1.0) / last};
 }
 
 }  // namespace doppel

@@ -71,6 +71,10 @@ Trainer::~Trainer() = default;
 TrainSummary Trainer::run() {
   TrainSummary summary;
   start_ = std::chrono::steady_clock::now();
+  if (options_.keep_best && !stage_.has_validation_frames())
+    fail<UsageError>(
+        "train.keep: best needs validation frames; name them in the section `validation` of the configuration, or as "
+        "`split: validation` in capture.yaml");
   resume();
   summary.resumed_at = step_;
   metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
@@ -117,6 +121,7 @@ void Trainer::resume() {
   earlier_seconds_ = checkpoint.number("seconds");
   last_loss_ = checkpoint.number("loss");
   step_ = saved_step_ = checkpoint.integer("step");
+  checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
   log::info("resuming {} at step {}", stage_.name(), step_);
 }
 
@@ -232,13 +237,11 @@ void Trainer::save_evaluation(Checkpoint& checkpoint) {
   for (const auto& item : model.named_buffers())
     if (item.value().defined()) checkpoint.set_tensor("evaluation." + item.key(), item.value().clone());
   model.eval();
-  const std::optional<double> loss = stage_.validation_loss(step_);
+  // Only at steps that do not depend on when a session ends, so that a resumed run equals an unbroken one.
+  std::optional<double> loss;
+  if (step_ % options_.checkpoint_every == 0 || step_ == options_.iterations) loss = stage_.validation_loss(step_);
   load_module(model, "", present);
   model.train();
-  if (!loss && options_.keep_best)
-    fail<UsageError>(
-        "train.keep: best needs validation frames; name them in the section `validation` of the configuration, or as "
-        "`split: validation` in capture.yaml");
   if (!loss) return;
   checkpoint.set_validation_loss(*loss);
   log_validation(*loss);

@@ -3,7 +3,8 @@
 #   studio.sh livecap|egnet|ddc|hybrid DOPPEL SOURCE WORK
 # The folder DOPPEL_SHARED holds the capture. WORK keeps runs, so that ddc builds on egnet and hybrid on ddc.
 set -euo pipefail
-figure=$1 doppel=$2 source=$3 work=$4
+figure=$1 doppel=$2 source=$3
+work=$4/$(git -C "$source" rev-parse --short HEAD 2>/dev/null || echo unversioned)  # runs of another commit are not resumed
 if [ -z "${DOPPEL_SHARED:-}" ]; then
   echo "SKIPPED: DOPPEL_SHARED is not set, so there is no studio capture"
   exit 77
@@ -11,7 +12,7 @@ fi
 capture=$DOPPEL_SHARED/captures/s22
 mkdir -p "$work"
 cd "$work"
-[ -e prepared ] || "$doppel" prepare "$capture" --mask-size 700 --out prepared >/dev/null
+"$doppel" prepare "$capture" --mask-size 700 --out prepared >/dev/null
 
 # value FILE METHOD KEY: a number of the method's row in the JSON of `doppel evaluate`.
 value() { grep -o "\"$2\":{.*" "$1" | grep -o "\"$3\":[-0-9.e]*" | head -1 | cut -d: -f2; }

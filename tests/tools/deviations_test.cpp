@@ -22,7 +22,9 @@ const ThesisValues& thesis() {
 
 bool belongs_to_machine(const std::string& key) {
   return std::any_of(thesis().machine.begin(), thesis().machine.end(), [&](const std::string& ending) {
-    return key.size() >= ending.size() && key.compare(key.size() - ending.size(), ending.size(), ending) == 0;
+    if (key.size() < ending.size()) return false;
+    const std::size_t start = key.size() - ending.size();
+    return key.compare(start, ending.size(), ending) == 0 && (start == 0 || key[start - 1] == '.');
   });
 }
 

@@ -65,6 +65,7 @@ class ToyStage : public Stage {
   void restore_data(const std::string& state) override { std::istringstream(state) >> stream_; }
   std::string identity() const override { return identity_; }
   void prepare_evaluation() override { model_->norm->running_mean.fill_(42.0); }
+  bool has_validation_frames() const override { return validation != nullptr; }
   std::optional<double> validation_loss(std::int64_t step) override {
     return validation ? validation(step) : std::nullopt;
   }

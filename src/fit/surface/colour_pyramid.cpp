@@ -14,16 +14,16 @@ ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const
   cv::cvtColor(image(window_), colours, cv::COLOR_BGR2RGB);
   colours.convertTo(colours, CV_32FC3, 1.0 / 255.0);
   for (std::size_t level = 0; level < kernels.size(); ++level) {
-    cv::Mat image = colours;
-    for (std::size_t i = level + 1; halve && i < kernels.size() && image.cols >= 4 && image.rows >= 4; ++i) {
+    cv::Mat reduced = colours;
+    for (std::size_t i = level + 1; halve && i < kernels.size() && reduced.cols >= 4 && reduced.rows >= 4; ++i) {
       cv::Mat half;
-      cv::resize(image, half, {(image.cols + 1) / 2, (image.rows + 1) / 2}, 0.0, 0.0, cv::INTER_AREA);
-      image = half;
+      cv::resize(reduced, half, {(reduced.cols + 1) / 2, (reduced.rows + 1) / 2}, 0.0, 0.0, cv::INTER_AREA);
+      reduced = half;
     }
     levels_.push_back(
-        {{}, static_cast<double>(colours.cols) / image.cols, static_cast<double>(colours.rows) / image.rows});
+        {{}, static_cast<double>(colours.cols) / reduced.cols, static_cast<double>(colours.rows) / reduced.rows});
     const int size = kernels[level];
-    cv::GaussianBlur(image, levels_.back().image, {size, size}, 0.0, 0.0, cv::BORDER_REPLICATE);
+    cv::GaussianBlur(reduced, levels_.back().image, {size, size}, 0.0, 0.0, cv::BORDER_REPLICATE);
   }
 }
 
