@@ -28,10 +28,10 @@ namespace doppel {
 
 /// An actor loaded from a run, with all networks trained so far (chapter 6): EGNet, lighting, DeltaNet, TexNet, the
 /// hybrid and the radiance field without a mesh. A network is null if it was not trained, or if `load` left it out. All
-/// values come from the checkpoint to use of each stage (`find_stage`). The weights are the running mean of the weights if the run
-/// kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its batch
-/// normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not require
-/// gradients.
+/// values come from the checkpoint to use of each stage (`find_stage`). The weights are the running mean of the weights
+/// if the run kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its
+/// batch normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not
+/// require gradients.
 ///
 /// Letters: B batch, F past frames, D DoFs, K graph nodes, N vertices, T texels along a side of the dynamic texture. A
 /// `dof_window` is a motion window [B,F+1,D]: float32 DoFs as in a motion file, oldest first; the last row is the pose
