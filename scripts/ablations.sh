@@ -11,8 +11,7 @@ tables=("${@:2}")
 for table in "${tables[@]}"; do
   [[ "$table" =~ ^(5.3|6.4)$ ]] || { echo "scripts/ablations.sh: there is no table '$table'; 5.3 and 6.4 can be made" >&2; exit 2; }
 done
-doppel="${DOPPEL:-build/release/tools/doppel}"
-[ -x "$doppel" ] || { scripts/install_dependencies.sh; cmake --preset release >/dev/null; cmake --build --preset release --target doppel; }
+source scripts/figures.sh
 
 [ -f "$folder/capture/capture.yaml" ] || "$doppel" synth --preset small --out "$folder/capture"
 "$doppel" prepare "$folder/capture" --out "$folder/prepared" >/dev/null
@@ -25,8 +24,6 @@ train() {
   "$doppel" train "configs/ablation/$config.yaml" --set capture="$folder/prepared" "${sets[@]}" --stages "$stages" --out "$folder/$run"
 }
 
-# figure FILE METHOD METRIC DIGITS: the metric of a method over the evaluated cameras, not of one of them
-figure() { sed 's/"cameras":{[^}]*},*//g' "$folder/$1" | grep -o "\"$2\":{[^{}]*" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
 amviou() { figure "$1.all.json" "$2" AMVIoU 4; }
 
 # ---- Table 5.3 ----

@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
-doppel="${DOPPEL:-build/release/tools/doppel}"
+source scripts/figures.sh
 [ -d "$folder/ours" ] || { echo "$folder holds no run \`ours\`: run scripts/ablations.sh $folder first" >&2; exit 1; }
 
 frame=40
@@ -26,11 +26,9 @@ variant() {
   "$doppel" evaluate --run "$folder/$name" --split train --frames $frame --cameras $held_out --json >"$folder/$name.json"
 }
 
-# figure FILE METHOD METRIC DIGITS: the metric of a method
-figure() { grep -o "\"$2\":{[^{]*" "$folder/$1.json" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 | cut -d: -f2 | xargs printf "%.$4f"; }
-geometry() { echo "$(figure "$1" "$2" seen_distance_mm 2) | $(figure "$1" "$2" surface_distance_mm 2) | $(figure "$1" "$2" Hausdorff_mm 1) | $(figure "$1" "$2" AMVIoU 4)"; }
-cloud() { echo "$(figure "$1" cloud surface_distance_mm 2) | $(figure "$1" cloud noise_mm 2)"; }
-pictures() { echo "$(figure three "$1" PSNR 2) | $(figure three "$1" SSIM 4) | $(figure three "$1" seconds 2)"; }
+geometry() { echo "$(figure "$1.json" "$2" seen_distance_mm 2) | $(figure "$1.json" "$2" surface_distance_mm 2) | $(figure "$1.json" "$2" Hausdorff_mm 1) | $(figure "$1.json" "$2" AMVIoU 4)"; }
+cloud() { echo "$(figure "$1.json" cloud surface_distance_mm 2) | $(figure "$1.json" cloud noise_mm 2)"; }
+pictures() { echo "$(figure three.json "$1" PSNR 2) | $(figure three.json "$1" SSIM 4) | $(figure three.json "$1" seconds 2)"; }
 
 variant without radiance 'radiance.rounds=[{field: 0, refine: 700}]' radiance.loss.chamfer=0
 variant one radiance 'radiance.rounds=[{field: 1500, refine: 300, variance: 0.01}]'

@@ -170,9 +170,8 @@ void describe_tracked(const EvaluateArguments& arguments, const Dataset& dataset
   for (const Split split : splits)
     if (!poses_are_known(dataset, split)) {
       protocol["left_out"][to_string(split)] =
-          "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stay where they "
-          "were "
-          "tracked";
+          "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stay at their "
+          "tracked positions";
       return;
     }
   protocol["poses"] = "14 joints against the capture's motion, bones rescaled";

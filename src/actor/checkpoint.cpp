@@ -202,6 +202,11 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest
   fail("no checkpoint in {} can be read; use --overwrite to start again. {}", folder_.string(), first_error);
 }
 
+/// Writes the name of a step's checkpoint into the file `latest` or `best`.
+void CheckpointFolder::name_step(const char* file, std::int64_t step) const {
+  write_atomically(folder_ / file, path(step).filename().string() + "\n");
+}
+
 std::optional<std::int64_t> CheckpointFolder::best() const {
   const fs::path file = folder_ / "best";
   if (!fs::exists(file)) return std::nullopt;
@@ -235,13 +240,13 @@ void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint
       log::warn("{}; step {} takes its place as the best", e.what(), step);
     }
   }
-  write_atomically(folder_ / "best", path(step).filename().string() + "\n");
+  name_step("best", step);
 }
 
 void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
   fs::create_directories(folder_);
   checkpoint.save(path(step));
-  write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
+  name_step("latest", step);
   note_best(step, checkpoint);
   remove_leftovers();
   prune();
@@ -269,11 +274,10 @@ void CheckpointFolder::remove_leftovers() const {
 
 void CheckpointFolder::keep_only(std::int64_t step) {
   if (!fs::exists(path(step))) fail("{}: there is no checkpoint of step {}", folder_.string(), step);
-  write_atomically(folder_ / "latest", path(step).filename().string() + "\n");
-  std::error_code none;
-  fs::remove(folder_ / "best", none);
+  name_step("latest", step);
+  std::error_code ignored;
+  fs::remove(folder_ / "best", ignored);
   for (const std::int64_t other : steps()) {
-    std::error_code ignored;
     if (other != step) fs::remove(path(other), ignored);
   }
 }

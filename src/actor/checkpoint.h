@@ -82,6 +82,7 @@ class CheckpointFolder {
   void clear();
 
  private:
+  void name_step(const char* file, std::int64_t step) const;
   std::optional<std::int64_t> best() const;
   void prune() const;
   void remove_leftovers() const;

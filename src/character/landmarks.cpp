@@ -73,6 +73,12 @@ void write_landmarks(const std::filesystem::path& csv, const Character& characte
   write_atomically(csv, text);
 }
 
+std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks) {
+  std::vector<std::string> names;
+  for (const Marker& landmark : landmarks) names.push_back(landmark.name);
+  return names;
+}
+
 std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const std::vector<Marker>& landmarks,
                                                 const std::vector<double>& dofs) {
   const auto world_from_joint = skeleton.pose(dofs);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "doppel/character/character.h"
@@ -21,6 +22,8 @@ std::vector<Marker> read_landmarks(const std::filesystem::path& csv, const Chara
 /// @throws Error as landmark_positions
 void write_landmarks(const std::filesystem::path& csv, const Character& character,
                      const std::vector<Marker>& landmarks);
+
+std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks);
 
 /// Positions of landmarks in a pose: [M], world metres. @param dofs [D]
 /// @throws Error when the joint of a landmark is not in the skeleton, or `dofs` has another length

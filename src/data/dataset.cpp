@@ -168,8 +168,8 @@ void Dataset::hold_out_takes(const std::vector<int>& takes) {
     }
     segments.push_back(segment);
   }
+  if (segments.empty()) fail<UsageError>("validation: {} has no training sequence left for takes", folder_.string());
   for (const int take : takes) {
-    if (segments.empty()) fail<UsageError>("validation: {} has no training sequence", folder_.string());
     if (take < 0 || as_size(take) >= segments.size())
       fail<UsageError>("validation: there is no take {}; the training sequences of {} have takes 0 to {}", take,
                        folder_.string(), segments.size() - 1);

@@ -2,12 +2,17 @@
 
 #include <torch/types.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
 #include "doppel/data/dataset.h"
 
 namespace doppel {
+
+/// Reads surfaces of consecutive frames. @return float32 [frames,N,3], metres
+/// @throws Error when the file has another shape
+torch::Tensor read_surfaces(const std::filesystem::path& path, std::int64_t num_vertices);
 
 /// The ground-truth vertices of the sequences that have them (`ground_truth/<sequence>/vertices.npy`, [frames of the
 /// motion,N,3] metres), each file read once.

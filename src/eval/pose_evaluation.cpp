@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/core/progress.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/eval/mean.h"
@@ -67,9 +68,8 @@ class PoseEvaluation {
   }
 
   Tensor joints_of(const Tensor& landmarks) const {
-    std::vector<std::string> names;
-    for (const Marker& landmark : trained_.landmarks) names.push_back(landmark.name);
-    return landmarks.index_select(1, torch::tensor(common_joint_rows(names), torch::kInt64));
+    const std::vector<std::int64_t> rows = common_joint_rows(landmark_names(trained_.landmarks));
+    return landmarks.index_select(1, torch::tensor(rows, torch::kInt64));
   }
 
   /// Distances of landmarks from keypoints in all compared cameras: for landmarks of the pose, and for landmarks that

@@ -6,10 +6,10 @@
 #include <optional>
 
 #include "doppel/capture/capture.h"
+#include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/core/npy.h"
 #include "doppel/eval/error_map.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/pose_evaluation.h"
@@ -30,15 +30,6 @@ namespace {
 constexpr double kErrorMapLimit = 0.02;  // metres
 constexpr long kSmoothedFrames = 2;      // on either side: five frames in all (5.8)
 
-Tensor read_vertices(const fs::path& path, int num_vertices) {
-  const NpyArray array = read_npy(path);
-  if (array.shape.size() != 3 || array.shape[1] != num_vertices || array.shape[2] != 3)
-    fail("{}: expected [frames,{},3] for this character, found [{}]", path.string(), num_vertices,
-         fmt::join(array.shape, ","));
-  const std::vector<float> values = array.as<float>();
-  return torch::tensor(values).view({array.shape[0], num_vertices, 3});
-}
-
 std::string method_of(const fs::path& report) {
   if (!fs::exists(report)) return "";
   const auto json = nlohmann::json::parse(read_file(report), nullptr, false);
@@ -53,6 +44,7 @@ class TrackedEvaluation {
         tracked_(tracked),
         split_(split),
         options_(options),
+        samples_(evaluated_samples(dataset, split, options)),
         known_(poses_are_known(dataset, split)),
         surface_(character),
         landmarks_(dataset.landmarks().empty() ? character.skeleton.markers : dataset.landmarks()),
@@ -63,7 +55,7 @@ class TrackedEvaluation {
   }
 
   Json run() {
-    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) check(sample);
+    for (const SampleId& sample : samples_) check(sample);
     const Json scores = pose_scores();
     Json rows;
     rows["pose"] = method("pose", scores, [this](const SampleId& sample) { return skinned(sample); });
@@ -85,17 +77,13 @@ class TrackedEvaluation {
         sample.frame < found->second.motion.num_frames())
       return;
     fail<UsageError>(
-        "--tracked: frame {} of sequence {} was not tracked; track it too, or name tracked frames with "
-        "--frames",
+        "--tracked: frame {} of sequence {} was not tracked; track it too, or name tracked frames with --frames",
         sample.frame, name_of(sample));
   }
 
   bool has_vertices() const {
-    const std::vector<SampleId> samples = evaluated_samples(dataset_, split_, options_);
-    return !samples.empty() && std::all_of(samples.begin(), samples.end(), [this](const SampleId& sample) {
-      const TrackedMotion& motion = motion_of(sample);
-      return motion.vertices.defined() && sample.frame - motion.first_frame < motion.vertices.size(0);
-    });
+    return std::all_of(samples_.begin(), samples_.end(),
+                       [this](const SampleId& sample) { return motion_of(sample).vertices.defined(); });
   }
 
   /// The frames that are averaged for a frame, with their weights: tracked frames of the same segment.
@@ -156,12 +144,11 @@ class TrackedEvaluation {
                                                      : dataset_.camera_index(options_.input_camera);
     const bool tracked = has_vertices();
     fs::create_directories(options_.error_maps);
-    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) {
+    for (const SampleId& sample : samples_) {
       const Tensor skin = skinned(sample)[0], expected = truth.at(sample, skin.size(0));
       if (!expected.defined() || !tracked)
         fail<UsageError>(
-            "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track "
-            "--vertices)",
+            "--error-maps needs the true surface of {} in the capture, and tracked surfaces (doppel track --vertices)",
             name_of(sample));
       const Tensor surface = tracked_vertices(sample)[0];
       const cv::Mat map = draw_vertex_values(surface, faces_, error_improvement(surface, skin, expected),
@@ -174,12 +161,11 @@ class TrackedEvaluation {
   }
 
   Json pose_scores() {
-    std::vector<std::string> names;
-    for (const Marker& landmark : landmarks_) names.push_back(landmark.name);
+    const std::vector<std::string> names = landmark_names(landmarks_);
     if (!known_ || !has_common_joints(names)) return Json::object();
     const Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);
     std::vector<Tensor> found, truth;
-    for (const SampleId& sample : evaluated_samples(dataset_, split_, options_)) {
+    for (const SampleId& sample : samples_) {
       found.push_back(smoothed(sample, [&](long frame) {
                         return landmark_layer_->forward(tracked_dofs(sample, frame));
                       }).index_select(1, rows));
@@ -207,6 +193,7 @@ class TrackedEvaluation {
   const TrackedRun& tracked_;
   Split split_;
   const TrackedEvaluationOptions& options_;
+  std::vector<SampleId> samples_;
   bool known_;
   std::optional<PoseDofs> root_;  ///< where surfaces are moved to the true position
   CharacterSurface surface_;
@@ -229,7 +216,7 @@ TrackedRun TrackedRun::load(const fs::path& folder, const Character& character) 
     if (!fs::exists(motion)) continue;
     TrackedMotion tracked{read_motion(motion, character.skeleton.num_dofs()), entry.first_frame, {}};
     const fs::path vertices = folder / (entry.name + "_vertices.npy");
-    if (fs::exists(vertices)) tracked.vertices = read_vertices(vertices, character.num_vertices());
+    if (fs::exists(vertices)) tracked.vertices = read_surfaces(vertices, character.num_vertices());
     const long rows = tracked.motion.num_frames() - tracked.first_frame;
     if (tracked.vertices.defined() && tracked.vertices.size(0) != rows)
       fail("{}: the file has {} frames, and the motion beside it has {} tracked ones; track the sequence again",

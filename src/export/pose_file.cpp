@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/core/error.h"
 #include "doppel/data/person_crop.h"
 
@@ -21,7 +22,7 @@ PoseFileDescription describe(const TrainedPose& trained) {
   d.confidence_threshold = trained.detections.alignment.confidence_threshold;
   for (const Dof& dof : trained.character.skeleton.dofs) d.dof_names.push_back(dof.name);
   for (const Joint& joint : trained.character.skeleton.joints) d.joint_names.push_back(joint.name);
-  for (const Marker& landmark : trained.landmarks) d.landmark_names.push_back(landmark.name);
+  d.landmark_names = landmark_names(trained.landmarks);
   d.num_vertices = trained.character.num_vertices();
   d.fingerprint = trained.character.fingerprint();
   return d;

@@ -174,8 +174,7 @@ MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Mar
   }
   result.landmarks_mm = mean(result.frame_mm);
   result.aligned_landmarks_mm = mean(result.frame_aligned_mm);
-  std::vector<std::string> names;
-  for (const Marker& landmark : landmarks) names.push_back(landmark.name);
+  const std::vector<std::string> names = landmark_names(landmarks);
   if (!has_common_joints(names)) return result;
   const torch::Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);
   result.poses = compare_poses(torch::cat(all_a).index_select(1, rows), torch::cat(all_b).index_select(1, rows));

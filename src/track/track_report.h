@@ -21,7 +21,8 @@ struct MotionDifference {
   double landmarks_mm = 0.0;                       ///< mean over landmarks and frames
   double aligned_landmarks_mm = 0.0;               ///< the same after the best similarity transform of each frame
   std::vector<double> frame_mm, frame_aligned_mm;  ///< [frames] means over landmarks
-  std::optional<PoseScores> poses;  ///< of the 14 common joints, as `doppel evaluate` computes them, if there are all
+  /// Of the 14 common joints, as `doppel evaluate` computes them; nothing if a landmark is missing.
+  std::optional<PoseScores> poses;
 };
 MotionDifference compare_motions(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const Motion& a,
                                  const Motion& b, long first_frame, long last_frame);

@@ -47,15 +47,11 @@ cv::Mat composite(const cv::Mat& over, const cv::Mat& under) {
   if (over.channels() != 4) return over;
   cv::Mat base(over.size(), CV_8UC3, kGrey);
   if (!under.empty()) cv::resize(under, base, over.size(), 0.0, 0.0, cv::INTER_AREA);
-  cv::Mat result(over.size(), CV_8UC3);
-  for (int row = 0; row < over.rows; ++row)
-    for (int column = 0; column < over.cols; ++column) {
-      const cv::Vec4b& top = over.at<cv::Vec4b>(row, column);
-      const cv::Vec3b& below = base.at<cv::Vec3b>(row, column);
-      for (int c = 0; c < 3; ++c)
-        result.at<cv::Vec3b>(row, column)[c] =
-            cv::saturate_cast<std::uint8_t>((top[c] * top[3] + below[c] * (255 - top[3])) / 255.0);
-    }
+  cv::Mat opaque, alpha, result;
+  cv::cvtColor(over, opaque, cv::COLOR_BGRA2BGR);
+  cv::extractChannel(over, alpha, 3);
+  alpha.convertTo(alpha, CV_32F, 1.0 / 255.0);
+  cv::blendLinear(opaque, base, alpha, 1.0 - alpha, result);
   return result;
 }
 

@@ -66,7 +66,7 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
 
 LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
-  const torch::Tensor noisy = network_->is_training() ? noise_.apply(batch.dofs, context.generator) : batch.dofs;
+  const torch::Tensor noisy = noise_.apply(batch.dofs, *network_, context.generator);
   torch::Tensor A, T, coarse, fine;
   {
     ProfileScope scope(profile, "egnet");

@@ -32,8 +32,7 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   torch::Tensor A, T, vertices;
   {
     ProfileScope scope(profile, "network");
-    std::tie(A, T) = network_->forward(
-        network_->is_training() ? noise_.apply(batch.dofs, context.generator) : batch.dofs, batch.dofs);
+    std::tie(A, T) = network_->forward(noise_.apply(batch.dofs, *network_, context.generator), batch.dofs);
   }
   {
     ProfileScope scope(profile, "layers");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
 #include "doppel/render/face_tensor.h"
@@ -11,12 +12,6 @@
 namespace doppel {
 
 namespace {
-
-std::vector<std::string> names_of(const std::vector<Marker>& landmarks) {
-  std::vector<std::string> names;
-  for (const Marker& landmark : landmarks) names.push_back(landmark.name);
-  return names;
-}
 
 /// The dataset's landmarks. @throws UsageError that says how to get them
 const std::vector<Marker>& landmarks_of(const Dataset& dataset) {
@@ -48,7 +43,7 @@ PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, c
       config_(config),
       pose_(character.skeleton, config.dofs, character.rest_dofs),
       landmarks_(character.skeleton, landmarks_of(dataset)),
-      landmark_names_(names_of(dataset.landmarks())),
+      landmark_names_(landmark_names(dataset.landmarks())),
       network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
       surface_(character),
       faces_(face_tensor(character.mesh)) {

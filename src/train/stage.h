@@ -62,6 +62,7 @@ class Stage {
   /// evaluation weights (the running mean, if there is one) in the model. Must not use random numbers; its changes to
   /// the model are undone afterwards.
   virtual void prepare_evaluation() {}
+  /// Whether `validation_loss` has frames to measure.
   virtual bool has_validation_frames() const { return false; }
   /// The loss on frames of the validation split, with the evaluation weights in the model, which is in evaluation mode.
   /// Nothing when there are no such frames. Must not change the model or use the run's random numbers.

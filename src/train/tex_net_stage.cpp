@@ -50,8 +50,7 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
   {
     ProfileScope scope(profile, "input");
     torch::NoGradGuard no_grad;
-    input = texture_input(actor_, texture_space_, config_.model,
-                          network_->is_training() ? noise_.apply(batch.dofs, context.generator) : batch.dofs,
+    input = texture_input(actor_, texture_space_, config_.model, noise_.apply(batch.dofs, *network_, context.generator),
                           batch.image_projection.select(1, 0), vertices);
   }
   {
