@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Trains the variants of the thesis's ablations on the synthetic person and writes their tables to FOLDER/tables_*.md.
 #   scripts/ablations.sh [FOLDER] [TABLE ...]      default: ablations, both tables; resumes after an interruption
-#     5.3   DeepCap with fewer cameras, with fewer frames, without DefNet     about half an hour on one thread
-#     6.4   Tables 6.4 and 6.5 (6.9.5): parts of the actor, its cameras       about half an hour
+#     5.3   DeepCap with fewer cameras, with fewer frames, without DefNet
+#     6.4   Tables 6.4 and 6.5 (6.9.5): parts of the actor, its cameras
+# SEEDS="1 2 3" (the default). JOBS=2 (the default) runs are trained side by side, with one thread each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
-tables=("${@:2}")
+tables=("${@:2}") seeds=(${SEEDS:-1 2 3})
 [ ${#tables[@]} -gt 0 ] || tables=(5.3 6.4)
 for table in "${tables[@]}"; do
   [[ "$table" =~ ^(5.3|6.4)$ ]] || { echo "scripts/ablations.sh: there is no table '$table'; 5.3 and 6.4 can be made" >&2; exit 2; }
@@ -16,44 +17,39 @@ source scripts/figures.sh
 [ -f "$folder/capture/capture.yaml" ] || "$doppel" synth --preset small --out "$folder/capture"
 "$doppel" prepare "$folder/capture" --out "$folder/prepared" >/dev/null
 
-# train CONFIG RUN STAGES [key=value ...]
-train() {
-  local config=$1 run=$2 stages=$3 sets=() change
-  shift 3
-  for change in "$@"; do sets+=(--set "$change"); done
-  "$doppel" train "configs/ablation/$config.yaml" --set capture="$folder/prepared" "${sets[@]}" --stages "$stages" --out "$folder/$run"
-}
-
-amviou() { figure "$1.all.json" "$2" AMVIoU 4; }
+# over_seeds DIGITS COMMAND [argument ...]: mean and spread of what a command prints; its last argument is the seed
+over_seeds() { for seed in "${seeds[@]}"; do "${@:2}" "$seed"; echo; done | spread "$1"; }
 
 # ---- Table 5.3 ----
 
-# deepcap NAME [key=value ...]: trains a variant; the keys belong to `data` of both networks. The test motion is
+# deepcap NAME SEED [key=value ...]: trains a variant; the keys belong to `data` of both networks. The test motion is
 # captured from each camera in turn. Camera 0 is among the training cameras of all variants.
 deepcap() {
-  local name=$1 sets=() change camera
-  shift
-  for change in "$@"; do sets+=("posenet.data.$change" "defnet.data.$change"); done
-  train deepcap "deepcap-$name" posenet,defnet "${sets[@]}"
-  for camera in 0 1 2 3 4 5 6 7; do
-    "$doppel" evaluate --run "$folder/deepcap-$name" --split test --every 2 --input-camera $camera --json >"$folder/deepcap-$name.$camera.json"
-  done
+  local run="deepcap-$1-$2" sets=() change camera options
+  for change in "${@:3}"; do sets+=("posenet.data.$change" "defnet.data.$change"); done
+  as_options seed="$2" capture="$folder/prepared" "${sets[@]}"
+  train "$run" configs/ablation/deepcap.yaml "${options[@]}"
+  for camera in 0 1 2 3 4 5 6 7; do evaluate "$run" "$run.$camera" --split test --every 2 --input-camera $camera; done
 }
+deepcaps() { for seed in "${seeds[@]}"; do side_by_side deepcap "$1" "$seed" "${@:2}"; done; }
 
-# mean NAME METHOD METRIC DIGITS: mean over the cameras from which a run captures
-mean() { for camera in 0 1 2 3 4 5 6 7; do figure "deepcap-$1.$camera.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
+# first NAME METHOD METRIC SEED: from camera 0. mean: the mean over the cameras from which a run captures
+first() { figure "deepcap-$1-$4.0.json" "$2" "$3" 6; }
+mean() { for camera in 0 1 2 3 4 5 6 7; do figure "deepcap-$1-$4.$camera.json" "$2" "$3" 6; echo; done | awk '{ s += $1 } END { printf "%.6f", s / NR }'; }
 # line TITLE NAME METHOD: a row of Table 5.3
 line() {
-  echo "| $1 | $(figure "deepcap-$2.0.json" "$3" 3DPCK 1) | $(figure "deepcap-$2.0.json" "$3" AMVIoU 4) | $(mean "$2" "$3" 3DPCK 1) | $(mean "$2" "$3" AMVIoU 4) |"
+  echo "| $1 | $(over_seeds 1 first "$2" "$3" 3DPCK) | $(over_seeds 4 first "$2" "$3" AMVIoU)" \
+    "| $(over_seeds 1 mean "$2" "$3" 3DPCK) | $(over_seeds 4 mean "$2" "$3" AMVIoU) |"
 }
 
 table_5_3() {
-  deepcap ours
-  deepcap cameras-1 "cameras=[0]"
-  deepcap cameras-2 "cameras=[0,2]"
-  deepcap cameras-3 "cameras=[0,2,5]"
-  deepcap quarter "frames=[$(seq -s, 0 4 119)]"
-  deepcap half "frames=[$(seq -s, 0 2 119)]"
+  deepcaps ours
+  deepcaps cameras-1 "cameras=[0]"
+  deepcaps cameras-2 "cameras=[0,2]"
+  deepcaps cameras-3 "cameras=[0,2,5]"
+  deepcaps quarter "frames=[$(seq -s, 0 4 119)]"
+  deepcaps half "frames=[$(seq -s, 0 2 119)]"
+  all_done
   {
     echo "| Table 5.3 | 3DPCK, camera 0 | AMVIoU, camera 0 | 3DPCK, all cameras | AMVIoU, all cameras |"
     echo "|---|---:|---:|---:|---:|"
@@ -64,6 +60,7 @@ table_5_3() {
     line "half of the frames (60)" half defnet
     line "PoseNet only" ours posenet
     line "ours (8 cameras, 120 frames)" ours defnet
+    provenance "scripts/ablations.sh ablations 5.3"
   } | tee "$folder/tables_5.3.md"
 }
 
@@ -80,36 +77,42 @@ cameras() {
   (IFS=,; echo "[${list[*]}]")
 }
 
-# ddc NAME CAMERAS STAGES [key=value ...]: trains STAGES; earlier stages come from the variant `ours`
+# ddc NAME SEED CAMERAS STAGES [key=value ...]: trains STAGES; earlier stages come from the variant `ours` of this seed
 ddc() {
-  local name=$1 chosen=$2 stages=$3 sets=() stage
-  shift 3
+  local run="$1-$2" sets=() stage options
   for stage in egnet lighting deltanet texnet; do
-    if [[ ",$stages," == *",$stage,"* ]]; then
-      sets+=("$stage.data.cameras=$chosen")
+    if [[ ",$4," == *",$stage,"* ]]; then
+      sets+=("$stage.data.cameras=$3")
     elif [ "$stage" = egnet ] || [ "$stage" = lighting ]; then
-      sets+=("$stage={run: $(realpath "$folder")/ours}")
+      sets+=("$stage={run: $(realpath "$folder")/ours-$2}")
     fi
   done
-  train ddc "$name" "$stages" "${sets[@]}" "$@"
+  as_options seed="$2" capture="$folder/prepared" "${sets[@]}" "${@:5}"
+  train "$run" configs/ablation/ddc.yaml "${options[@]}" --stages "$4"
   # Geometry is evaluated in all cameras, as AMVIoU requires; images in the held-out camera.
-  "$doppel" evaluate --run "$folder/$name" --split test --every 4 --json >"$folder/$name.all.json"
-  "$doppel" evaluate --run "$folder/$name" --split test --cameras $held_out --json >"$folder/$name.held.json"
+  evaluate "$run" "$run.all" --split test --every 4
+  evaluate "$run" "$run.held" --split test --cameras $held_out
 }
+ddcs() { for seed in "${seeds[@]}"; do side_by_side ddc "$1" "$seed" "${@:2}"; done; }
 
-mse() { figure "$1.held.json" "$2" MSE 2; }
+overlap() { figure "$1-$3.all.json" "$2" AMVIoU 6; }
+error() { figure "$1-$3.held.json" "$2" MSE 6; }
+amviou() { over_seeds 4 overlap "$@"; }
+mse() { over_seeds 1 error "$@"; }
 
 table_6_4() {
   local all n run
   all=$(cameras $held_out)
-  ddc ours "$all" egnet,lighting,deltanet,texnet
-  ddc fully-connected "$all" egnet,lighting,deltanet egnet.model.network=fully_connected deltanet.model.network=fully_connected
-  ddc unstructured "$all" egnet,lighting,deltanet egnet.model.network=chebyshev deltanet.model.network=chebyshev
-  ddc global "$all" deltanet deltanet.model.space=global
-  ddc no-chroma "$all" deltanet deltanet.loss.chroma=0
+  ddcs ours "$all" egnet,lighting,deltanet,texnet
+  all_done
+  ddcs fully-connected "$all" egnet,lighting,deltanet egnet.model.network=fully_connected deltanet.model.network=fully_connected
+  ddcs unstructured "$all" egnet,lighting,deltanet egnet.model.network=chebyshev deltanet.model.network=chebyshev
+  ddcs global "$all" deltanet deltanet.model.space=global
+  ddcs no-chroma "$all" deltanet deltanet.loss.chroma=0
   for n in "${cameras_6_5[@]}"; do
-    [ "$n" = $held_out ] || ddc "cameras-$n" "$(cameras "$n")" egnet,lighting,deltanet,texnet
+    [ "$n" = $held_out ] || ddcs "cameras-$n" "$(cameras "$n")" egnet,lighting,deltanet,texnet
   done
+  all_done
   {
     echo "| Table 6.4 | AMVIoU | MSE |"
     echo "|---|---:|---:|"
@@ -133,6 +136,7 @@ table_6_4() {
     echo "|---|---:|---:|"
     echo "| without | $(amviou no-chroma deltanet) | $(mse no-chroma lit) |"
     echo "| with | $(amviou ours deltanet) | $(mse ours lit) |"
+    provenance "scripts/ablations.sh ablations 6.4"
   } | tee "$folder/tables_6.4.md"
 }
 

@@ -15,8 +15,52 @@ figure() {
     cut -d: -f2 | xargs -r printf "%.$4f"
 }
 
-# spread DIGITS: mean and largest distance from the mean of the numbers on standard input
+# spread DIGITS: mean and largest distance from the mean of the numbers on standard input, one a line
 spread() {
-  awk -v d="$1" '{ x[NR] = $1; s += $1 }
-    END { m = s / NR; for (i in x) { e = x[i] - m; if (e < 0) e = -e; if (e > w) w = e }; printf "%.*f ± %.*f", d, m, d, w }'
+  awk -v digits="$1" '
+    NF == 0 { missing = 1 }
+    { x[NR] = $1; sum += $1 }
+    END {
+      if (missing || NR == 0) { printf "missing"; exit }
+      mean = sum / NR
+      for (i in x) { e = x[i] - mean; if (e < 0) e = -e; if (e > widest) widest = e }
+      printf "%.*f ± %.*f", digits, mean, digits, widest
+    }'
 }
+
+# train RUN CONFIG [option ...]: trains a run, or what is missing of it. Its messages go to RUN.log.
+train() {
+  "$doppel" train "$2" "${@:3}" --out "$folder/$1" >/dev/null 2>>"$folder/$1.log" ||
+    { echo "training of $folder/$1 failed:" && tail -3 "$folder/$1.log"; return 1; } >&2
+}
+# evaluate RUN FILE [option ...]: evaluates a run once and writes FILE.json
+evaluate() {
+  [ -f "$folder/$2.json" ] && return
+  "$doppel" evaluate --run "$folder/$1" "${@:3}" --json >"$folder/$2.json.part" 2>>"$folder/$1.log" ||
+    { echo "evaluation of $folder/$1 failed:" && tail -3 "$folder/$1.log"; return 1; } >&2
+  mv "$folder/$2.json.part" "$folder/$2.json"
+}
+# as_options KEY=VALUE ...: fills the array `options` with --set KEY=VALUE ...
+as_options() {
+  local change
+  options=()
+  for change in "$@"; do options+=(--set "$change"); done
+}
+
+# side_by_side COMMAND ...: starts a command that runs beside others, at most $JOBS (default 2) at a time. Training and
+# evaluation use one thread each in these scripts, so that results do not depend on the number of cores.
+side_by_side() {
+  while [ "$(jobs -rp | wc -l)" -ge "${JOBS:-2}" ]; do sleep 1; done
+  "$@" &
+  started+=($!)
+}
+# all_done: waits for these commands; fails if one has failed
+all_done() {
+  local command failed=0
+  for command in "${started[@]}"; do wait "$command" || failed=1; done
+  started=()
+  return $failed
+}
+started=()
+trap 'kill $(jobs -rp) 2>/dev/null || true' EXIT
+export OMP_NUM_THREADS=1

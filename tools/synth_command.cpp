@@ -15,6 +15,7 @@ namespace {
 struct SynthArguments {
   std::string out, preset = "tiny", cloth = "springs";
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
+  double turn = 0.0;
   std::uint64_t seed = 1;
   bool force = false;
 };
@@ -29,6 +30,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
   take("--test-frames", arguments.test_frames, options.test_frames);
   take("--size", arguments.size, options.size);
   options.cloth.model = synth::cloth_model(arguments.cloth);
+  options.turn = arguments.turn;
   options.seed = arguments.seed;
   options.force = arguments.force;
   return options;
@@ -58,6 +60,7 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
                                  {"fps", o.fps},
                                  {"seed", o.seed},
                                  {"cloth", synth::cloth_name(o.cloth.model)},
+                                 {"turn", o.turn},
                                  {"frames", {{"train", o.frames}, {"test", o.test_frames}}},
                                  {"mean_displacement_mm", 1e3 * r.mean_displacement},
                                  {"largest_displacement_mm", 1e3 * r.largest_displacement},
@@ -82,6 +85,8 @@ Command add_synth(CLI::App& program) {
   app->add_option("--cloth", arguments->cloth,
                   "Simulation of the clothes: springs (fast), or xpbd (near-inextensible, touches the body; half a "
                   "minute longer for small)")
+      ->capture_default_str();
+  app->add_option("--turn", arguments->turn, "Mean speed at which the person turns, degrees per second (-360 to 360)")
       ->capture_default_str();
   app->add_option("--seed", arguments->seed, "Seed of motions, cameras and noise")->capture_default_str();
   app->add_flag("--force", arguments->force, "Replace a synthetic capture in the folder");

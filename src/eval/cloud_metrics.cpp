@@ -14,29 +14,19 @@ namespace {
 
 constexpr double kMillimetres = 1000.0;
 
-struct Sums {
-  double distance = 0.0, squares = 0.0;
-  std::int64_t points = 0, clouds = 0;
-
-  void add(const torch::Tensor& distances) {
-    distance += distances.sum().item<double>();
-    squares += distances.square().sum().item<double>();
-    points += distances.numel();
-    ++clouds;
-  }
-  void add(const Sums& other) {
-    distance += other.distance;
-    squares += other.squares;
-    points += other.points;
-    clouds += other.clouds;
-  }
-  double mean() const { return distance / static_cast<double>(points); }
-};
+/// The p-quantile of sorted values, 0 <= p <= 1.
+double quantile(const torch::Tensor& sorted, double p) {
+  return sorted[std::lround(p * static_cast<double>(sorted.numel() - 1))].item<double>();
+}
 
 }  // namespace
 
 nlohmann::ordered_json CloudResult::to_json() const {
-  nlohmann::ordered_json json{{"surface_distance_mm", surface_distance_mm}, {"noise_mm", noise_mm}, {"points", points}};
+  nlohmann::ordered_json json{{"surface_distance_mm", surface_distance_mm},
+                              {"noise_mm", noise_mm},
+                              {"median_mm", median_mm},
+                              {"p99_mm", p99_mm},
+                              {"points", points}};
   for (const auto& [name, distance] : cameras) json["cameras"][name] = distance;
   return json;
 }
@@ -51,7 +41,7 @@ std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, 
   BatchOptions wanted;
   wanted.past_frames = 0;
   wanted.images = true;
-  std::vector<Sums> per_camera(cameras.size());
+  std::vector<std::vector<torch::Tensor>> distances(cameras.size());  // of each cloud
   Progress progress(title, static_cast<std::int64_t>(samples.size()));
   for (const SampleId& sample : samples) {
     const torch::Tensor expected = truth.at(sample, num_vertices);
@@ -62,22 +52,26 @@ std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, 
         const Batch batch = make_batch(dataset, {sample}, {{cameras[c]}}, wanted);
         const torch::Tensor points =
             cloud({{sample}, cameras[c], batch.image_projection, static_cast<int>(batch.image.size(2))});
-        if (points.size(0) > 0) per_camera[c].add(surface.distances(points));
+        if (points.size(0) > 0) distances[c].push_back(surface.distances(points).to(torch::kFloat64));
       }
     }
     progress.advance(1);
   }
   CloudResult result;
-  Sums all;
+  std::vector<torch::Tensor> all;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    all.add(per_camera[c]);
-    if (per_camera[c].points > 0)
-      result.cameras.emplace_back(dataset.camera(cameras[c]).name, kMillimetres * per_camera[c].mean());
+    if (distances[c].empty()) continue;
+    result.cameras.emplace_back(dataset.camera(cameras[c]).name,
+                                kMillimetres * torch::cat(distances[c]).mean().item<double>());
+    all.insert(all.end(), distances[c].begin(), distances[c].end());
   }
-  if (all.points == 0) return std::nullopt;
-  result.surface_distance_mm = kMillimetres * all.mean();
-  result.noise_mm = kMillimetres * std::sqrt(all.squares / static_cast<double>(all.points));
-  result.points = static_cast<double>(all.points) / static_cast<double>(all.clouds);
+  if (all.empty()) return std::nullopt;
+  const torch::Tensor sorted = std::get<0>(torch::cat(all).sort());
+  result.surface_distance_mm = kMillimetres * sorted.mean().item<double>();
+  result.noise_mm = kMillimetres * std::sqrt(sorted.square().mean().item<double>());
+  result.median_mm = kMillimetres * quantile(sorted, 0.5);
+  result.p99_mm = kMillimetres * quantile(sorted, 0.99);
+  result.points = static_cast<double>(sorted.numel()) / static_cast<double>(all.size());
   return result;
 }
 

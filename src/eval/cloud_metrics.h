@@ -18,6 +18,7 @@ using CloudFunction = std::function<torch::Tensor(const ImageRequest&)>;
 struct CloudResult {
   double surface_distance_mm = 0.0;                     ///< mean distance of a point
   double noise_mm = 0.0;                                ///< root mean squared distance
+  double median_mm = 0.0, p99_mm = 0.0;                 ///< median and 99th percentile of the distance
   double points = 0.0;                                  ///< per cloud, mean
   std::vector<std::pair<std::string, double>> cameras;  ///< mean distance of each, mm
 

@@ -102,9 +102,10 @@ void walk(Pose& pose, double phase, double amount) {
 /// A generated motion as a function of time.
 class Performance {
  public:
-  Performance(const Skeleton& skeleton, double seconds, std::uint64_t seed)
+  Performance(const Skeleton& skeleton, double seconds, std::uint64_t seed, double turn)
       : skeleton_(skeleton),
         random_(seed),
+        turn_(turn),
         heading_(random_, 0.12, 0.5),
         lean_(random_, 0.2, 0.5),
         side_(random_, 0.15, 0.4),
@@ -129,7 +130,7 @@ class Performance {
   std::vector<double> at(double t) const {
     Pose pose(skeleton_);
     double height = 0;
-    pose["Root_ry"] = facing_ + 0.95 * heading_(t);
+    pose["Root_ry"] = facing_ + turn_ * t + 0.95 * heading_(t);
     pose["Root_rz"] = 0.05 * lean_(t);
     pose["Root_rx"] = 0.05 * lean_(1.3 * t + 2);
     pose["Root_tx"] = 0.16 * side_(t);
@@ -197,6 +198,7 @@ class Performance {
 
   const Skeleton& skeleton_;
   Random random_;
+  double turn_;
   Wave heading_, lean_, side_, forth_, look_, nod_;
   double facing_;
   std::array<std::vector<Wave>, 2> arms_;
@@ -224,8 +226,8 @@ void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double he
   dofs[lift] = height + kSoftness * std::log(sum / 4);
 }
 
-Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed) {
-  const Performance performance(skeleton, frames / fps, seed);
+Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed, double turn) {
+  const Performance performance(skeleton, frames / fps, seed, turn);
   Motion motion;
   for (int f = 0; f < frames; ++f) {
     motion.frames.push_back(performance.at(f / fps));

@@ -11,7 +11,8 @@ namespace doppel::synth {
 /// swinging arms, with smooth transitions. Each seed gives another motion. The lower foot stays on the floor except in
 /// jumps.
 /// @param frames number of rows, numbered from 0
-Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed);
+/// @param turn mean speed of the turn about the vertical axis, radians per second
+Motion make_motion(const Skeleton& skeleton, int frames, double fps, std::uint64_t seed, double turn = 0.0);
 
 /// Moves the root vertically so that the lower sole touches y = `height`.
 void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height = 0);

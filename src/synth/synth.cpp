@@ -35,7 +35,8 @@ namespace fs = std::filesystem;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kLeadIn = 1.2;  ///< seconds before a take, in which the simulation of the clothes settles
+constexpr double kLeadIn = 1.2;         ///< seconds before a take, in which the simulation of the clothes settles
+constexpr double kLargestTurn = 360.0;  ///< degrees per second
 
 void check(const SynthOptions& o) {
   const auto within = [](const char* what, long value, long low, long high) {
@@ -48,6 +49,9 @@ void check(const SynthOptions& o) {
   within("the number of test frames", o.test_frames, 2, 100000);
   if (o.size % 2 != 0)
     fail<UsageError>("doppel synth: the image size is {}; video encoders need an even number", o.size);
+  if (!(std::abs(o.turn) <= kLargestTurn))
+    fail<UsageError>("doppel synth: the person turns by {} degrees per second; this must be {} to {}", o.turn,
+                     -kLargestTurn, kLargestTurn);
 }
 
 /// A temporary folder that the destructor removes unless it was renamed to its final name.
@@ -309,10 +313,12 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
   return frames;
 }
 
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth) {
+Take perform(const Actor& actor, int frames, std::uint64_t seed, const SynthOptions& options) {
+  const double fps = options.fps;
+  const ClothOptions& cloth = options.cloth;
   const int lead = static_cast<int>(std::ceil(kLeadIn * fps));
   Take take;
-  take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed);
+  take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed, options.turn * M_PI / 180.0);
   const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
   take.truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
                                                : move_clothes(actor, worn, fps, cloth.springs);
@@ -336,7 +342,7 @@ SynthReport write_synthetic_capture(const fs::path& folder, const SynthOptions& 
   write_still_files(set, making.name());
 
   const auto take = [&](int frames, std::uint64_t number) {
-    return perform(actor, frames, options.fps, hash_bits(options.seed * 1000 + number), options.cloth);
+    return perform(actor, frames, hash_bits(options.seed * 1000 + number), options);
   };
   const int first = options.frames / 2;
   film(set, "training", 0, {take(first, 1), take(options.frames - first, 2)}, progress);

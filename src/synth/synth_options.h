@@ -30,6 +30,7 @@ struct SynthOptions {
   int frames = 120;  ///< for training, in two segments with a cut between them
   int test_frames = 40;
   double fps = 25;
+  double turn = 0.0;       ///< mean speed at which the person turns about the vertical axis, degrees per second
   std::uint64_t seed = 1;  ///< of motions, cameras and noise; the actor is always the same
   bool force = false;      ///< replace a synthetic capture in the folder
 

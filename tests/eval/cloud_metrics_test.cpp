@@ -71,6 +71,7 @@ TEST_F(CloudMetrics, PointsOffTheSurfaceCountByTheirDistance) {
   const auto result = measure(far);
   EXPECT_NEAR(result->surface_distance_mm, 3500.0, 1.0);
   EXPECT_NEAR(result->noise_mm, 1000.0 * std::sqrt(12.5), 1.0);
+  EXPECT_NEAR(result->p99_mm, 4000.0, 1.0);
 }
 
 TEST_F(CloudMetrics, ChosenFramesAndCameras) {

@@ -199,6 +199,18 @@ TEST(SynthMotion, DiffersBySeedOnly) {
   EXPECT_NE(make_motion(skeleton, 20, 25, 3).frames, make_motion(skeleton, 20, 25, 4).frames);
 }
 
+TEST(Motion, TurnsAtTheGivenSpeedAndOtherwiseStaysTheSame) {
+  const Skeleton skeleton = make_skeleton();
+  const Motion still = make_motion(skeleton, 40, 25, 3), turning = make_motion(skeleton, 40, 25, 3, 2.5);
+  const int heading = *skeleton.find_dof("Root_ry");
+  for (int frame = 0; frame < 40; ++frame) {
+    std::vector<double> expected = still.frames[frame];
+    expected[heading] += 2.5 * frame / 25.0;
+    for (int dof = 0; dof < skeleton.num_dofs(); ++dof)
+      EXPECT_NEAR(turning.frames[frame][dof], expected[dof], 1e-9) << skeleton.dofs[dof].name << " in frame " << frame;
+  }
+}
+
 TEST(SynthClothing, DepartsFromTheSkinnedTemplateWithinBounds) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 20, 25, 5, {});

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# Chooses `inset` and `chroma` of configs/small/ddc.yaml on training frames: trains on one take of the training sequence
+# and judges on the other, in both directions. The test split is not read.
+#   scripts/choose_surface.sh CAPTURE [FOLDER]     default: the folder choose-surface; resumes after an interruption
+# CAMERAS=0,1,2,3,4,5 (the default) are trained on. JOBS=2 (the default) runs are trained side by side, with one thread
+# each. One seed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+[ $# -ge 1 ] || { sed -n '2,6s/^# //p' "$0" >&2; exit 2; }
+capture="$1" folder="${2:-choose-surface}" cameras="${CAMERAS:-0,1,2,3,4,5}"
+source scripts/figures.sh
+mkdir -p "$folder"
+"$doppel" prepare "$capture" --mask-size 700 --out "$folder/prepared" >/dev/null
+insets=(0 -0.2 -0.4) chromas=(0.03775 20)
+
+# stages NAME TAKE STAGES [key=value ...]: trains with a take held out, and evaluates on it
+stages() {
+  local run="$1-$2" stage sets=() options
+  for stage in ${3//,/ }; do sets+=("$stage.data.cameras=[$cameras]"); done
+  as_options capture="$folder/prepared" validation.takes="[$2]" "${sets[@]}" "${@:4}"
+  train "$run" configs/small/ddc.yaml "${options[@]}" --stages "$3"
+  evaluate "$run" "$run" --split validation --every 4
+}
+
+# candidate INSET CHROMA TAKE
+candidate() {
+  local base="{run: $(realpath "$folder")/base-$3}"
+  stages "inset$1-chroma$2" "$3" deltanet egnet="$base" lighting="$base" deltanet.loss.inset="$1" deltanet.loss.chroma="$2"
+}
+
+for take in 0 1; do side_by_side stages base $take egnet,lighting egnet.train.iterations=2000; done
+all_done
+for inset in "${insets[@]}"; do
+  for chroma in "${chromas[@]}"; do
+    for take in 0 1; do side_by_side candidate "$inset" "$chroma" $take; done
+  done
+done
+all_done
+
+# both NAME METHOD METRIC DIGITS: the mean over the two takes
+both() { for take in 0 1; do figure "$1-$take.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
+{
+  echo "| \`inset\` | \`chroma\` | AMVIoU | masked MSE, static texture under learnt lighting |"
+  echo "|---:|---:|---:|---:|"
+  for inset in "${insets[@]}"; do
+    for chroma in "${chromas[@]}"; do
+      name="inset$inset-chroma$chroma"
+      echo "| $inset | $chroma | $(both "$name" deltanet AMVIoU 4) | $(both "$name" lit MSE 1) |"
+    done
+  done
+  provenance "scripts/choose_surface.sh CAPTURE"
+} | tee "$folder/surface.md"
