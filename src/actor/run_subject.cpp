@@ -1,6 +1,7 @@
 #include "doppel/actor/run_subject.h"
 
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 
 namespace doppel {
 
@@ -33,8 +34,15 @@ RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& 
 void RunSubject::use_capture(const std::filesystem::path& folder) {
   const std::filesystem::path other = std::filesystem::absolute(folder);
   std::error_code missing;
-  if (!std::filesystem::equivalent(other, capture, missing) && other.lexically_normal() != capture.lexically_normal())
+  const bool same =
+      std::filesystem::equivalent(other, capture, missing) || other.lexically_normal() == capture.lexically_normal();
+  if (!same && !validation.empty()) {
+    log::warn(
+        "the run held out validation frames of {}; {} is another capture (or that one, moved), so all its training "
+        "frames are in the split 'train'",
+        capture.string(), other.string());
     validation = {};
+  }
   capture = other;
 }
 

@@ -21,7 +21,7 @@ struct RunSubject {
   /// @throws UsageError when no capture is named
   static RunSubject read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage);
 
-  /// Takes a capture. For another capture than that of the run, `validation` is cleared.
+  /// Takes a capture. For another capture than that of the run, `validation` is cleared, with a warning.
   void use_capture(const std::filesystem::path& folder);
   /// Opens the capture with its validation frames set aside. @throws as Dataset::open and Dataset::hold_out
   Dataset open_dataset() const;

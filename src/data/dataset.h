@@ -69,6 +69,7 @@ struct ValidationFrames {
 
   /// Keys `sequences` (a list of names), `takes` and `share` (0 to 0.9). @throws FileError at the key
   static ValidationFrames read(const ConfigReader& reader);
+  bool empty() const { return sequences.empty() && takes.empty() && share == 0.0; }
 };
 
 /// A prepared capture: poses, cameras, and the store of masks and images. Reading is thread-safe.

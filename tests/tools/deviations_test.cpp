@@ -69,7 +69,7 @@ TEST_P(Preset, SaysWhyForEveryDeviation) {
 
 INSTANTIATE_TEST_SUITE_P(Paper, Preset,
                          ::testing::Values("livecap", "posenet", "defnet", "adapt", "egnet", "ddc", "hybrid"),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& preset) { return preset.param; });
 
 TEST(DeviationsPage, IsUpToDate) {
   const std::string page = deviations_page(thesis());
