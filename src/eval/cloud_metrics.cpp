@@ -15,7 +15,7 @@ namespace {
 constexpr double kMillimetres = 1000.0;
 
 /// The p-quantile of sorted values, 0 <= p <= 1.
-double quantile(const torch::Tensor& sorted, double p) {
+double sorted_quantile(const torch::Tensor& sorted, double p) {
   return sorted[std::lround(p * static_cast<double>(sorted.numel() - 1))].item<double>();
 }
 
@@ -69,8 +69,8 @@ std::optional<CloudResult> evaluate_clouds(const Dataset& dataset, Split split, 
   const torch::Tensor sorted = std::get<0>(torch::cat(all).sort());
   result.surface_distance_mm = kMillimetres * sorted.mean().item<double>();
   result.noise_mm = kMillimetres * std::sqrt(sorted.square().mean().item<double>());
-  result.median_mm = kMillimetres * quantile(sorted, 0.5);
-  result.p99_mm = kMillimetres * quantile(sorted, 0.99);
+  result.median_mm = kMillimetres * sorted_quantile(sorted, 0.5);
+  result.p99_mm = kMillimetres * sorted_quantile(sorted, 0.99);
   result.points = static_cast<double>(sorted.numel()) / static_cast<double>(all.size());
   return result;
 }

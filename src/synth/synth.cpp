@@ -313,12 +313,10 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
   return frames;
 }
 
-Take perform(const Actor& actor, int frames, std::uint64_t seed, const SynthOptions& options) {
-  const double fps = options.fps;
-  const ClothOptions& cloth = options.cloth;
+Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth, double turn) {
   const int lead = static_cast<int>(std::ceil(kLeadIn * fps));
   Take take;
-  take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed, options.turn * M_PI / 180.0);
+  take.motion = make_motion(actor.character.skeleton, lead + frames, fps, seed, turn);
   const std::vector<Points> worn = skin_motion(actor.character, take.motion, actor.hang);
   take.truth = cloth.model == ClothModel::xpbd ? drape_clothes(actor, worn, take.motion, fps, cloth.xpbd)
                                                : move_clothes(actor, worn, fps, cloth.springs);
@@ -342,7 +340,8 @@ SynthReport write_synthetic_capture(const fs::path& folder, const SynthOptions& 
   write_still_files(set, making.name());
 
   const auto take = [&](int frames, std::uint64_t number) {
-    return perform(actor, frames, hash_bits(options.seed * 1000 + number), options);
+    return perform(actor, frames, options.fps, hash_bits(options.seed * 1000 + number), options.cloth,
+                   options.turn * M_PI / 180.0);
   };
   const int first = options.frames / 2;
   film(set, "training", 0, {take(first, 1), take(options.frames - first, 2)}, progress);

@@ -36,6 +36,8 @@ struct Take {
   std::vector<Points> skinned, truth;  ///< [F] of [N] world metres
 };
 /// @param frames of the take. A lead-in for the cloth simulation is generated before the take and dropped.
-Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth);
+/// @param turn mean speed of the turn about the vertical axis, radians per second
+Take perform(const Actor& actor, int frames, double fps, std::uint64_t seed, const ClothOptions& cloth,
+             double turn = 0.0);
 
 }  // namespace doppel::synth

@@ -40,7 +40,8 @@ class PosePhases {
     double progress;  ///< of this phase, 0 to 1
   };
   /// @param step steps done so far
-  Place at(std::int64_t step) const;
+  Place at(std::int64_t step) const&;
+  Place at(std::int64_t step) const&& = delete;
 
  private:
   std::vector<PosePhase> phases_;

@@ -70,10 +70,11 @@ TEST(PoseConfigurations, ThatComeAlongAreReadable) {
   const PoseNetRunConfig paper = PoseNetRunConfig::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/posenet.yaml", {"capture=/somewhere"}));
   EXPECT_EQ(paper.loader.batch_size, 90);
-  EXPECT_EQ(paper.trainer.iterations, PosePhases().iterations());
+  const PosePhases thesis;
+  EXPECT_EQ(paper.trainer.iterations, thesis.iterations());
   for (std::int64_t step : {0, 39000, 41000, 61000, 130000, 250000}) {
-    const PosePhases::Place found = paper.phases.at(step), expected = PosePhases().at(step);
-    EXPECT_EQ(paper.trainer.schedule.rate(step), PosePhases().schedule().rate(step));
+    const PosePhases::Place found = paper.phases.at(step), expected = thesis.at(step);
+    EXPECT_EQ(paper.trainer.schedule.rate(step), thesis.schedule().rate(step));
     EXPECT_EQ(found.phase->keypoints, expected.phase->keypoints);
     EXPECT_EQ(found.phase->limits_weight(found.progress), expected.phase->limits_weight(expected.progress));
   }
