@@ -168,12 +168,11 @@ void describe_tracked(const EvaluateArguments& arguments, const Dataset& dataset
   protocol["smoothing"] = options.smoothing;
   if (!options.input_camera.empty()) protocol["input_camera"] = options.input_camera;
   for (const Split split : splits)
-    if (!poses_are_known(dataset, split)) {
+    if (!poses_are_known(dataset, split))
       protocol["left_out"][to_string(split)] =
           "skinning in the true pose, GLE, 3DPCK, AUC and MPJPE: the capture has no motion; surfaces stay at their "
           "tracked positions";
-      return;
-    }
+  if (protocol.contains("left_out")) return;
   protocol["poses"] = "14 joints against the capture's motion, bones rescaled";
   if (!options.input_camera.empty()) protocol["surfaces"] = "moved to the true position";
 }

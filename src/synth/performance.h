@@ -7,7 +7,7 @@
 
 namespace doppel::synth {
 
-/// Generates a random motion for `make_skeleton()`: walking on the spot, squats, jumps, side steps, turning, raised and
+/// Generates a random motion for `make_skeleton()`: walking on the spot, squats, jumps, twists, turning, raised and
 /// swinging arms, with smooth transitions. Each seed gives another motion. The lower foot stays on the floor except in
 /// jumps.
 /// @param frames number of rows, numbered from 0
