@@ -6,7 +6,7 @@ doppel="${DOPPEL:-build/release/tools/doppel}"
 # provenance COMMAND: the lines below a table that say how it was made
 provenance() {
   echo
-  echo "\`$1\`, commit $(git rev-parse --short HEAD)$(git diff --quiet HEAD || echo ' with changes'), $(nproc) cores of $(grep -m1 'model name' /proc/cpuinfo | sed 's/.*: //'), $(date -u +%F)"
+  echo "\`$1\`, commit $(git rev-parse --short HEAD)$(git diff --quiet HEAD || echo ' with changes'), $(nproc --all) cores of $(grep -m1 'model name' /proc/cpuinfo | sed 's/.*: //'), $(date -u +%F)"
 }
 
 # figure FILE METHOD METRIC DIGITS: a metric of a method in the JSON of `doppel evaluate`, over the evaluated cameras

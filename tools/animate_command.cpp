@@ -10,6 +10,7 @@
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
 #include "doppel/character/retarget.h"
@@ -19,7 +20,6 @@
 #include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel::tools {
 namespace {

@@ -1,17 +1,19 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
-#include <set>
 
 #include "character_report.h"
 #include "command.h"
+#include "doppel/calibration/camera_plan.h"
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel::tools {
@@ -22,7 +24,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct InfoOptions {
-  std::string path, bone_rule = "exact", metric = "hops";
+  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture;
   double metres_per_unit = 0.001;
   bool verbose = false;
 };
@@ -187,22 +189,99 @@ Json describe_motion(const fs::path& path) {
   return json;
 }
 
-Json describe_calibration(const fs::path& path, bool verbose) {
-  const std::vector<Camera> cameras = read_calibration(path);
+const char* lens_text(const Camera& camera) {
+  if (!camera.has_distortion()) return "pinhole";
+  switch (camera.lens) {
+    case Lens::fisheye:
+      return "fisheye";
+    case Lens::polynomial:
+      return "polynomial";
+    case Lens::opencv:
+      break;
+  }
+  return "opencv";
+}
+
+/// A camera in the program's world.
+Json describe_camera(const Camera& camera, bool has_pose) {
+  const auto list = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
+  Json json;
+  json["name"] = camera.name;
+  json["width"] = camera.width > 0 ? Json(camera.width) : Json();
+  json["height"] = camera.height > 0 ? Json(camera.height) : Json();
+  json["model"] = lens_text(camera);
+  json["fx"] = camera.K(0, 0);
+  json["fy"] = camera.K(1, 1);
+  json["cx"] = camera.K(0, 2);
+  json["cy"] = camera.K(1, 2);
+  json["skew"] = camera.K(0, 1);
+  json["coefficients"] = camera.has_distortion() ? Json(camera.distortion) : Json::array();
+  if (!has_pose) return json;
+  json["centre_m"] = list(camera.centre());
+  json["direction"] = list(camera.R.row(2).transpose());
+  json["image_up"] = list(-camera.R.row(1).transpose());
+  return json;
+}
+
+Json describe_calibration(const InfoOptions& options) {
+  const Calibration calibration = load_calibration(options.path, {options.unit, options.up});
   Json json;
   json["kind"] = "calibration";
-  json["cameras"] = cameras.size();
-  const std::size_t shown = verbose ? cameras.size() : std::min<std::size_t>(cameras.size(), 16);
-  for (std::size_t c = 0; c < shown; ++c) {
-    const Camera& camera = cameras[c];
-    const Eigen::Vector3d o = camera.centre();
-    json["camera_list"][camera.name] =
-        fmt::format("{}x{} px, f {:.2f} {:.2f}, c {:.2f} {:.2f}, centre ({:.3f}, {:.3f}, {:.3f}) m{}", camera.width,
-                    camera.height, camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2), o.x(), o.y(), o.z(),
-                    camera.has_distortion() ? ", lens distortion" : "");
+  json["format"] = calibration.format;
+  json["unit"] = calibration.unit;
+  json["up"] = calibration.up;
+  if (!calibration.has_poses) json["poses"] = "none: the file holds intrinsics only";
+  json["cameras"] = Json::array();
+  for (const Camera& camera : calibration.cameras)
+    json["cameras"].push_back(describe_camera(camera, calibration.has_poses));
+  if (!calibration.notes.empty()) json["notes"] = calibration.notes;
+  if (!options.picture.empty()) {
+    if (!calibration.has_poses) fail<UsageError>("--picture: {} holds intrinsics only", options.path);
+    write_image(options.picture, draw_camera_plan(calibration.cameras));
+    json["picture"] = options.picture;
   }
-  if (shown < cameras.size()) json["not_shown"] = fmt::format("{} more; --verbose lists them", cameras.size() - shown);
   return json;
+}
+
+/// The same for a person: one line a camera, then the distances between cameras.
+void print_calibration(const Json& report) {
+  std::printf("calibration: format %s, unit %s, up %s, %zu cameras\n", report["format"].get<std::string>().c_str(),
+              report["unit"].get<std::string>().c_str(), report["up"].get<std::string>().c_str(),
+              report["cameras"].size());
+  std::printf("%-16s %11s %-10s %19s %19s %26s\n", "camera", "pixels", "lens", "focal length", "principal point",
+              "centre, m");
+  for (const Json& camera : report["cameras"]) {
+    const std::string size = camera["width"].is_null()
+                                 ? "not stated"
+                                 : fmt::format("{}x{}", camera["width"].get<int>(), camera["height"].get<int>());
+    std::string centre = "not stated";
+    if (camera.contains("centre_m"))
+      centre = fmt::format("{:8.3f} {:8.3f} {:8.3f}", camera["centre_m"][0].get<double>(),
+                           camera["centre_m"][1].get<double>(), camera["centre_m"][2].get<double>());
+    fmt::print("{:<16} {:>11} {:<10} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>26}\n", camera["name"].get<std::string>(),
+               size, camera["model"].get<std::string>(), camera["fx"].get<double>(), camera["fy"].get<double>(),
+               camera["cx"].get<double>(), camera["cy"].get<double>(), centre);
+  }
+  if (report.contains("notes"))
+    for (const Json& note : report["notes"]) fmt::print("note: {}\n", note.get<std::string>());
+}
+
+/// Distances between cameras, metres: what a tape measure in the studio can confirm.
+void print_distances(const Json& report) {
+  const Json& cameras = report["cameras"];
+  if (report.contains("poses") || cameras.size() < 2) return;
+  const auto centre = [](const Json& camera) {
+    const Json& c = camera["centre_m"];
+    return Eigen::Vector3d(c[0].get<double>(), c[1].get<double>(), c[2].get<double>());
+  };
+  const std::size_t shown = std::min<std::size_t>(cameras.size(), 12);
+  fmt::print("distance between cameras, m{}\n", shown < cameras.size() ? fmt::format(" (the first {})", shown) : "");
+  for (std::size_t row = 1; row < shown; ++row) {
+    fmt::print("{:<16}", cameras[row]["name"].get<std::string>());
+    for (std::size_t column = 0; column < row; ++column)
+      fmt::print(" {:6.3f}", (centre(cameras[row]) - centre(cameras[column])).norm());
+    fmt::print("\n");
+  }
 }
 
 Json with_kind(const char* kind, const Json& part) {
@@ -270,7 +349,7 @@ Json describe_capture(const Capture& capture) {
   json["prepared"] = !capture.file.empty() && fs::is_directory(capture.file.parent_path() / "store");
   json["fps"] = capture.fps;
   json["character"] = capture.character_path().string();
-  json["cameras_in_file"] = read_calibration(capture.calibration_path()).size();
+  json["cameras_in_file"] = calibrated_cameras(capture).size();
   if (!capture.cameras.empty()) json["cameras_used"] = capture.cameras;
   for (const SequenceEntry& sequence : capture.sequences)
     json["sequences"][sequence.name] = describe_sequence(capture, sequence);
@@ -283,8 +362,11 @@ Json describe_folder(const fs::path& folder, const InfoOptions& options) {
   if (!character.empty())
     return describe_character(load_character(character, character_options(options)), options.verbose);
   if (const auto recognised = recognise_capture(folder)) return describe_capture(recognised->capture);
-  fail<UsageError>("{} holds neither a capture.yaml, nor a .character file, nor the folders of a dataset that is known",
-                   folder.string());
+  if (is_calibration(folder)) return describe_calibration(options);
+  fail<UsageError>(
+      "{} holds neither a capture.yaml, nor a .character file, nor a calibration, nor the folders of a dataset that is "
+      "known",
+      folder.string());
 }
 
 Json describe(const fs::path& path, const InfoOptions& options) {
@@ -298,13 +380,7 @@ Json describe(const fs::path& path, const InfoOptions& options) {
   if (extension == ".skin") return with_kind("skin", describe_skin(read_skin(path)));
   if (extension == ".obj") return with_kind("mesh", describe_mesh(read_obj(path, options.metres_per_unit)));
   if (extension == ".motion") return describe_motion(path);
-  static const std::set<std::string> calibrations{".calibration", ".yml", ".yaml", ".xml", ".json"};
-  if (calibrations.count(extension)) return describe_calibration(path, options.verbose);
-  fail<UsageError>(
-      "{} has the unknown extension '{}'; known are .character, .skeleton, .motion, .skin, .obj, "
-      ".calibration, "
-      ".yml, .yaml, .xml, .json, and folders that hold a capture or a character",
-      path.string(), extension);
+  return describe_calibration(options);
 }
 
 std::string value_text(const Json& value) {
@@ -351,10 +427,14 @@ Json describe_character(const Character& character, bool verbose) {
 }
 
 void print_report(const Json& report, bool json) {
-  if (json)
+  if (json) {
     std::printf("%s\n", report.dump(2).c_str());
-  else
+  } else if (report["kind"] == "calibration") {
+    print_calibration(report);
+    print_distances(report);
+  } else {
     print_lines(report, 0);
+  }
 }
 
 Command add_info(CLI::App& program) {
@@ -372,6 +452,11 @@ Command add_info(CLI::App& program) {
   app->add_option("--metres-per-unit", options->metres_per_unit, "Unit of an OBJ file that is read without a character")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
+  app->add_option("--unit", options->unit, "Unit of a calibration, if the file does not state it: m, cm or mm");
+  app->add_option("--up", options->up,
+                  "Axis of a calibration that points up, if the file does not state it: +x ... -z");
+  app->add_option("--picture", options->picture,
+                  "Picture of a calibration's cameras from above and from the side (.png)");
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
   app->footer("Example: doppel info actor/actor.character --verbose");
   return {app, [options](const CommonOptions& common) {

@@ -300,6 +300,9 @@ Capture read_capture(const fs::path& file_or_folder) {
   check_name(reader, "name", capture.name);
   capture.character = reader.get<std::string>("character");
   capture.calibration = reader.get<std::string>("calibration");
+  if (reader.has("unit")) capture.calibration_options.unit = reader.choice("unit", {"m", "cm", "mm"}, "m");
+  if (reader.has("up"))
+    capture.calibration_options.up = reader.choice("up", {"+x", "-x", "+y", "-y", "+z", "-z"}, "+y");
   capture.fps = reader.get("fps", 25.0, between(1e-3, 1e5));
   capture.cameras = reader.list<std::string>("cameras");
   for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
@@ -319,6 +322,8 @@ void write_capture(const fs::path& path, const Capture& capture) {
   node["root"] = portable_root(capture.root, fs::absolute(path).parent_path()).string();
   node["character"] = capture.character;
   node["calibration"] = capture.calibration;
+  if (!capture.calibration_options.unit.empty()) node["unit"] = capture.calibration_options.unit;
+  if (!capture.calibration_options.up.empty()) node["up"] = capture.calibration_options.up;
   node["fps"] = capture.fps;
   if (!capture.cameras.empty()) {
     node["cameras"] = capture.cameras;

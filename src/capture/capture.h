@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "doppel/calibration/calibration.h"
 #include "doppel/capture/background_model.h"
 #include "doppel/capture/chroma_key.h"
 #include "doppel/capture/keypoint_filter.h"
@@ -59,10 +60,11 @@ struct SequenceEntry {
 /// video, masks, and poses where they are known.
 struct Capture {
   std::string name;
-  std::filesystem::path file;  ///< the capture.yaml this came from; empty when recognised from a folder
-  std::filesystem::path root;  ///< absolute; relative paths below start here
-  std::string character;       ///< `.character` file
-  std::string calibration;
+  std::filesystem::path file;              ///< the capture.yaml this came from; empty when recognised from a folder
+  std::filesystem::path root;              ///< absolute; relative paths below start here
+  std::string character;                   ///< `.character` file
+  std::string calibration;                 ///< file or folder of any format that `load_calibration` knows
+  CalibrationOptions calibration_options;  ///< keys `unit` and `up`: what the calibration does not state
   double fps = 25.0;
   std::vector<std::string> cameras;  ///< names of the cameras to use; empty: all of the calibration file
   std::string background;            ///< image of the empty studio per camera, or empty

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/relative_intrinsics.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 
@@ -19,8 +20,17 @@ std::string joined_names(const std::vector<Camera>& cameras) {
 
 }  // namespace
 
+std::vector<Camera> calibrated_cameras(const Capture& capture) {
+  Calibration calibration = load_calibration(capture.calibration_path(), capture.calibration_options);
+  if (!calibration.has_poses)
+    fail_at({capture.calibration_path().string(), 0},
+            "reading a camera calibration: this file ({}) holds intrinsics only; the poses of the cameras are needed",
+            calibration.format);
+  return std::move(calibration.cameras);
+}
+
 CaptureCameras choose_cameras(const Capture& capture) {
-  const std::vector<Camera> all = read_calibration(capture.calibration_path());
+  const std::vector<Camera> all = calibrated_cameras(capture);
   std::vector<std::string> wanted = capture.cameras;
   if (wanted.empty())
     for (const Camera& camera : all) wanted.push_back(camera.name);
@@ -37,6 +47,7 @@ CaptureCameras choose_cameras(const Capture& capture) {
 
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source) {
   if (camera.width == images.width && camera.height == images.height) return camera;
+  if (camera.width == 0) return with_image_size(camera, images.width, images.height);
   const double calibrated = static_cast<double>(camera.width) / camera.height;
   const double seen = static_cast<double>(images.width) / images.height;
   if (std::abs(seen / calibrated - 1.0) > 0.01)

@@ -12,14 +12,19 @@ namespace doppel {
 /// The cameras that a capture uses.
 struct CaptureCameras {
   std::vector<Camera> cameras;  ///< [C] as calibrated, with distortion
-  std::vector<int> file_index;  ///< [C] position in the calibration file
+  std::vector<int> file_index;  ///< [C] position in the calibration
 };
 
-/// The cameras that the capture names, in its order; all cameras of the calibration file when it names none.
-/// @throws Error naming a camera that the calibration file does not have; FileError as read_calibration
+/// All cameras of the capture's calibration. Their width and height are 0 if the calibration does not state them.
+/// @throws FileError as load_calibration, and when the calibration has no poses
+std::vector<Camera> calibrated_cameras(const Capture& capture);
+
+/// The cameras that the capture names, in its order; all cameras of the calibration when it names none.
+/// @throws Error naming a camera that the calibration does not have; FileError as calibrated_cameras
 CaptureCameras choose_cameras(const Capture& capture);
 
-/// The camera scaled to the resolution of its images. Logs a line when this resolution differs from the calibration.
+/// The camera scaled to the resolution of its images, or with that resolution if it has none. Logs a line when this
+/// resolution differs from the calibration.
 /// @param source path of the images, for messages
 /// @throws Error when the aspect ratios differ by more than 1 %
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source);

@@ -8,10 +8,10 @@
 #include <regex>
 #include <set>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/path_pattern.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 

@@ -1,8 +1,8 @@
 #include "doppel/capture/mask.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
@@ -169,34 +169,26 @@ std::vector<ContourPixel> contour_pixels(const cv::Mat& mask) {
   return pixels;
 }
 
-Undistorter::Undistorter(const Camera& camera) : pinhole_(without_distortion(camera)) {
+Undistorter::Undistorter(const Camera& camera) : camera_(camera), pinhole_(without_distortion(camera)) {
   if (!camera.has_distortion()) return;
-  coefficients_.assign(camera.distortion.begin(), camera.distortion.end());
-  const cv::Matx33d k = opencv_intrinsics();
-  cv::initUndistortRectifyMap(k, coefficients_, cv::Matx33d::eye(), k, {camera.width, camera.height}, CV_32FC1, map1_,
-                              map2_);
-}
-
-/// In OpenCV pixel centres are at integers, here at +0.5.
-cv::Matx33d Undistorter::opencv_intrinsics() const {
-  cv::Matx33d k;
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) k(row, column) = pinhole_.K(row, column);
-  k(0, 2) -= 0.5;
-  k(1, 2) -= 0.5;
-  return k;
+  map1_.create(camera.height, camera.width, CV_32FC1);
+  map2_.create(camera.height, camera.width, CV_32FC1);
+  const Eigen::Matrix3d depth_one_from_pixel = camera.K.inverse();
+  for (int row = 0; row < camera.height; ++row)
+    for (int column = 0; column < camera.width; ++column) {
+      const Eigen::Vector2d point = (depth_one_from_pixel * Eigen::Vector3d(column + 0.5, row + 0.5, 1.0)).head<2>();
+      const Eigen::Vector2d pixel = (camera.K * camera.distorted(point).homogeneous()).head<2>();
+      map1_.at<float>(row, column) = static_cast<float>(pixel.x() - 0.5);  // cv::remap has pixel centres at integers
+      map2_.at<float>(row, column) = static_cast<float>(pixel.y() - 0.5);
+    }
 }
 
 Eigen::Vector2d Undistorter::apply(const Eigen::Vector2d& pixel) const {
-  if (coefficients_.empty()) return pixel;
-  const std::vector<cv::Point2d> from{{pixel.x() - 0.5, pixel.y() - 0.5}};
-  std::vector<cv::Point2d> to;
-  const cv::Matx33d k = opencv_intrinsics();
-  const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-9);
-  cv::undistortPoints(from, to, k, coefficients_, cv::Matx33d::eye(), k, until);
-  // Far outside of the image the lens polynomial has no inverse.
-  if (!std::isfinite(to[0].x) || !std::isfinite(to[0].y)) return pixel;
-  return {to[0].x + 0.5, to[0].y + 0.5};
+  if (!camera_.has_distortion()) return pixel;
+  const Eigen::Vector2d point = (camera_.K.inverse() * pixel.homogeneous()).head<2>();
+  const auto straight = camera_.undistorted(point);
+  if (!straight) return pixel;
+  return (camera_.K * straight->homogeneous()).head<2>();
 }
 
 cv::Mat Undistorter::apply(const cv::Mat& image) const {

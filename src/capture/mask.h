@@ -73,10 +73,8 @@ class Undistorter {
   const PinholeCamera& pinhole() const { return pinhole_; }
 
  private:
-  cv::Matx33d opencv_intrinsics() const;
-
+  Camera camera_;
   PinholeCamera pinhole_;
-  std::vector<double> coefficients_;  ///< empty without distortion
   cv::Mat map1_, map2_;
 };
 

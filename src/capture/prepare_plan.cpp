@@ -212,13 +212,24 @@ std::string describe_source(const std::string& source) {
   return has_frame_placeholder(source) ? source : fmt::format("{} ({} bytes)", source, fs::file_size(source));
 }
 
+/// The coefficients of a lens. Those that few lenses have are left out where they are 0.
+std::string describe_lens(const Camera& camera) {
+  const auto& all = camera.distortion;
+  std::string text = fmt::format("{}", fmt::join(all.begin(), all.begin() + 8, " "));
+  if (std::any_of(all.begin() + 8, all.end(), [](double k) { return k != 0; }))
+    text += fmt::format(" {}", fmt::join(all.begin() + 8, all.end(), " "));
+  if (camera.lens == Lens::fisheye) text += ", fisheye";
+  if (camera.lens == Lens::polynomial) text += ", polynomial";
+  return text;
+}
+
 std::string describe_settings(const PreparePlan& plan, const PrepareOptions& options) {
   std::string text = fmt::format("mask size {}\nimage size {}\nmargin {}\njpeg quality {}\n", options.mask_size,
                                  options.image_size, options.margin, options.jpeg_quality);
   for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
     const Camera& camera = plan.cameras[c];
     text += fmt::format("camera {}: {}x{}, distortion {}\n", camera.name, camera.width, camera.height,
-                        fmt::join(camera.distortion, " "));
+                        describe_lens(camera));
   }
   for (const PlannedSequence& sequence : plan.sequences) {
     text += describe_sequence(sequence);

@@ -5,11 +5,12 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "doppel/calibration/relative_intrinsics.h"
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/path_pattern.h"
 #include "doppel/capture/store_layout.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/geometry/calibration.h"
 
 namespace doppel {
 
@@ -56,10 +57,11 @@ void clear_beyond_image(cv::Mat& mask, const CropBox& box, cv::Size image) {
 
 /// Camera `index` of the calibration file at a given resolution, with its distortion.
 Camera calibrated_camera(const Capture& capture, int index, int width, int height) {
-  const std::vector<Camera> all = read_calibration(capture.calibration_path());
+  const std::vector<Camera> all = calibrated_cameras(capture);
   if (index < 0 || index >= static_cast<int>(all.size()))
     fail("{} has {} cameras; the capture was prepared with more", capture.calibration, all.size());
   const Camera& camera = all[as_size(index)];
+  if (camera.width == 0) return with_image_size(camera, width, height);
   return camera.width == width && camera.height == height ? camera : camera.scaled_to(width, height);
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 
 #include "doppel/capture/capture.h"
@@ -14,6 +13,7 @@
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/pose_evaluation.h"
 #include "doppel/eval/pose_metrics.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/layers/landmarks/landmarks.h"
 #include "doppel/layers/pose_dofs.h"
 #include "doppel/layers/surface.h"
@@ -153,10 +153,7 @@ class TrackedEvaluation {
       const Tensor surface = tracked_vertices(sample)[0];
       const cv::Mat map = draw_vertex_values(surface, faces_, error_improvement(surface, skin, expected),
                                              dataset_.camera(camera), kErrorMapLimit);
-      std::vector<unsigned char> png;
-      cv::imencode(".png", map, png);
-      write_atomically(options_.error_maps / fmt::format("{}_{:06}.png", name_of(sample), sample.frame),
-                       std::string(png.begin(), png.end()));
+      write_image(options_.error_maps / fmt::format("{}_{:06}.png", name_of(sample), sample.frame), map);
     }
   }
 

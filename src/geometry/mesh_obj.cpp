@@ -8,6 +8,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/geometry/mesh.h"
 
 namespace doppel {
@@ -224,16 +225,6 @@ std::string obj_text(const TriangleMesh& mesh, double metres_per_unit, const std
   return fmt::to_string(text);
 }
 
-void write_png(const fs::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  try {
-    cv::imencode(".png", image, bytes);
-  } catch (const cv::Exception& e) {
-    fail("writing {}: {}", path.string(), e.err);
-  }
-  write_atomically(path, std::string(bytes.begin(), bytes.end()));
-}
-
 }  // namespace
 
 TriangleMesh read_obj(const fs::path& path, double metres_per_unit) {
@@ -256,7 +247,7 @@ void write_obj(const fs::path& path, const TriangleMesh& mesh, double metres_per
   if (!mesh.texture.empty()) {
     const fs::path texture = fs::path(path).replace_extension(".png"),
                    material = fs::path(path).replace_extension(".mtl");
-    write_png(texture, mesh.texture);
+    write_image(texture, mesh.texture);
     write_atomically(material, "newmtl material_0\nmap_Kd " + texture.filename().string() + "\n");
     material_file = material.filename().string();
   }

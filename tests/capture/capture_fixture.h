@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/prepare.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/character/character.h"
 #include "doppel/data/dataset.h"
-#include "doppel/geometry/calibration.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 

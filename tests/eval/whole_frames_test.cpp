@@ -6,10 +6,10 @@
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/video_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset.h"
-#include "doppel/geometry/calibration.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"

@@ -6,10 +6,10 @@
 #include "doppel/train/stage_table.h"
 #include "energy/body_fixture.h"
 #include "energy/term_check.h"
-#include "extending/calibration_plain.h"
 #include "extending/displacement.h"
 #include "extending/displacement_metric.h"
 #include "extending/floor_term.h"
+#include "extending/plain.h"
 #include "extending/sketch_stage.h"
 #include "support/temporary_folder.h"
 
@@ -34,8 +34,9 @@ TEST(ExtendingPage, TheReaderReadsItsFormat) {
   const support::TemporaryFolder folder;
   std::ofstream(folder / "cameras.txt") << "plain left 640 480 500\n";
   const PlainCalibration format;
-  EXPECT_TRUE(format.recognises("plain left"));
-  const Camera camera = format.read(folder / "cameras.txt").at(0);
+  const CalibrationSource source{folder / "cameras.txt", "plain left"};
+  EXPECT_TRUE(format.recognises(source));
+  const Camera camera = format.read(source).cameras.at(0);
   EXPECT_EQ(camera.name, "left");
   EXPECT_TRUE(camera.faults().empty());
 }

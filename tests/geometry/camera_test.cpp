@@ -51,7 +51,7 @@ TEST(CameraAgrees, ProjectionWithOpenCv) {
     cv::eigen2cv(camera.R, R);
     cv::eigen2cv(camera.t, t);
     cv::Rodrigues(R, rotation_vector);
-    const std::vector<double> coefficients(camera.distortion.begin(), camera.distortion.end());
+    const std::vector<double> coefficients(camera.distortion.begin(), camera.distortion.begin() + 8);
     for (const Eigen::Vector3d& point : points_in_view(camera, 100)) {
       std::vector<cv::Point2d> expected;
       cv::projectPoints(std::vector<cv::Point3d>{{point.x(), point.y(), point.z()}}, rotation_vector, t, K,
@@ -61,6 +61,66 @@ TEST(CameraAgrees, ProjectionWithOpenCv) {
       EXPECT_NEAR(pixel.y(), expected[0].y, 1e-6);
     }
   }
+}
+
+/// The pixels of points by OpenCV's own functions.
+std::vector<Eigen::Vector2d> opencv_pixels(const Camera& camera, const std::vector<Eigen::Vector3d>& points,
+                                           int count) {
+  cv::Mat K, R, t, rotation_vector;
+  cv::eigen2cv(camera.K, K);
+  cv::eigen2cv(camera.R, R);
+  cv::eigen2cv(camera.t, t);
+  cv::Rodrigues(R, rotation_vector);
+  const std::vector<double> coefficients(camera.distortion.begin(), camera.distortion.begin() + count);
+  std::vector<cv::Point3d> from;
+  for (const Eigen::Vector3d& point : points) from.emplace_back(point.x(), point.y(), point.z());
+  std::vector<cv::Point2d> to;
+  if (camera.lens == Lens::fisheye)
+    cv::fisheye::projectPoints(from, to, rotation_vector, t, K, coefficients);
+  else
+    cv::projectPoints(from, rotation_vector, t, K, coefficients, to);
+  std::vector<Eigen::Vector2d> pixels;
+  for (const cv::Point2d& pixel : to) pixels.emplace_back(pixel.x, pixel.y);
+  return pixels;
+}
+
+Camera with_lens(Lens lens, const std::array<double, 14>& distortion) {
+  Camera camera = example(false);
+  camera.lens = lens;
+  camera.distortion = distortion;
+  return camera;
+}
+const Camera kFisheye = with_lens(Lens::fisheye, {-0.03, 0.01, -0.004, 0.0007});
+const Camera kTilted =
+    with_lens(Lens::opencv, {-0.2, 0.08, 1e-3, -2e-3, 0.01, 0.02, -0.01, 0.003, 1e-3, -2e-3, 5e-4, 1e-3, 0.03, -0.02});
+const Camera kPolynomial = with_lens(Lens::polynomial, {-0.2, 0.08, 1e-3, -2e-3, 0.01, 0.02});
+
+TEST(CameraAgrees, FisheyeThinPrismAndTiltWithOpenCv) {
+  for (const auto& [camera, count] : {std::pair{kFisheye, 4}, std::pair{kTilted, 14}}) {
+    const std::vector<Eigen::Vector3d> points = points_in_view(camera, 100);
+    const std::vector<Eigen::Vector2d> expected = opencv_pixels(camera, points, count);
+    for (std::size_t i = 0; i < points.size(); ++i) EXPECT_LT((camera.project(points[i]) - expected[i]).norm(), 1e-6);
+  }
+}
+
+TEST(CameraAgrees, ThePolynomialLensWithItsFormula) {
+  const double x = 0.3, y = -0.2, r2 = x * x + y * y;
+  const double radial = 1 - 0.2 * r2 + 0.08 * std::pow(r2, 2) + 0.01 * std::pow(r2, 3) + 0.02 * std::pow(r2, 4);
+  const Eigen::Vector2d found = kPolynomial.distorted({x, y});
+  EXPECT_NEAR(found.x(), x * radial + 2 * 1e-3 * x * y - 2e-3 * (r2 + 2 * x * x), 1e-15);
+  EXPECT_NEAR(found.y(), y * radial + 1e-3 * (r2 + 2 * y * y) - 2 * 2e-3 * x * y, 1e-15);
+}
+
+TEST(CameraAgrees, UndistortedIsTheInverseOfDistorted) {
+  for (const Camera& camera : {example(false), example(true), kFisheye, kTilted, kPolynomial})
+    for (double x = -0.7; x < 0.75; x += 0.1)
+      for (double y = -0.5; y < 0.55; y += 0.1) {
+        const auto found = camera.undistorted(camera.distorted({x, y}));
+        ASSERT_TRUE(found);
+        EXPECT_LT((*found - Eigen::Vector2d(x, y)).norm(), 1e-11);
+      }
+  const Camera folded = with_lens(Lens::opencv, {-0.5});
+  EXPECT_FALSE(folded.undistorted({10.0, 10.0})) << "no point of this lens is there";
 }
 
 TEST(CameraAgrees, ProjectionMatrixWithProject) {

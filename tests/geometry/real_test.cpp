@@ -3,7 +3,7 @@
 #include <chrono>
 #include <filesystem>
 
-#include "doppel/geometry/calibration.h"
+#include "doppel/geometry/mesh.h"
 #include "doppel/geometry/topology.h"
 #include "support/shared_folder.h"
 
@@ -11,24 +11,6 @@ namespace doppel::real_geometry_test {
 namespace {
 
 class RealGeometry : public support::SharedFolderTest {};
-
-TEST_F(RealGeometry, BothCalibrationFilesAgree) {
-  const std::vector<Camera> a = read_calibration(capture_folder() / "calibration/cameras.calibration");
-  const std::vector<Camera> b = read_calibration(capture_folder() / "calibration/cameras.yml");
-  ASSERT_EQ(a.size(), 8u);
-  ASSERT_EQ(b.size(), 8u);
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    EXPECT_EQ(a[i].name, std::to_string(i));
-    EXPECT_EQ(a[i].name, b[i].name);
-    EXPECT_EQ(a[i].width, b[i].width);
-    // The Skeletool file has 9 digits.
-    EXPECT_LT((a[i].K - b[i].K).norm(), 1e-5);
-    EXPECT_LT((a[i].R - b[i].R).norm(), 1e-7);
-    EXPECT_LT((a[i].t - b[i].t).norm(), 1e-6);
-    EXPECT_LT((a[i].project({0, 1, 0}) - b[i].project({0, 1, 0})).norm(), 1e-4);
-    EXPECT_GT(a[i].camera_from_world({0, 1, 0}).z(), 1) << "camera " << i << " looks away from the scene";
-  }
-}
 
 TEST_F(RealGeometry, TheTemplateIsOneClosedSurface) {
   const auto start = std::chrono::steady_clock::now();

@@ -14,6 +14,7 @@
 #include <opencv2/videoio.hpp>
 #include <set>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/joint_detections.h"
 #include "doppel/capture/keypoint_map.h"
@@ -23,7 +24,6 @@
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
-#include "doppel/geometry/calibration.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/capture_writer.h"

@@ -6,10 +6,10 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/as_size.h"
-#include "doppel/geometry/calibration.h"
 #include "energy/body_fixture.h"
 #include "support/temporary_folder.h"
 

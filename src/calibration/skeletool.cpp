@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <charconv>
 
+#include "doppel/calibration/format.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/geometry/calibration_formats.h"
 
 namespace doppel {
 namespace {
@@ -203,17 +203,27 @@ std::string pose_text(const Camera& camera) {
   return text + " 0 0 0 1\n  radial      0\n";
 }
 
+/// `.calibration` V1.0 of Skeletool: intrinsics and extrinsics as 4 x 4 matrices, millimetres, y up, without
+/// distortion. A moving camera (`animated 1`) yields one Camera per frame, named `<name>@<frame>`.
 class SkeletoolCalibration : public CalibrationFormat {
  public:
-  std::string name() const override { return "Skeletool camera calibration V1.0"; }
-  bool recognises(const std::string& head) const override {
+  std::string name() const override { return "skeletool"; }
+  bool recognises(const CalibrationSource& source) const override {
     // Compares the first words only: the reader reports another version of the format.
+    const std::string& head = source.head;
     const std::size_t begin = head.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
     const std::size_t text = head.find_first_not_of(" \t\r\n", begin);
     return text != std::string::npos && head.compare(text, kFamily.size(), kFamily) == 0;
   }
-  bool writes(const std::string& extension) const override { return extension == ".calibration"; }
-  std::vector<Camera> read(const std::filesystem::path& path) const override { return SkeletoolReader(path).read(); }
+  bool can_write() const override { return true; }
+  bool is_default_for(const std::string& extension) const override { return extension == ".calibration"; }
+  Calibration read(const CalibrationSource& source) const override {
+    Calibration calibration;
+    calibration.unit = "mm";
+    calibration.up = "+y";
+    calibration.cameras = SkeletoolReader(source.path).read();
+    return calibration;
+  }
 
   void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
     std::string text = std::string(kHeader) + "\n", open;

@@ -2,14 +2,27 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "doppel/calibration/camera_parts.h"
+#include "doppel/calibration/format.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/geometry/calibration_formats.h"
 
 namespace doppel {
 namespace {
 
 constexpr std::uintmax_t kMaxOpenCvBytes = 256 << 20;
+
+const char* lens_name(Lens lens) {
+  switch (lens) {
+    case Lens::fisheye:
+      return "fisheye";
+    case Lens::polynomial:
+      return "polynomial";
+    case Lens::opencv:
+      break;
+  }
+  return "opencv";
+}
 
 bool starts_with(const std::string& text, const char* begin) { return text.rfind(begin, 0) == 0; }
 
@@ -18,15 +31,17 @@ class OpenCvReader {
  public:
   explicit OpenCvReader(const std::filesystem::path& path) : where_{path.string(), 0} {}
 
-  std::vector<Camera> read() {
+  /// @param unit receives the unit of the file
+  std::vector<Camera> read(std::string& unit) {
     std::string text = read_file(where_.file, kMaxOpenCvBytes);
     if (text.find('\0') != std::string::npos)
       fail_at(where_, "reading a camera calibration: this is not a text file (found a NUL byte)");
+    refuse_deep_lists(text, where_);
     text.erase(std::remove(text.begin(), text.end(), '\r'), text.end());
     if (starts_with(text, "\xEF\xBB\xBF")) text.erase(0, 3);
     try {
       const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-      return read_cameras(storage.root());
+      return read_cameras(storage.root(), unit);
     } catch (const Error&) {
       throw;
     } catch (const cv::Exception& e) {
@@ -38,8 +53,9 @@ class OpenCvReader {
   }
 
  private:
-  std::vector<Camera> read_cameras(const cv::FileNode& root) const {
+  std::vector<Camera> read_cameras(const cv::FileNode& root, std::string& unit) const {
     const double metres_per_unit = read_unit(root["units"]);
+    unit = metres_per_unit == 1 ? "m" : "mm";
     const double pixel_centre = root["pixel_centre"].empty() ? 0.5 : number(root["pixel_centre"], "pixel_centre");
     if (pixel_centre != 0 && pixel_centre != 0.5) {
       fail_at(where_, "reading a camera calibration: pixel_centre is {}, allowed are 0 and 0.5", pixel_centre);
@@ -78,20 +94,18 @@ class OpenCvReader {
     camera.K = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(K.data());
     camera.R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
     camera.t = Eigen::Map<const Eigen::Vector3d>(t.data()) * metres_per_unit;
-    if (!node["dist"].empty()) {
-      const std::vector<double> dist = matrix(node, key, "dist", 0);
-      if (dist.size() != 4 && dist.size() != 5 && dist.size() < 8) {
-        fail_at(where_, "reading a camera calibration: {}.dist has {} coefficients, allowed are 4, 5 or 8", key,
-                dist.size());
-      }
-      for (std::size_t i = 8; i < dist.size(); ++i) {
-        if (dist[i] != 0)
-          fail_at(where_, "reading a camera calibration: {}.dist has {} coefficients, of which Doppel knows 8", key,
-                  dist.size());
-      }
-      std::copy_n(dist.begin(), std::min<std::size_t>(8, dist.size()), camera.distortion.begin());
-    }
+    if (!node["dist"].empty() || !node["lens"].empty())
+      set_distortion(camera, read_lens(node["lens"], key), matrix(node, key, "dist", 0), where_);
     return camera;
+  }
+
+  Lens read_lens(const cv::FileNode& node, const std::string& key) const {
+    if (node.empty()) return Lens::opencv;
+    const std::string found = node.isString() ? node.string() : "";
+    for (const Lens lens : {Lens::opencv, Lens::fisheye, Lens::polynomial})
+      if (found == lens_name(lens)) return lens;
+    fail_at(where_, "reading a camera calibration: {}.lens is \"{}\", allowed are opencv, fisheye and polynomial", key,
+            found);
   }
 
   /// The name of a camera in other files: its `name`, else the number in `cam<number>`, else the key.
@@ -152,19 +166,40 @@ cv::Mat row_major(const Eigen::MatrixBase<Derived>& matrix) {
   return copy;
 }
 
+/// The coefficients: eight, which OpenCV's own functions take, or all of them if the others are not 0.
+cv::Mat coefficients(const Camera& camera) {
+  const auto& all = camera.distortion;
+  const bool few = std::all_of(all.begin() + 8, all.end(), [](double k) { return k == 0.0; });
+  const int count = camera.lens == Lens::fisheye ? 4 : camera.lens == Lens::polynomial ? 6 : few ? 8 : 14;
+  return cv::Mat(count, 1, CV_64F, const_cast<double*>(all.data())).clone();
+}
+
+/// Doppel's own file in OpenCV's FileStorage (YAML, XML or JSON): one mapping per camera with `width height K dist R
+/// t`, and perhaps `name` and `lens` (opencv, fisheye or polynomial). X_cam = R X + t. Without `name`, node `cam7` is
+/// camera "7". Metres unless a node `units` says `millimetres`; `pixel_centre: 0` puts the first pixel's centre at 0.
 class OpenCvCalibration : public CalibrationFormat {
  public:
-  std::string name() const override { return "OpenCV FileStorage"; }
-  bool recognises(const std::string& head) const override {
+  std::string name() const override { return "opencv"; }
+  bool recognises(const CalibrationSource& source) const override {
+    const std::string& head = source.head;
     const std::size_t begin = head.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
     const std::size_t text = head.find_first_not_of(" \t\r\n", begin);
     if (text == std::string::npos) return false;
-    return head.compare(text, 5, "%YAML") == 0 || head.compare(text, 5, "<?xml") == 0 || head[text] == '{';
+    if (head.compare(text, 5, "%YAML") == 0) return true;
+    if (head.compare(text, 5, "<?xml") == 0) return head.find("<opencv_storage") != std::string::npos;
+    return head[text] == '{' && head.find("\"K\"") != std::string::npos && head.find("\"R\"") != std::string::npos;
   }
-  bool writes(const std::string& extension) const override {
+  bool can_write() const override { return true; }
+  bool is_default_for(const std::string& extension) const override {
     return extension == ".yml" || extension == ".yaml" || extension == ".json" || extension == ".xml";
   }
-  std::vector<Camera> read(const std::filesystem::path& path) const override { return OpenCvReader(path).read(); }
+  Calibration read(const CalibrationSource& source) const override {
+    Calibration calibration;
+    calibration.unit = "m";
+    calibration.up = "+y";
+    calibration.cameras = OpenCvReader(source.path).read(calibration.unit);
+    return calibration;
+  }
 
   void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
     try {
@@ -178,7 +213,8 @@ class OpenCvCalibration : public CalibrationFormat {
         storage << "cam" + std::to_string(i) << "{";
         storage << "name" << camera.name << "width" << camera.width << "height" << camera.height;
         storage << "K" << row_major(camera.K);
-        storage << "dist" << cv::Mat(8, 1, CV_64F, const_cast<double*>(camera.distortion.data()));
+        if (camera.lens != Lens::opencv) storage << "lens" << lens_name(camera.lens);
+        storage << "dist" << coefficients(camera);
         storage << "R" << row_major(camera.R) << "t" << row_major(camera.t) << "}";
       }
     } catch (const cv::Exception& e) {

@@ -1,5 +1,3 @@
-#include "doppel/geometry/calibration.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,7 @@
 #include <functional>
 #include <random>
 
+#include "doppel/calibration/read_calibration.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/hostile_files.h"
@@ -69,7 +68,7 @@ constexpr const char* kOpenCv =
     "   R: [ 1, 0, 0, 0, 1, 0, 0, 0, 1 ]\n"
     "   t: [ 0, 0, 0 ]\n";
 
-class Calibration {
+class CalibrationFile {
  public:
   std::vector<Camera> read(const std::string& text) {
     support::write_bytes(folder_ / "cameras.any", text);
@@ -105,7 +104,7 @@ std::vector<Camera> random_cameras(int count, bool distorted) {
                    .toRotationMatrix();
     camera.t = {normal(generator), 1e-7 * normal(generator), 4 + normal(generator)};
     if (distorted) {
-      for (double& k : camera.distortion) k = 0.1 * normal(generator);
+      for (int k = 0; k < 8; ++k) camera.distortion[k] = 0.1 * normal(generator);
     }
     cameras.push_back(camera);
   }
@@ -121,12 +120,13 @@ void expect_same(const std::vector<Camera>& found, const std::vector<Camera>& ex
     EXPECT_EQ(found[i].K, expected[i].K);
     EXPECT_EQ(found[i].R, expected[i].R);
     EXPECT_EQ(found[i].t, expected[i].t);
+    EXPECT_EQ(found[i].lens, expected[i].lens);
     EXPECT_EQ(found[i].distortion, expected[i].distortion);
   }
 }
 
 TEST(CalibrationReference, SkeletoolMillimetresBecomeMetres) {
-  Calibration calibration;
+  CalibrationFile calibration;
   for (const std::string& text : {std::string(kSkeletool), support::with_crlf(kSkeletool)}) {
     const std::vector<Camera> cameras = calibration.read(text);
     ASSERT_EQ(cameras.size(), 3u);
@@ -143,34 +143,45 @@ TEST(CalibrationReference, SkeletoolMillimetresBecomeMetres) {
 }
 
 TEST(CalibrationReference, OpenCvUnitsNamesAndDistortion) {
-  Calibration calibration;
+  CalibrationFile calibration;
   for (const std::string& text : {std::string(kOpenCv), support::with_crlf(kOpenCv)}) {
     const std::vector<Camera> cameras = calibration.read(text);
     ASSERT_EQ(cameras.size(), 2u);
     EXPECT_EQ(cameras[0].name, "0");
     EXPECT_EQ(cameras[0].t, Eigen::Vector3d(0, 0.9, 4.0005));
-    EXPECT_EQ(cameras[0].distortion, (std::array<double, 8>{-0.1, 0.2, 0.001, 0.002, 0.3}));
+    EXPECT_EQ(cameras[0].distortion, (std::array<double, 14>{-0.1, 0.2, 0.001, 0.002, 0.3}));
     EXPECT_EQ(cameras[1].name, "12");
   }
 }
 
 TEST(CalibrationReference, PixelCentresOfOtherProgramsAreMoved) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const std::vector<Camera> cameras = calibration.read(replaced(kOpenCv, "count: 2", "pixel_centre: 0"));
   EXPECT_EQ(cameras[0].K(0, 2), 320.5);
   EXPECT_EQ(cameras[1].K(1, 2), 24.5);
 }
 
 TEST(CalibrationReference, RoundTripsToTheLastBit) {
-  Calibration calibration;
+  CalibrationFile calibration;
   expect_same(calibration.round_trip(random_cameras(50, false), ".calibration"), random_cameras(50, false));
   for (const char* extension : {".yml", ".yaml", ".json", ".xml"}) {
     expect_same(calibration.round_trip(random_cameras(5, true), extension), random_cameras(5, true));
   }
 }
 
+TEST(CalibrationReference, EveryLensOfOurOwnFileRoundTrips) {
+  CalibrationFile calibration;
+  std::vector<Camera> cameras = random_cameras(3, true);
+  cameras[0].lens = Lens::fisheye;
+  cameras[0].distortion = {0.1, -0.02, 0.003, 0.0004};
+  cameras[1].lens = Lens::polynomial;
+  cameras[1].distortion = {0.1, -0.02, 0.001, 0.002, 0.003, 0.0004};
+  for (int k = 8; k < 14; ++k) cameras[2].distortion[k] = 0.01 * k;
+  expect_same(calibration.round_trip(cameras, ".yml"), cameras);
+}
+
 TEST(CalibrationReference, AMovingCameraRoundTrips) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const std::vector<Camera> cameras = calibration.read(kSkeletool);
   expect_same(calibration.round_trip(cameras, ".calibration"), cameras);
   expect_same(calibration.round_trip(cameras, ".yml"), cameras);
@@ -180,14 +191,83 @@ TEST(CalibrationReference, AMovingCameraRoundTrips) {
 }
 
 TEST(CalibrationReference, HardRoundingOfARotationIsMended) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const std::vector<Camera> cameras =
       calibration.read(replaced(kSkeletool, "1 0 0 0  0 -1 0 900", "1 0.001 0 0  0 -1 0 900"));
   EXPECT_LT((cameras[0].R * cameras[0].R.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-12);
 }
 
+/// Four cameras around the axis `up` that look at the origin from 4 units away, slightly from above.
+std::vector<Camera> ring(const Eigen::Vector3d& up) {
+  const Eigen::Vector3d side = up.unitOrthogonal(), third = up.cross(side);
+  std::vector<Camera> cameras;
+  for (int i = 0; i < 4; ++i) {
+    Camera camera;
+    camera.name = std::to_string(i);
+    camera.width = camera.height = 100;
+    camera.K << 100, 0, 50, 0, 100, 50, 0, 0, 1;
+    const double angle = 0.5 * M_PI * i;
+    const Eigen::Vector3d centre = 4.0 * (std::cos(angle) * side + std::sin(angle) * third) + up;
+    const Eigen::Vector3d forward = -centre.normalized(), right = forward.cross(up).normalized();
+    camera.R << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+    camera.t = -camera.R * centre;
+    cameras.push_back(camera);
+  }
+  return cameras;
+}
+
+TEST(CalibrationReference, TheAxisThatIsUpInTheImagesIsFoundAndTurnedToY) {
+  const TemporaryFolder folder;
+  const std::pair<const char*, Eigen::Vector3d> axes[] = {{"+x", {1, 0, 0}},  {"-x", {-1, 0, 0}}, {"+y", {0, 1, 0}},
+                                                          {"-y", {0, -1, 0}}, {"+z", {0, 0, 1}},  {"-z", {0, 0, -1}}};
+  for (const auto& [name, up] : axes) {
+    write_calibration(folder / "cameras.toml", ring(up), "toml");
+    const Calibration found = load_calibration(folder / "cameras.toml");
+    EXPECT_EQ(found.up, name);
+    for (const Camera& camera : found.cameras) {
+      EXPECT_NEAR(camera.centre().y(), 1.0, 1e-12) << name;
+      EXPECT_GT(-camera.R(1, 1), 0.9) << name << ": +y must be up in the images";
+      EXPECT_NEAR(camera.R.determinant(), 1.0, 1e-12) << name;
+    }
+    EXPECT_EQ(load_calibration(folder / "cameras.toml", {"", name}).notes.size(), found.notes.size() - 1);
+  }
+}
+
+TEST(CalibrationReference, TheUnitIsFoundByTheExtentOrGiven) {
+  const TemporaryFolder folder;
+  std::vector<Camera> cameras = ring(Eigen::Vector3d::UnitY());
+  for (Camera& camera : cameras) camera.t *= 1000.0;
+  write_calibration(folder / "cameras.toml", cameras, "toml");
+  Calibration found = load_calibration(folder / "cameras.toml");
+  EXPECT_EQ(found.unit, "mm");
+  EXPECT_NEAR(found.cameras[0].centre().norm(), std::sqrt(17.0), 1e-9);
+  found = load_calibration(folder / "cameras.toml", {"cm", ""});
+  EXPECT_EQ(found.unit, "cm");
+  EXPECT_NEAR(found.cameras[0].centre().norm(), 10.0 * std::sqrt(17.0), 1e-9);
+  EXPECT_THROW(load_calibration(folder / "cameras.toml", {"inch", ""}), UsageError);
+  EXPECT_THROW(load_calibration(folder / "cameras.toml", {"", "z"}), UsageError);
+}
+
+TEST(CalibrationReference, EveryWriterIsReadBack) {
+  const TemporaryFolder folder;
+  for (const std::string& format : calibration_writers()) {
+    SCOPED_TRACE(format);
+    const std::vector<Camera> cameras = ring(Eigen::Vector3d::UnitY());
+    write_calibration(folder / format, cameras, format);
+    const Calibration found = load_calibration(folder / format);
+    EXPECT_EQ(found.format, format);
+    ASSERT_EQ(found.cameras.size(), cameras.size());
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      EXPECT_EQ(found.cameras[i].name, cameras[i].name);
+      EXPECT_EQ(found.cameras[i].width, cameras[i].width);
+      EXPECT_LT((found.cameras[i].projection() - cameras[i].projection()).cwiseAbs().maxCoeff(), 1e-6);
+    }
+    EXPECT_TRUE(is_calibration(folder / format));
+  }
+}
+
 TEST(CalibrationRejects, WhatSkeletoolFilesGetWrong) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const auto changed = [&](const char* from, const char* to) {
     return calibration.refusal(replaced(kSkeletool, from, to));
   };
@@ -203,14 +283,14 @@ TEST(CalibrationRejects, WhatSkeletoolFilesGetWrong) {
 }
 
 TEST(CalibrationRejects, TwoCamerasOfOneName) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const std::string still = std::string(kSkeletool).substr(0, std::string(kSkeletool).find("name          moving"));
   EXPECT_THAT(calibration.refusal(still + still.substr(still.find("name"))),
               HasSubstr("two cameras have the name \"7\""));
 }
 
 TEST(CalibrationRejects, WhatOpenCvFilesGetWrong) {
-  Calibration calibration;
+  CalibrationFile calibration;
   const auto changed = [&](const char* from, const char* to) {
     return calibration.refusal(replaced(kOpenCv, from, to));
   };
@@ -221,20 +301,31 @@ TEST(CalibrationRejects, WhatOpenCvFilesGetWrong) {
   EXPECT_THAT(changed("t: [ 0, 900, 4000.5 ]", "t: [ 0, 900 ]"), HasSubstr("holds 2 numbers, expected 3"));
   EXPECT_THAT(changed("rows: 3", "rows: 1000000000"), HasSubstr("cam0.K holds 9 numbers"));
   EXPECT_THAT(changed("-0.1, 0.2, 0.001, 0.002, 0.3", "1, 2, 3, 4, 5, 6, 7, 8, 9"),
-              HasSubstr("of which Doppel knows 8"));
+              HasSubstr("has 9 coefficients of distortion; allowed are 0, 1, 2, 4, 5, 8, 12 or 14"));
   EXPECT_THAT(changed("500., 0., 320.", ".Nan, 0., 320."), HasSubstr("finite"));
   EXPECT_THAT(calibration.refusal("%YAML:1.0\n---\nunits: metres\n"), HasSubstr("holds no camera"));
 }
 
 TEST(CalibrationRejects, FilesOfNoKnownFormat) {
-  Calibration calibration;
-  EXPECT_THAT(calibration.refusal("tc camera calibration v0.3\n"), HasSubstr("none of the known formats"));
+  CalibrationFile calibration;
+  EXPECT_THAT(calibration.refusal("camera calibration of a program that nobody knows\n"),
+              HasSubstr("none of the known formats"));
+}
+
+TEST(CalibrationRejects, ListsThatLieTooDeepInEachOther) {
+  CalibrationFile calibration;
+  for (const char* open : {"[", "{\"a\":", "- "}) {
+    std::string text = "%YAML:1.0\n---\nK: ";
+    for (int i = 0; i < 200000; ++i) text += open;
+    EXPECT_THAT(calibration.refusal(text), HasSubstr("reading a camera calibration")) << open;
+  }
 }
 
 TEST(CalibrationRejects, HostileFiles) {
   const TemporaryFolder folder;
-  support::expect_survives_hostile_files(folder / "a.calibration", kSkeletool, read_calibration);
-  support::expect_survives_hostile_files(folder / "a.yml", kOpenCv, read_calibration);
+  const auto read = [](const std::filesystem::path& path) { load_calibration(path); };
+  support::expect_survives_hostile_files(folder / "a.calibration", kSkeletool, read);
+  support::expect_survives_hostile_files(folder / "a.yml", kOpenCv, read);
 }
 
 TEST(CalibrationRejects, WhatCannotBeWritten) {

@@ -1,0 +1,221 @@
+#include "doppel/calibration/read_calibration.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <set>
+
+#include "doppel/calibration/format.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kHeadBytes = 16 << 10;
+constexpr double kLargestStudio = 30.0;                     // metres; cameras farther apart are in another unit
+constexpr double kMinUpLength = 0.5, kMinUpCosine = 0.866;  // of the mean direction that is up in the images
+
+CalibrationSource open_source(const fs::path& path) {
+  CalibrationSource source{path, "", fs::is_directory(path)};
+  if (source.is_folder) return source;
+  std::ifstream file(path, std::ios::binary);
+  if (!file) fail_at({path.string(), 0}, "reading a camera calibration: the file cannot be opened");
+  source.head.resize(kHeadBytes);
+  file.read(source.head.data(), static_cast<std::streamsize>(kHeadBytes));
+  source.head.resize(as_size(file.gcount()));
+  return source;
+}
+
+double metres_per(const std::string& unit) {
+  if (unit == "m") return 1.0;
+  if (unit == "cm") return 0.01;
+  if (unit == "mm") return 0.001;
+  fail<UsageError>("a calibration's unit is \"{}\"; allowed are m, cm and mm", unit);
+}
+
+/// The rotation that turns the axis `up` of a file's world to +y.
+Eigen::Matrix3d world_from_file(const std::string& up) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  if (up == "-y")
+    turn << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+  else if (up == "+z")
+    turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  else if (up == "-z")
+    turn << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  else if (up == "+x")
+    turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  else if (up == "-x")
+    turn << 0, 1, 0, -1, 0, 0, 0, 0, 1;
+  else
+    fail<UsageError>("a calibration's up axis is \"{}\"; allowed are +x, -x, +y, -y, +z and -z", up);
+  return turn;
+}
+
+double extent(const std::vector<Camera>& cameras) {
+  double largest = 0.0;
+  for (const Camera& a : cameras)
+    for (const Camera& b : cameras) largest = std::max(largest, (a.centre() - b.centre()).norm());
+  return largest;
+}
+
+/// Scales lengths to metres where the format has not done so, or where the user knows another unit.
+void settle_unit(Calibration& calibration, const std::string& wanted) {
+  double scale = 1.0;
+  if (!calibration.unit.empty()) {
+    if (wanted.empty()) return;
+    scale = metres_per(wanted) / metres_per(calibration.unit);
+    calibration.unit = wanted;
+  } else {
+    const double apart = extent(calibration.cameras);
+    const bool millimetres = calibration.has_scale && apart > kLargestStudio;
+    calibration.unit = !wanted.empty() ? wanted : millimetres ? "mm" : "m";
+    scale = metres_per(calibration.unit);
+    if (wanted.empty() && !calibration.has_scale)
+      calibration.notes.push_back("the lengths of this format have no scale; they were taken as metres");
+    else if (wanted.empty() && calibration.has_poses)
+      calibration.notes.push_back(
+          fmt::format("the file does not state its unit; {} was assumed, because the cameras are up to {:.4g} apart",
+                      calibration.unit == "m" ? "metres" : "millimetres", apart));
+  }
+  for (Camera& camera : calibration.cameras) camera.t *= scale;
+}
+
+/// The axis nearest to the mean direction that is up in the images; "unknown" when none is near.
+std::string find_up(const std::vector<Camera>& cameras) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Camera& camera : cameras) mean -= camera.R.row(1).transpose() / static_cast<double>(cameras.size());
+  if (!(mean.norm() > kMinUpLength)) return "unknown";
+  Eigen::Index axis = 0;
+  const double largest = mean.cwiseAbs().maxCoeff(&axis);
+  if (largest < kMinUpCosine * mean.norm()) return "unknown";
+  return std::string(mean[axis] > 0 ? "+" : "-") + "xyz"[axis];
+}
+
+/// Turns the world so that y is up.
+void settle_up(Calibration& calibration, const std::string& wanted) {
+  if (!wanted.empty()) {
+    calibration.up = wanted;
+  } else if (calibration.up.empty()) {
+    calibration.up = calibration.has_poses ? find_up(calibration.cameras) : "unknown";
+    if (calibration.has_poses)
+      calibration.notes.push_back(
+          calibration.up == "unknown"
+              ? std::string("no axis of the file's world is up in the images; the axes were kept")
+              : fmt::format("the file does not state which axis is up; {} was found, which is up "
+                            "in the images",
+                            calibration.up));
+  }
+  if (calibration.up == "+y" || calibration.up == "unknown") return;
+  const Eigen::Matrix3d turn = world_from_file(calibration.up);
+  for (Camera& camera : calibration.cameras) camera.R = camera.R * turn.transpose();
+}
+
+/// Names must be unique, because cameras are later found by name.
+void check_cameras(const std::vector<Camera>& cameras, const FileLocation& where) {
+  if (cameras.empty()) fail_at(where, "this calibration holds no camera");
+  std::set<std::string> names;
+  for (Camera camera : cameras) {
+    if (camera.width == 0 && camera.height == 0) camera.width = camera.height = 1;  // not stated
+    const std::vector<std::string> faults = camera.faults();
+    if (!faults.empty()) fail_at(where, "{}", faults.front());
+    if (!names.insert(camera.name).second) fail_at(where, "two cameras have the name \"{}\"", camera.name);
+  }
+}
+
+std::string names_of(bool writers) {
+  std::string names;
+  for (const auto& format : calibration_formats())
+    if (!writers || format->can_write()) names += (names.empty() ? "" : ", ") + format->name();
+  return names;
+}
+
+const CalibrationFormat& writer(const fs::path& path, const std::string& name) {
+  const std::string extension = path.extension().string();
+  for (const auto& format : calibration_formats())
+    if (format->can_write() && (name.empty() ? format->is_default_for(extension) : format->name() == name))
+      return *format;
+  if (!name.empty())
+    fail<UsageError>("writing {}: the format \"{}\" cannot be written; allowed are {}", path.string(), name,
+                     names_of(true));
+  fail(
+      "writing {}: found the extension \"{}\", allowed are .calibration, .yml, .yaml, .json, .xml; or name one of the "
+      "formats {}",
+      path.string(), extension, names_of(true));
+}
+
+/// Writes into a folder beside `path` that takes its name when it is complete.
+void write_folder(const fs::path& path, const std::vector<Camera>& cameras, const CalibrationFormat& format) {
+  if (fs::exists(path) && !(fs::is_directory(path) && fs::is_empty(path)))
+    fail<UsageError>("writing {}: this exists; the format {} writes a new folder", path.string(), format.name());
+  const fs::path making = path.parent_path() / fmt::format(".{}.making-{}", path.filename().string(), getpid());
+  fs::remove_all(making);
+  fs::create_directories(making);
+  try {
+    format.write(making, cameras);
+  } catch (...) {
+    fs::remove_all(making);
+    throw;
+  }
+  fs::remove(path);
+  fs::rename(making, path);
+}
+
+}  // namespace
+
+bool is_calibration(const fs::path& path) {
+  const CalibrationSource source = open_source(path);
+  return std::any_of(calibration_formats().begin(), calibration_formats().end(),
+                     [&](const auto& format) { return format->recognises(source); });
+}
+
+Calibration load_calibration(const fs::path& path, const CalibrationOptions& options) {
+  const CalibrationSource source = open_source(path);
+  for (const auto& format : calibration_formats()) {
+    if (!format->recognises(source)) continue;
+    Calibration calibration = format->read(source);
+    calibration.format = format->name();
+    check_cameras(calibration.cameras, {path.string(), 0});
+    settle_unit(calibration, options.unit);
+    settle_up(calibration, options.up);
+    return calibration;
+  }
+  fail_at({path.string(), 0}, "reading a camera calibration: the {} has none of the known formats ({})",
+          source.is_folder ? "folder" : "file", names_of(false));
+}
+
+std::vector<Camera> read_calibration(const fs::path& path, const CalibrationOptions& options) {
+  Calibration calibration = load_calibration(path, options);
+  const FileLocation where{path.string(), 0};
+  if (!calibration.has_poses)
+    fail_at(where,
+            "reading a camera calibration: this file ({}) holds intrinsics only; the poses of the cameras are needed",
+            calibration.format);
+  for (const Camera& camera : calibration.cameras)
+    if (camera.width == 0)
+      fail_at(where, "reading a camera calibration: this file ({}) does not state the size of camera {}'s images",
+              calibration.format, camera.name);
+  return std::move(calibration.cameras);
+}
+
+void write_calibration(const fs::path& path, const std::vector<Camera>& cameras, const std::string& format) {
+  check_cameras(cameras, {path.string(), 0});
+  const CalibrationFormat& chosen = writer(path, format);
+  if (chosen.writes_folder()) return write_folder(path, cameras, chosen);
+  write_atomically(path, [&](const fs::path& temporary) { chosen.write(temporary, cameras); });
+}
+
+std::vector<std::string> calibration_writers() {
+  std::vector<std::string> names;
+  for (const auto& format : calibration_formats())
+    if (format->can_write()) names.push_back(format->name());
+  return names;
+}
+
+}  // namespace doppel

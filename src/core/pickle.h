@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+struct PickleNode;
+
+/// A value of a pickle. Cheap to copy, and valid as long as its Pickle lives. Values may share parts and may even hold
+/// themselves, so that a reader must limit its depth; `numbers` does.
+class PickleValue {
+ public:
+  enum class Kind : std::uint8_t {
+    none,
+    number,      ///< also booleans and the scalars of numpy
+    text,        ///< str
+    bytes,       ///< bytes, bytearray
+    list,        ///< list, tuple
+    dictionary,  ///< dict
+    array,       ///< numpy.ndarray
+    dtype,       ///< numpy.dtype
+    global,      ///< a function or class that was named, but not called
+  };
+
+  PickleValue() : number_(0) {}
+  explicit PickleValue(double number) : kind_(Kind::number), number_(number) {}
+  PickleValue(Kind kind, PickleNode* node) : kind_(kind), node_(node) {}
+
+  Kind kind() const { return kind_; }
+  const char* kind_name() const;
+  /// 0 for the other kinds.
+  double number() const { return kind_ == Kind::number ? number_ : 0; }
+  /// The content of a text or of bytes; empty for the other kinds.
+  std::string_view text() const;
+  /// The items of a list or of an array of objects; empty for the other kinds.
+  std::span<const PickleValue> items() const;
+  /// The axes of an array; nothing for the other kinds and when the state of the array is damaged.
+  std::optional<std::vector<std::size_t>> shape() const;
+  /// The value of a key that is a text. Nothing if there is none, and for the other kinds.
+  std::optional<PickleValue> find(std::string_view key) const;
+  /// Only for the kinds from `text` on.
+  PickleNode* node() const { return node_; }
+
+ private:
+  Kind kind_ = Kind::none;
+  union {  // a file may hold millions of values
+    double number_;
+    PickleNode* node_;
+  };
+};
+
+/// The part of a value that does not fit into a PickleValue.
+struct PickleNode {
+  std::string text;                ///< of a text, of bytes; type of a dtype ("f8"); dotted name of a global
+  std::vector<PickleValue> items;  ///< of a list; key, value, key, ... of a dict; state of an array or dtype
+};
+
+/// The content of a Python pickle.
+struct Pickle {
+  PickleValue root;
+  std::deque<PickleNode> nodes;  ///< owns the nodes of all values
+};
+
+/// Reads a pickle of protocol 0 to 5 that holds dicts, lists, tuples, texts, bytes, numbers and numpy arrays. A pickle
+/// is a program that may name and call any function of Python. This reader calls nothing: it knows what
+/// numpy.ndarray, numpy.dtype, _reconstruct and scalar of numpy.core.multiarray (numpy._core.multiarray),
+/// _frombuffer of numpy.core.numeric and _codecs.encode would return, and refuses every other name. The memory it takes
+/// is limited by the size of the file and by constants, and nothing recurses.
+/// @param bytes the pickle, from its first opcode on @param where the file, for messages
+/// @throws FileError that names what is not allowed, or the byte where the pickle is damaged
+Pickle read_pickle(std::string_view bytes, const FileLocation& where);
+
+/// The value of a key of a dict. @throws FileError that names `what` and the key, when it is missing
+PickleValue entry(const PickleValue& dictionary, std::string_view key, const std::string& what,
+                  const FileLocation& where);
+/// The numbers of a number, a list of numbers (nested or not) or an array, row by row. @throws FileError that names
+/// `what`, when there are not `count` of them (0: any number), or one is not finite
+std::vector<double> numbers(const PickleValue& value, std::size_t count, const std::string& what,
+                            const FileLocation& where);
+
+}  // namespace doppel
