@@ -88,7 +88,8 @@ class CaliscopeReader {
   }
 
   void note_left_out(std::size_t count, std::size_t all, const char* why) {
-    if (count > 0) calibration_.notes.push_back(fmt::format("{} of {} cameras {} and were left out.", count, all, why));
+    if (count > 0)
+      calibration_.notes.emplace_back(fmt::format("{} of {} cameras {} and were left out.", count, all, why));
   }
 
   [[noreturn]] void refuse(const char* fault) const {

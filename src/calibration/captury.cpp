@@ -38,7 +38,7 @@ class CapturyReader {
     finish();
     if (calibration_.cameras.empty())
       fail_at({reader_.path().string(), 0}, "reading a camera calibration: the file has no \"camera\"");
-    calibration_.notes.push_back(
+    calibration_.notes.emplace_back(
         "the file does not state the size of the images; the intrinsics are in units of their width");
     return std::move(calibration_);
   }
@@ -50,7 +50,8 @@ class CapturyReader {
     if (line.substr(0, kCapturyFamily.size()) != kCapturyFamily)
       reader_.fail_here("reading a camera calibration: expected the header \"{}\"", kCapturyVersion);
     if (line.substr(0, kCapturyVersion.size()) != kCapturyVersion)
-      calibration_.notes.push_back(fmt::format("the header is \"{}\"; the file was read as v0.3", line.substr(0, 60)));
+      calibration_.notes.emplace_back(
+          fmt::format("the header is \"{}\"; the file was read as v0.3", line.substr(0, 60)));
   }
 
   /// Keys that are not listed here (tables of colours, the turn for display) mean nothing for the geometry.

@@ -474,7 +474,7 @@ Calibration named_colmap_cameras(std::vector<Camera> of_images) {
   Calibration calibration;
   calibration.cameras = colmap_cameras_of_folders(of_images);
   if (!calibration.cameras.empty()) {
-    calibration.notes.push_back(
+    calibration.notes.emplace_back(
         fmt::format("Each folder of images is one camera, because the images of a folder share one pose: {} images, {} "
                     "cameras.",
                     of_images.size(), calibration.cameras.size()));

@@ -43,6 +43,7 @@ class EasyMocapFile {
     if (text_.starts_with("\xEF\xBB\xBF")) text_.erase(0, 3);
     find_entries();
   }
+  ~EasyMocapFile() = default;
   EasyMocapFile(const EasyMocapFile&) = delete;  // the entries point into the text
   EasyMocapFile& operator=(const EasyMocapFile&) = delete;
 
@@ -252,8 +253,8 @@ class EasyMocapReader {
               intri_.path().filename().string());
     }
     if (const std::size_t without = names.size() - calibration.cameras.size(); without > 0) {
-      calibration.notes.push_back(fmt::format("{} of {} cameras have no pose in {} and were left out.", without,
-                                              names.size(), extri_->path().filename().string()));
+      calibration.notes.emplace_back(fmt::format("{} of {} cameras have no pose in {} and were left out.", without,
+                                                 names.size(), extri_->path().filename().string()));
     }
     if (!extri_->has("names")) return;
     const std::set<std::string> known(names.begin(), names.end());
@@ -261,8 +262,8 @@ class EasyMocapReader {
     const auto unknown =
         std::count_if(posed.begin(), posed.end(), [&](const auto& name) { return !known.contains(name); });
     if (unknown > 0) {
-      calibration.notes.push_back(fmt::format("{} of {} cameras have no intrinsics in {} and were left out.", unknown,
-                                              posed.size(), intri_.path().filename().string()));
+      calibration.notes.emplace_back(fmt::format("{} of {} cameras have no intrinsics in {} and were left out.",
+                                                 unknown, posed.size(), intri_.path().filename().string()));
     }
   }
 
@@ -384,7 +385,7 @@ class EasyMocapCalibration : public CalibrationFormat {
       return EasyMocapReader(first, &extri).read();
     }
     Calibration calibration = EasyMocapReader(first, nullptr).read();
-    calibration.notes.push_back(
+    calibration.notes.emplace_back(
         fmt::format("There is no {} beside the file, so the cameras have no poses.", partner.filename().string()));
     return calibration;
   }

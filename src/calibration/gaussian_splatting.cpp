@@ -25,7 +25,7 @@ class SplattingReader {
     calibration.has_scale = false;
     for (const nlohmann::json& item : root)
       calibration.cameras.push_back(read_camera(item, calibration.cameras.size()));
-    calibration.notes.push_back(
+    calibration.notes.emplace_back(
         "the format has no principal points and no distortion; the centres of the images were taken, and the images "
         "must be undistorted");
     return calibration;

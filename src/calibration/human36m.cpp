@@ -65,7 +65,7 @@ class Human36mReader {
     if (calibration_.cameras.empty()) fail_at(where_, "reading a camera calibration: no camera has a pose");
     const std::size_t read = calibration_.cameras.size(), most = std::max(entries.size(), cameras.size());
     if (read < most)
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("{} cameras were left out, because their pose or their intrinsics are missing", most - read));
     calibration_.unit = "mm";
     calibration_.up = "+z";
@@ -84,7 +84,7 @@ class Human36mReader {
       const bool posed = subject->is_structured() && std::any_of(subject->begin(), subject->end(), is_human36m_pose);
       if (!posed) continue;
       if (subjects.size() > 1)
-        calibration_.notes.push_back(
+        calibration_.notes.emplace_back(
             fmt::format("the file holds {} subjects, whose cameras stood differently; those of {} were taken",
                         subjects.size(), name));
       return *subject;

@@ -156,7 +156,7 @@ class MetashapeReader {
 
   void note_left_out() {
     const auto note = [&](int count, const char* sentence) {
-      if (count > 0) calibration_.notes.push_back(fmt::format(fmt::runtime(sentence), count));
+      if (count > 0) calibration_.notes.emplace_back(fmt::format(fmt::runtime(sentence), count));
     };
     note(not_aligned_, "{} cameras that are not aligned were left out");
     note(other_sensor_, "{} cameras whose sensors are neither \"frame\" nor \"fisheye\" were left out");

@@ -37,6 +37,7 @@ class OpenCvStereoFile {
     }
   }
 
+  ~OpenCvStereoFile() = default;
   OpenCvStereoFile(const OpenCvStereoFile&) = delete;  // the nodes point into the storage
   OpenCvStereoFile& operator=(const OpenCvStereoFile&) = delete;
 
@@ -179,7 +180,7 @@ class OpenCvStereoReader {
     const OpenCvStereoFile& poses = extrinsics_ != nullptr ? *extrinsics_ : file_;
     if (!has_poses(poses)) {
       calibration_.has_poses = false;
-      calibration_.notes.push_back("There are no extrinsics (R and T), so the cameras have no poses.");
+      calibration_.notes.emplace_back("There are no extrinsics (R and T), so the cameras have no poses.");
     } else if (poses.has("R") && poses.has("T") && !(poses.has("R2") && poses.has("T2"))) {
       set_pair(poses);
     } else {
@@ -207,7 +208,7 @@ class OpenCvStereoReader {
       with_pose.push_back(calibration_.cameras[i]);
     }
     if (with_pose.size() < all)
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("{} of {} cameras have no pose and were left out.", all - with_pose.size(), all));
     calibration_.cameras = std::move(with_pose);
   }

@@ -94,12 +94,12 @@ class OptitrackReader {
 
   void note_lenses() {
     if (fitted_ > 0)
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("the file describes the lenses from the image with distortion to the one without; their inverse "
                       "was fitted for {} cameras, with a residual of at most {:.2g} pixels",
                       fitted_, largest_residual_px_));
     if (without_pose_ > 0)
-      calibration_.notes.push_back(fmt::format("{} cameras without <Extrinsic> were left out", without_pose_));
+      calibration_.notes.emplace_back(fmt::format("{} cameras without <Extrinsic> were left out", without_pose_));
   }
 
   XmlFile file_;

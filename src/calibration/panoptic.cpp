@@ -28,7 +28,7 @@ class PanopticReader {
     calibration.unit = "cm";
     calibration.up = "-y";
     for (const nlohmann::json& item : list) calibration.cameras.push_back(read_camera(item));
-    if (counts_.size() > 1) calibration.notes.push_back(sentence_about_types());
+    if (counts_.size() > 1) calibration.notes.emplace_back(sentence_about_types());
     return calibration;
   }
 

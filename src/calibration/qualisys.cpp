@@ -59,6 +59,7 @@ Camera qualisys_camera(const QualisysCamera& in, QualisysPose pose) {
 
 std::vector<Camera> qualisys_cameras(const std::vector<QualisysCamera>& in, QualisysPose pose) {
   std::vector<Camera> cameras;
+  cameras.reserve(in.size());
   for (const QualisysCamera& camera : in) cameras.push_back(qualisys_camera(camera, pose));
   return cameras;
 }
@@ -174,7 +175,7 @@ class QualisysReader {
   void choose_video_cameras() {
     const auto films = [](const QualisysCamera& camera) { return camera.films; };
     if (std::none_of(found_.begin(), found_.end(), films)) {
-      calibration_.notes.push_back("the file has no video camera; all its cameras were taken");
+      calibration_.notes.emplace_back("the file has no video camera; all its cameras were taken");
       return;
     }
     marker_only_ = found_.size();
@@ -193,13 +194,13 @@ class QualisysReader {
       calibration_.cameras = qualisys_cameras(found_, reading);
       if (!look_at_one_place(calibration_.cameras) || qualisys_upside_down(calibration_.cameras)) continue;
       if (reading != QualisysPose::centre)
-        calibration_.notes.push_back(
+        calibration_.notes.emplace_back(
             "x y z was taken as the translation, as Theia writes it, not as the centre of the camera: only so all "
             "cameras look at one place");
       return;
     }
     calibration_.cameras = qualisys_cameras(found_, readings.front());
-    calibration_.notes.push_back(fmt::format(
+    calibration_.notes.emplace_back(fmt::format(
         "x y z was taken as the {} as {} writes it; whether the cameras look at one place could not confirm "
         "this",
         readings.front() == QualisysPose::centre ? "centre of the camera," : "translation,",
@@ -208,12 +209,12 @@ class QualisysReader {
 
   void note_left_out() {
     if (marker_only_ > 0)
-      calibration_.notes.push_back(fmt::format("{} cameras for markers only were left out", marker_only_));
+      calibration_.notes.emplace_back(fmt::format("{} cameras for markers only were left out", marker_only_));
     if (uncalibrated_ > 0)
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("{} cameras that are inactive or not calibrated were left out", uncalibrated_));
     if (turned_ > 0)
-      calibration_.notes.push_back(fmt::format(
+      calibration_.notes.emplace_back(fmt::format(
           "{} cameras are turned for display (viewrotation); the calibration holds for their images before the turn",
           turned_));
   }

@@ -78,9 +78,9 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
     calibration.unit = !wanted.empty() ? wanted : millimetres ? "mm" : "m";
     scale = metres_per(calibration.unit);
     if (wanted.empty() && !calibration.has_scale)
-      calibration.notes.push_back("the lengths of this format have no scale; they were taken as metres");
+      calibration.notes.emplace_back("the lengths of this format have no scale; they were taken as metres");
     else if (wanted.empty() && calibration.has_poses)
-      calibration.notes.push_back(
+      calibration.notes.emplace_back(
           fmt::format("the file does not state its unit; {} was assumed, because the cameras are up to {:.4g} apart",
                       calibration.unit == "m" ? "metres" : "millimetres", apart));
   }
@@ -105,7 +105,7 @@ void settle_up(Calibration& calibration, const std::string& wanted) {
   } else if (calibration.up.empty()) {
     calibration.up = calibration.has_poses ? find_up(calibration.cameras) : "unknown";
     if (calibration.has_poses)
-      calibration.notes.push_back(
+      calibration.notes.emplace_back(
           calibration.up == "unknown"
               ? std::string("no axis of the file's world is up in the images; the axes were kept")
               : fmt::format("the file does not state which axis is up; {} was found, which is up "

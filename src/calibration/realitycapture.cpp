@@ -144,14 +144,14 @@ class RealityReader {
     }
     note(other_files_, "{} XMP files of other programs were left out");
     if (tangential_)
-      calibration_.notes.push_back("the order of t1 and t2 is not documented; they were taken as p2 and p1");
-    calibration_.notes.push_back(kRealitySizeNote);
+      calibration_.notes.emplace_back("the order of t1 and t2 is not documented; they were taken as p2 and p1");
+    calibration_.notes.emplace_back(kRealitySizeNote);
     if (calibration_.has_poses) recentre_if_far(calibration_);
     return std::move(calibration_);
   }
 
   void note(std::size_t count, const char* sentence) {
-    if (count > 0) calibration_.notes.push_back(fmt::format(fmt::runtime(sentence), count));
+    if (count > 0) calibration_.notes.emplace_back(fmt::format(fmt::runtime(sentence), count));
   }
 
   void read_xmp(const fs::path& path) {

@@ -76,7 +76,7 @@ void recentre_if_far(Calibration& calibration) {
   if (!(farthest > kFarFromOrigin) || !std::isfinite(farthest)) return;
   const Eigen::Vector3d origin = rig_mean_centre(calibration.cameras).array().round();
   for (Camera& camera : calibration.cameras) camera.t += camera.R * origin;
-  calibration.notes.push_back(
+  calibration.notes.emplace_back(
       fmt::format("the coordinates of the file are large, as on a map: the origin was moved to "
                   "({:.0f}, {:.0f}, {:.0f}) of the file's world",
                   origin.x(), origin.y(), origin.z()));

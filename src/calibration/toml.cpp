@@ -226,13 +226,13 @@ class TomlReader {
                           });
     if (with_pose.empty() || all_zero) {
       calibration_.has_poses = false;
-      calibration_.notes.push_back(all_zero ? "All rotations and translations are 0, so the cameras have no poses."
-                                            : "No camera has rotation and translation, so there are no poses.");
+      calibration_.notes.emplace_back(all_zero ? "All rotations and translations are 0, so the cameras have no poses."
+                                               : "No camera has rotation and translation, so there are no poses.");
       calibration_.cameras = std::move(all);
       return;
     }
     if (with_pose.size() < all.size()) {
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("{} of {} cameras have no pose and were left out.", all.size() - with_pose.size(), all.size()));
     }
     calibration_.cameras = std::move(with_pose);

@@ -98,7 +98,7 @@ class TransformsReader {
     Calibration calibration = placed();
     calibration.cameras = distinct(calibration.cameras, calibration.notes);
     if (without_pose > 0)
-      calibration.notes.push_back(fmt::format("{} frames without a transform_matrix were left out", without_pose));
+      calibration.notes.emplace_back(fmt::format("{} frames without a transform_matrix were left out", without_pose));
     return calibration;
   }
 
@@ -289,12 +289,12 @@ class TransformsReader {
         camera.R.bottomRows<2>() *= -1.0;
         camera.t.tail<2>() *= -1.0;
       }
-      calibration.notes.push_back(
+      calibration.notes.emplace_back(
           "the matrices were taken with z forward and y down: with z backward, as the format has it, the cameras would "
           "look away from each other");
     }
     if (root_.contains("applied_transform"))
-      calibration.notes.push_back("applied_transform was undone, so that the world is that of the reconstruction");
+      calibration.notes.emplace_back("applied_transform was undone, so that the world is that of the reconstruction");
     else if (!forward)
       calibration.up = "+z";
     calibration.cameras = std::move(cameras_);
@@ -333,7 +333,7 @@ class TransformsReader {
     }
     const std::size_t repeated = cameras.size() - kept.size();
     if (repeated > 0)
-      notes.push_back(fmt::format("{} frames that repeat the camera of their folder were left out", repeated));
+      notes.emplace_back(fmt::format("{} frames that repeat the camera of their folder were left out", repeated));
     const std::vector<std::string> names = transforms_names(paths, repeated > 0);
     for (std::size_t i = 0; i < kept.size(); ++i) kept[i].name = names[i];
     return kept;

@@ -65,7 +65,7 @@ class ViconReader {
     choose_rotations();
     note_lens();
     if (uncalibrated_ > 0)
-      calibration_.notes.push_back(fmt::format("{} cameras without a key frame were left out", uncalibrated_));
+      calibration_.notes.emplace_back(fmt::format("{} cameras without a key frame were left out", uncalibrated_));
     return std::move(calibration_);
   }
 
@@ -110,12 +110,12 @@ class ViconReader {
   void choose_video_cameras() {
     const auto films = [](const ViconCamera& camera) { return camera.films; };
     if (std::none_of(found_.begin(), found_.end(), films)) {
-      calibration_.notes.push_back("the file has no video camera; all its cameras were taken");
+      calibration_.notes.emplace_back("the file has no video camera; all its cameras were taken");
       return;
     }
     const std::size_t markers_only = std::erase_if(found_, [&](const ViconCamera& camera) { return !films(camera); });
     if (markers_only > 0)
-      calibration_.notes.push_back(fmt::format("{} cameras for markers only were left out", markers_only));
+      calibration_.notes.emplace_back(fmt::format("{} cameras for markers only were left out", markers_only));
   }
 
   void choose_rotations() {
@@ -124,11 +124,11 @@ class ViconReader {
     const std::vector<Camera> transposed = vicon_cameras(found_, true);
     if (look_at_one_place(transposed)) {
       calibration_.cameras = transposed;
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           "ORIENTATION was taken as the rotation from the camera to the world: only so all cameras look at one place");
       return;
     }
-    calibration_.notes.push_back(
+    calibration_.notes.emplace_back(
         "ORIENTATION was taken as the rotation from the world to the camera; whether the cameras look at one place "
         "could not confirm this");
   }
@@ -137,12 +137,12 @@ class ViconReader {
     double largest = 0.0;
     for (const ViconCamera& camera : found_) largest = std::max(largest, camera.left_out_px);
     if (largest > 0.0)
-      calibration_.notes.push_back(fmt::format(
+      calibration_.notes.emplace_back(fmt::format(
           "the radial terms of the lenses were left out, because their direction is not documented; they "
           "move points by up to {:.1f} pixels at the corners of the images, so use images without distortion",
           largest));
     if (not_square_ > 0)
-      calibration_.notes.push_back(
+      calibration_.notes.emplace_back(
           fmt::format("{} cameras have pixels that are not square; the vertical focal length was taken as FOCAL_LENGTH "
                       "PIXEL_ASPECT_RATIO_CORRECTION / PIXEL_ASPECT_RATIO",
                       not_square_));
