@@ -68,6 +68,7 @@ Command add_calibrate(CLI::App& program) {
   app->require_subcommand(1);
   auto arguments = std::make_shared<ConvertArguments>();
   CLI::App* convert_app = app->add_subcommand("convert", "Write a calibration in another format");
+  convert_app->fallthrough();
   convert_app->add_option("from", arguments->from, "Calibration file or folder, of any known format")->required();
   convert_app->add_option("to", arguments->to, "File, or new folder, to write")->required();
   convert_app->add_option("--to", arguments->format,

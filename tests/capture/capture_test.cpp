@@ -54,6 +54,8 @@ sequences:
     background_subtraction: {empty: "empty/{name}/{frame:04}.png"}
     joints3d: park/{name}.csv
 detector: {model: pose.prototxt, weights: pose.caffemodel, input_height: 256, mean: [104, 117, 123], rgb: true}
+unit: cm
+up: -z
 )";
 
 /// A folder that holds `text` as capture.yaml beside an empty folder `footage`.
@@ -88,6 +90,8 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_EQ(capture.resolve("/x"), "/x");
   EXPECT_EQ(capture.cameras, (std::vector<std::string>{"0", "left"}));
   EXPECT_DOUBLE_EQ(capture.fps, 50.0);
+  EXPECT_EQ(capture.calibration_options.unit, "cm");
+  EXPECT_EQ(capture.calibration_options.up, "-z");
   ASSERT_EQ(capture.sequences.size(), 4u);
   const SequenceEntry& walk = capture.sequences[0];
   EXPECT_EQ(walk.split, Split::train);
@@ -134,6 +138,7 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   write_capture(first, capture);
   const Capture again = read_capture(first);
   EXPECT_EQ(again.root, capture.root);
+  EXPECT_EQ(again.calibration_options.up, "-z");
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
   EXPECT_EQ(again.sequences[0].cuts, capture.sequences[0].cuts);
   EXPECT_EQ(again.sequences[1].chroma_key->tolerance, 25.0);

@@ -46,8 +46,8 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"synth",   "character", "prepare", "train", "evaluate",
-                                         "compare", "animate",   "export",  "info"};
+const std::vector<std::string> kCommands{"synth",    "calibrate", "character", "prepare", "train",
+                                         "evaluate", "compare",   "animate",   "export",  "info"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);
@@ -56,6 +56,36 @@ TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.err, here.err);
   EXPECT_EQ(missing.out, "");
+}
+
+TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
+  const support::TemporaryFolder folder;
+  const std::string yml = (folder / "cameras.yml").string(), model = (folder / "model").string(),
+                    picture = (folder / "plan.png").string();
+  write_atomically(yml,
+                   "%YAML:1.0\n---\ncam0:\n   name: left\n   width: 640\n   height: 480\n"
+                   "   K: [ 500, 0, 320, 0, 501, 240, 0, 0, 1 ]\n   dist: [ -0.1, 0.02, 0, 0 ]\n"
+                   "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ 0, 1, 4 ]\n");
+  const Outcome converted = run("calibrate convert " + yml + " " + model + " --to colmap --json");
+  ASSERT_EQ(converted.code, 0) << converted.err;
+  EXPECT_EQ(nlohmann::json::parse(converted.out)["from"], "opencv");
+  const Outcome described = run("info " + model + " --picture " + picture + " --json");
+  ASSERT_EQ(described.code, 0) << described.err;
+  const nlohmann::json found = nlohmann::json::parse(described.out);
+  EXPECT_EQ(found["format"], "colmap");
+  EXPECT_EQ(found["unit"], "m");
+  EXPECT_EQ(found["up"], "+y");
+  ASSERT_EQ(found["cameras"].size(), 1u);
+  const nlohmann::json& camera = found["cameras"][0];
+  EXPECT_EQ(camera["name"], "left");
+  EXPECT_EQ(camera["model"], "opencv");
+  EXPECT_EQ(camera["coefficients"][0], -0.1);
+  EXPECT_NEAR(camera["centre_m"][1].get<double>(), 1.0, 1e-12);
+  EXPECT_NEAR(camera["direction"][2].get<double>(), -1.0, 1e-12);
+  EXPECT_TRUE(std::filesystem::exists(picture));
+  EXPECT_EQ(run("calibrate convert " + yml + " " + model + " --to colmap").code, 2) << "the folder exists";
+  EXPECT_EQ(run("calibrate convert " + yml + " x --to qualisys").code, 2) << "only read";
+  EXPECT_NE(run("info " + yml).out.find("left"), std::string::npos);
 }
 
 TEST(ProgramReference, EveryCommandHelpsWithAnExample) {
