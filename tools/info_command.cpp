@@ -4,6 +4,7 @@
 
 #include "character_report.h"
 #include "command.h"
+#include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/camera_plan.h"
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
@@ -189,18 +190,7 @@ Json describe_motion(const fs::path& path) {
   return json;
 }
 
-const char* lens_text(const Camera& camera) {
-  if (!camera.has_distortion()) return "pinhole";
-  switch (camera.lens) {
-    case Lens::fisheye:
-      return "fisheye";
-    case Lens::polynomial:
-      return "polynomial";
-    case Lens::opencv:
-      break;
-  }
-  return "opencv";
-}
+std::string lens_text(const Camera& camera) { return camera.has_distortion() ? lens_name(camera.lens) : "pinhole"; }
 
 /// A camera in the program's world.
 Json describe_camera(const Camera& camera, bool has_pose) {
@@ -223,8 +213,7 @@ Json describe_camera(const Camera& camera, bool has_pose) {
   return json;
 }
 
-Json describe_calibration(const InfoOptions& options) {
-  const Calibration calibration = load_calibration(options.path, {options.unit, options.up});
+Json describe_calibration(const Calibration& calibration) {
   Json json;
   json["kind"] = "calibration";
   json["format"] = calibration.format;
@@ -235,53 +224,64 @@ Json describe_calibration(const InfoOptions& options) {
   for (const Camera& camera : calibration.cameras)
     json["cameras"].push_back(describe_camera(camera, calibration.has_poses));
   if (!calibration.notes.empty()) json["notes"] = calibration.notes;
-  if (!options.picture.empty()) {
-    if (!calibration.has_poses) fail<UsageError>("--picture: {} holds intrinsics only", options.path);
-    write_image(options.picture, draw_camera_plan(calibration.cameras));
-    json["picture"] = options.picture;
-  }
   return json;
 }
 
-/// The same for a person: one line a camera, then the distances between cameras.
-void print_calibration(const Json& report) {
-  std::printf("calibration: format %s, unit %s, up %s, %zu cameras\n", report["format"].get<std::string>().c_str(),
-              report["unit"].get<std::string>().c_str(), report["up"].get<std::string>().c_str(),
-              report["cameras"].size());
-  std::printf("%-16s %11s %-10s %19s %19s %26s\n", "camera", "pixels", "lens", "focal length", "principal point",
-              "centre, m");
-  for (const Json& camera : report["cameras"]) {
-    const std::string size = camera["width"].is_null()
-                                 ? "not stated"
-                                 : fmt::format("{}x{}", camera["width"].get<int>(), camera["height"].get<int>());
-    std::string centre = "not stated";
-    if (camera.contains("centre_m"))
-      centre = fmt::format("{:8.3f} {:8.3f} {:8.3f}", camera["centre_m"][0].get<double>(),
-                           camera["centre_m"][1].get<double>(), camera["centre_m"][2].get<double>());
-    fmt::print("{:<16} {:>11} {:<10} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>26}\n", camera["name"].get<std::string>(),
-               size, camera["model"].get<std::string>(), camera["fx"].get<double>(), camera["fy"].get<double>(),
-               camera["cx"].get<double>(), camera["cy"].get<double>(), centre);
+/// One line a camera.
+std::string camera_lines(const Calibration& calibration) {
+  std::string text = fmt::format("{:<16} {:>11} {:<10} {:>19} {:>19} {:>26}\n", "camera", "pixels", "lens",
+                                 "focal length", "principal point", "centre, m");
+  for (const Camera& camera : calibration.cameras) {
+    const std::string size = camera.width > 0 ? fmt::format("{}x{}", camera.width, camera.height) : "not stated";
+    const Eigen::Vector3d c = camera.centre();
+    const std::string centre =
+        calibration.has_poses ? fmt::format("{:8.3f} {:8.3f} {:8.3f}", c.x(), c.y(), c.z()) : "not stated";
+    text += fmt::format("{:<16} {:>11} {:<10} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>26}\n", camera.name, size,
+                        lens_text(camera), camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2), centre);
   }
-  if (report.contains("notes"))
-    for (const Json& note : report["notes"]) fmt::print("note: {}\n", note.get<std::string>());
+  return text;
 }
 
 /// Distances between cameras, metres: what a tape measure in the studio can confirm.
-void print_distances(const Json& report) {
-  const Json& cameras = report["cameras"];
-  if (report.contains("poses") || cameras.size() < 2) return;
-  const auto centre = [](const Json& camera) {
-    const Json& c = camera["centre_m"];
-    return Eigen::Vector3d(c[0].get<double>(), c[1].get<double>(), c[2].get<double>());
-  };
+std::string distance_lines(const std::vector<Camera>& cameras) {
   const std::size_t shown = std::min<std::size_t>(cameras.size(), 12);
-  fmt::print("distance between cameras, m{}\n", shown < cameras.size() ? fmt::format(" (the first {})", shown) : "");
+  std::string text = fmt::format("distance between cameras, m{}\n",
+                                 shown < cameras.size() ? fmt::format(" (the first {})", shown) : "");
   for (std::size_t row = 1; row < shown; ++row) {
-    fmt::print("{:<16}", cameras[row]["name"].get<std::string>());
+    text += fmt::format("{:<16}", cameras[row].name);
     for (std::size_t column = 0; column < row; ++column)
-      fmt::print(" {:6.3f}", (centre(cameras[row]) - centre(cameras[column])).norm());
-    fmt::print("\n");
+      text += fmt::format(" {:6.3f}", (cameras[row].centre() - cameras[column].centre()).norm());
+    text += "\n";
   }
+  return text;
+}
+
+std::string calibration_text(const Calibration& calibration) {
+  std::string text = fmt::format("calibration: format {}, unit {}, up {}, {} cameras\n", calibration.format,
+                                 calibration.unit, calibration.up, calibration.cameras.size());
+  text += camera_lines(calibration);
+  for (const std::string& note : calibration.notes) text += fmt::format("note: {}\n", note);
+  if (calibration.has_poses && calibration.cameras.size() > 1) text += distance_lines(calibration.cameras);
+  return text;
+}
+
+/// What `info` prints: `json` for machines; for people `text`, or the keys and values of `json` if there is no text.
+struct Report {
+  Report(Json document) : json(std::move(document)) {}
+  Report(Json document, std::string lines) : json(std::move(document)), text(std::move(lines)) {}
+
+  Json json;
+  std::string text;
+};
+
+Report report_calibration(const InfoOptions& options) {
+  const Calibration calibration = load_calibration(options.path, {options.unit, options.up});
+  Report report(describe_calibration(calibration), calibration_text(calibration));
+  if (options.picture.empty()) return report;
+  if (!calibration.has_poses) fail<UsageError>("--picture: {} holds intrinsics only", options.path);
+  write_image(options.picture, draw_camera_plan(calibration.cameras));
+  report.json["picture"] = options.picture;
+  return report;
 }
 
 Json with_kind(const char* kind, const Json& part) {
@@ -356,20 +356,20 @@ Json describe_capture(const Capture& capture) {
   return json;
 }
 
-Json describe_folder(const fs::path& folder, const InfoOptions& options) {
+Report describe_folder(const fs::path& folder, const InfoOptions& options) {
   if (fs::exists(folder / "capture.yaml")) return describe_capture(read_capture(folder));
   const fs::path character = character_of_folder(folder);
   if (!character.empty())
     return describe_character(load_character(character, character_options(options)), options.verbose);
   if (const auto recognised = recognise_capture(folder)) return describe_capture(recognised->capture);
-  if (is_calibration(folder)) return describe_calibration(options);
+  if (is_calibration(folder)) return report_calibration(options);
   fail<UsageError>(
       "{} holds neither a capture.yaml, nor a .character file, nor a calibration, nor the folders of a dataset that is "
       "known",
       folder.string());
 }
 
-Json describe(const fs::path& path, const InfoOptions& options) {
+Report describe(const fs::path& path, const InfoOptions& options) {
   if (!fs::exists(path)) fail("{} does not exist", path.string());
   if (fs::is_directory(path)) return describe_folder(path, options);
   if (is_capture_file(path)) return describe_capture(read_capture(path));
@@ -380,7 +380,7 @@ Json describe(const fs::path& path, const InfoOptions& options) {
   if (extension == ".skin") return with_kind("skin", describe_skin(read_skin(path)));
   if (extension == ".obj") return with_kind("mesh", describe_mesh(read_obj(path, options.metres_per_unit)));
   if (extension == ".motion") return describe_motion(path);
-  return describe_calibration(options);
+  return report_calibration(options);
 }
 
 std::string value_text(const Json& value) {
@@ -427,14 +427,10 @@ Json describe_character(const Character& character, bool verbose) {
 }
 
 void print_report(const Json& report, bool json) {
-  if (json) {
+  if (json)
     std::printf("%s\n", report.dump(2).c_str());
-  } else if (report["kind"] == "calibration") {
-    print_calibration(report);
-    print_distances(report);
-  } else {
+  else
     print_lines(report, 0);
-  }
 }
 
 Command add_info(CLI::App& program) {
@@ -460,7 +456,11 @@ Command add_info(CLI::App& program) {
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
   app->footer("Example: doppel info actor/actor.character --verbose");
   return {app, [options](const CommonOptions& common) {
-            print_report(describe(options->path, *options), common.json);
+            const Report report = describe(options->path, *options);
+            if (common.json || report.text.empty())
+              print_report(report.json, common.json);
+            else
+              fmt::print("{}", report.text);
             return 0;
           }};
 }

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "doppel/calibration/camera_parts.h"
@@ -10,7 +9,6 @@ namespace doppel {
 namespace {
 
 constexpr double kAistMetresPerUnit = 0.01;
-constexpr int kAistMaxSide = 1 << 16;
 
 /// Reads one file; every message names the camera and the key.
 class AistReader {
@@ -38,8 +36,8 @@ class AistReader {
       return numbers(item.value(key, nlohmann::json()), count, fmt::format("camera {}: {}", camera.name, key), where_);
     };
     const std::vector<double> size = list("size", 2), r = list("rotation", 3), t = list("translation", 3);
-    camera.width = side(size[0], camera.name);
-    camera.height = side(size[1], camera.name);
+    camera.width = image_side(size[0], fmt::format("camera {}: size", camera.name), where_);
+    camera.height = image_side(size[1], fmt::format("camera {}: size", camera.name), where_);
     camera.K = intrinsics(list("matrix", 9), PixelCentre::integer, where_);
     set_distortion(camera, is_fisheye(item) ? Lens::fisheye : Lens::opencv, list("distortions", 0), where_);
     camera.R = rotation_from_vector({r[0], r[1], r[2]});
@@ -51,13 +49,6 @@ class AistReader {
     const nlohmann::json flag = item.value("fisheye", nlohmann::json(false));
     if (!flag.is_boolean()) fail_at(where_, "reading a camera calibration: fisheye must be true or false");
     return flag.get<bool>();
-  }
-
-  int side(double value, const std::string& name) const {
-    if (!(value >= 1 && value <= kAistMaxSide) || value != std::floor(value))
-      fail_at(where_, "reading a camera calibration: camera {}: size holds {}, allowed are integers from 1 to {}", name,
-              value, kAistMaxSide);
-    return static_cast<int>(value);
   }
 
   FileLocation where_;
@@ -74,8 +65,7 @@ class AistCalibration : public CalibrationFormat {
     const std::size_t begin = source.head.find_first_of("[{");
     if (begin == std::string::npos || source.head[begin] != '[') return false;
     const char* const keys[] = {"\"name\"", "\"matrix\"", "\"distortions\"", "\"rotation\"", "\"translation\""};
-    return std::all_of(std::begin(keys), std::end(keys),
-                       [&](const char* key) { return source.head.find(key) != std::string::npos; });
+    return std::all_of(std::begin(keys), std::end(keys), [&](const char* key) { return source.has(key); });
   }
   Calibration read(const CalibrationSource& source) const override { return AistReader(source.path).read(); }
 };

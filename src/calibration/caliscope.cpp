@@ -113,9 +113,8 @@ class CaliscopeCalibration : public CalibrationFormat {
   std::string name() const override { return "caliscope"; }
 
   bool recognises(const CalibrationSource& source) const override {
-    const std::string head = "\n" + source.head;
-    const auto has = [&](const char* text) { return head.find(text) != std::string::npos; };
-    return has("\nsize") && (has("\n[cameras.") || (has("\n[cam_") && has("\nrotation_count")));
+    return source.has_line("size") &&
+           (source.has_line("[cameras.") || (source.has_line("[cam_") && source.has_line("rotation_count")));
   }
 
   Calibration read(const CalibrationSource& source) const override { return CaliscopeReader(source.path).read(); }

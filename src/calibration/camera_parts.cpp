@@ -15,6 +15,7 @@ namespace {
 constexpr std::uintmax_t kMaxJsonBytes = 256 << 20;
 constexpr int kMaxJsonDepth = 64;
 constexpr std::size_t kMaxTextDepth = 100;
+constexpr int kMaxImageSide = 1 << 16;
 constexpr double kMendableRotation = 1e-2;  // how far R R^T of a rounded rotation may be off the identity
 
 double offset_of(PixelCentre centre) { return centre == PixelCentre::integer ? 0.5 : 0.0; }
@@ -26,7 +27,7 @@ bool is_count_of(Lens lens, std::size_t count) {
   return std::find(std::begin(kCounts), std::end(kCounts), count) != std::end(kCounts);
 }
 
-const char* name_of(Lens lens) {
+const char* counts_of(Lens lens) {
   switch (lens) {
     case Lens::fisheye:
       return "a fisheye lens has 4";
@@ -90,13 +91,38 @@ Eigen::Matrix3d intrinsics(std::span<const double> row_major, PixelCentre centre
   return K;
 }
 
+int image_side(double pixels) {
+  const bool legal = pixels >= 1.0 && pixels <= kMaxImageSide && pixels == std::floor(pixels);
+  return legal ? static_cast<int>(pixels) : 0;
+}
+
+int image_side(double pixels, const std::string& what, const FileLocation& where) {
+  const int side = image_side(pixels);
+  if (side == 0)
+    fail_at(where, "reading a camera calibration: {} is {}, allowed are integers from 1 to {}", what, pixels,
+            kMaxImageSide);
+  return side;
+}
+
+const char* lens_name(Lens lens) {
+  switch (lens) {
+    case Lens::fisheye:
+      return "fisheye";
+    case Lens::polynomial:
+      return "polynomial";
+    case Lens::opencv:
+      break;
+  }
+  return "opencv";
+}
+
 void set_distortion(Camera& camera, Lens lens, std::span<const double> coefficients, const FileLocation& where) {
   std::size_t count = coefficients.size();
   // Some writers fill up with zeros.
   while (count > 0 && !is_count_of(lens, count) && coefficients[count - 1] == 0.0) --count;
   if (!is_count_of(lens, count))
     fail_at(where, "reading a camera calibration: camera {} has {} coefficients of distortion; {}", camera.name,
-            coefficients.size(), name_of(lens));
+            coefficients.size(), counts_of(lens));
   camera.lens = lens;
   camera.distortion = {};
   std::copy_n(coefficients.begin(), count, camera.distortion.begin());

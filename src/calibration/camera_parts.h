@@ -25,6 +25,13 @@ Eigen::Matrix3d intrinsics(double fx, double fy, double cx, double cy, PixelCent
 /// The same from a 3 x 3 matrix, row by row; keeps the skew. @throws FileError when it is no matrix of intrinsics
 Eigen::Matrix3d intrinsics(std::span<const double> row_major, PixelCentre centre, const FileLocation& where);
 
+/// A number of pixels as the side of an image; 0 when it is no integer of 1 to 65536.
+int image_side(double pixels);
+/// The same. @throws FileError that names `what` where the other one returns 0
+int image_side(double pixels, const std::string& what, const FileLocation& where);
+
+/// The name of a lens in our own files and in `doppel info`: "opencv", "fisheye" or "polynomial".
+const char* lens_name(Lens lens);
 /// Sets `lens` and `distortion`. @param coefficients in the order of the lens; opencv: 0, 1, 2, 4, 5, 8, 12 or 14 of
 /// them, fisheye: 4, polynomial: up to 6. Longer lists whose surplus is 0 are legal. @throws FileError for another
 /// number

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "doppel/calibration/calibration.h"
@@ -14,6 +15,11 @@ struct CalibrationSource {
   std::filesystem::path path;
   std::string head;  ///< the first 16 kB of the file; empty for a folder
   bool is_folder = false;
+
+  /// Whether the head holds a text.
+  bool has(std::string_view text) const { return head.find(text) != std::string::npos; }
+  /// Whether a line of the head begins with a text.
+  bool has_line(std::string_view begin) const { return head.starts_with(begin) || has("\n" + std::string(begin)); }
 };
 
 /// One format of calibration files. A new format is one file that implements this class, and one line in formats.cpp.
@@ -26,8 +32,8 @@ class CalibrationFormat {
   /// any content.
   virtual bool recognises(const CalibrationSource& source) const = 0;
   /// Reads the cameras in the world of the file. `format`, and the turn to the program's world, are done by the caller.
-  /// - Lengths are in metres if the format states its unit or fixes it; then `unit` is "m", "cm" or "mm". Otherwise
-  /// they
+  /// - Lengths are in metres if the format states or fixes its unit; then `unit` is "m", "cm" or "mm". Otherwise
+  /// lengths
   ///   are the numbers of the file, and `unit` is empty.
   /// - `up` is "+y" and the like if the format fixes the axis that points up, otherwise empty.
   /// - The first pixel's centre is (0.5, 0.5): files with centres at integers get +0.5.

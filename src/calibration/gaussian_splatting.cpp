@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -9,8 +8,6 @@
 
 namespace doppel {
 namespace {
-
-constexpr int kSplattingMaxSide = 1 << 16;
 
 /// Reads one file; every message names the camera and the key.
 class SplattingReader {
@@ -40,10 +37,10 @@ class SplattingReader {
     const auto list = [&](const char* key, std::size_t count) {
       return numbers(item.value(key, nlohmann::json()), count, what + key, where_);
     };
-    camera.width = side(item, "width", what);
-    camera.height = side(item, "height", what);
-    camera.K = intrinsics(number(item, "fx", what + "fx", where_), number(item, "fy", what + "fy", where_),
-                          0.5 * camera.width, 0.5 * camera.height, PixelCentre::half);
+    const auto value = [&](const char* key) { return number(item, key, what + key, where_); };
+    camera.width = image_side(value("width"), what + "width", where_);
+    camera.height = image_side(value("height"), what + "height", where_);
+    camera.K = intrinsics(value("fx"), value("fy"), 0.5 * camera.width, 0.5 * camera.height, PixelCentre::half);
     const std::vector<double> position = list("position", 3);
     set_pose_at(camera, repaired_rotation(matrix_from_rows(list("rotation", 9)).transpose()),
                 {position[0], position[1], position[2]});
@@ -56,14 +53,6 @@ class SplattingReader {
     std::string name = stored.is_string() ? stored.get<std::string>() : fmt::format("camera{}", index);
     while (!names_.insert(name).second) name = fmt::format("{}_{}", name, index);
     return name;
-  }
-
-  int side(const nlohmann::json& item, const char* key, const std::string& what) const {
-    const double value = number(item, key, what + key, where_);
-    if (!(value >= 1 && value <= kSplattingMaxSide) || value != std::floor(value))
-      fail_at(where_, "reading a camera calibration: {}{} is {}, allowed are integers from 1 to {}", what, key, value,
-              kSplattingMaxSide);
-    return static_cast<int>(value);
   }
 
   FileLocation where_;
@@ -81,8 +70,7 @@ class SplattingCalibration : public CalibrationFormat {
     const std::size_t begin = source.head.find_first_of("[{");
     if (begin == std::string::npos || source.head[begin] != '[') return false;
     const char* const keys[] = {"\"position\"", "\"rotation\"", "\"fx\"", "\"fy\"", "\"width\""};
-    return std::all_of(std::begin(keys), std::end(keys),
-                       [&](const char* key) { return source.head.find(key) != std::string::npos; });
+    return std::all_of(std::begin(keys), std::end(keys), [&](const char* key) { return source.has(key); });
   }
   Calibration read(const CalibrationSource& source) const override { return SplattingReader(source.path).read(); }
 };

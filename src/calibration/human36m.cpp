@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "doppel/calibration/camera_parts.h"
@@ -12,7 +11,6 @@ namespace {
 using Human36mJson = nlohmann::json;
 
 constexpr double kHuman36mMetresPerUnit = 0.001;
-constexpr int kHuman36mMaxSide = 1 << 16;
 
 struct Human36mSize {
   const char* camera;
@@ -185,11 +183,8 @@ class Human36mReader {
   }
 
   int side(const Human36mJson& item, const char* key, const Camera& camera) const {
-    const double value = number(item, key, fmt::format("camera {}: {}", camera.name, key), where_);
-    if (!(value >= 1 && value <= kHuman36mMaxSide) || value != std::floor(value))
-      fail_at(where_, "reading a camera calibration: camera {}: {} is {}, allowed are integers from 1 to {}",
-              camera.name, key, value, kHuman36mMaxSide);
-    return static_cast<int>(value);
+    const std::string what = fmt::format("camera {}: {}", camera.name, key);
+    return image_side(number(item, key, what, where_), what, where_);
   }
 
   FileLocation where_;
@@ -212,9 +207,9 @@ class Human36mCalibration : public CalibrationFormat {
   bool recognises(const CalibrationSource& source) const override {
     const std::size_t begin = source.head.find_first_of("[{");
     if (begin == std::string::npos || source.head.find_first_not_of(" \t\r\n\xEF\xBB\xBF") != begin) return false;
-    const auto has = [&](const char* key) { return source.head.find(key) != std::string::npos; };
-    return (has("\"R\"") && has("\"f\"") && has("\"c\"")) || (has("\"intrinsics\"") && has("\"calibration_matrix\"")) ||
-           (has("\"focal_length\"") && has("\"center\"") && has("\"radial_distortion\""));
+    return (source.has("\"R\"") && source.has("\"f\"") && source.has("\"c\"")) ||
+           (source.has("\"intrinsics\"") && source.has("\"calibration_matrix\"")) ||
+           (source.has("\"focal_length\"") && source.has("\"center\"") && source.has("\"radial_distortion\""));
   }
   Calibration read(const CalibrationSource& source) const override { return Human36mReader(source.path).read(); }
 };

@@ -14,7 +14,6 @@ namespace doppel {
 namespace {
 
 constexpr std::uintmax_t kKalibrMaxBytes = 4 << 20;
-constexpr double kKalibrMaxSide = 1 << 16;
 constexpr int kKalibrMaxCameras = 1000;
 
 /// Reads one camchain; messages name the line, the camera and the key.
@@ -77,8 +76,8 @@ class KalibrReader {
     }
     const std::vector<double> K = numbers(item, "intrinsics", 4), size = numbers(item, "resolution", 2);
     camera.K = intrinsics(K[0], K[1], K[2], K[3], PixelCentre::integer);
-    camera.width = side(item, size[0]);
-    camera.height = side(item, size[1]);
+    camera.width = image_side(size[0], item.name + ".resolution", where(item.node["resolution"]));
+    camera.height = image_side(size[1], item.name + ".resolution", where(item.node["resolution"]));
     const std::string lens = word(item, "distortion_model");
     if (lens == "none") return camera;
     if (lens != "radtan" && lens != "equidistant") {
@@ -146,14 +145,6 @@ class KalibrReader {
     return *value;
   }
 
-  int side(const Item& item, double pixels) const {
-    if (!(pixels >= 1 && pixels <= kKalibrMaxSide) || pixels != std::floor(pixels)) {
-      refuse(item.node["resolution"],
-             fmt::format("{}.resolution has {}, expected integers of 1 to {}", item.name, pixels, kKalibrMaxSide));
-    }
-    return static_cast<int>(pixels);
-  }
-
   std::string word(const Item& item, const char* key) const {
     const YAML::Node node = required(item, key);
     if (!node.IsScalar()) refuse(node, fmt::format("{}.{} must be a word", item.name, key));
@@ -184,9 +175,8 @@ class KalibrCalibration : public CalibrationFormat {
   std::string name() const override { return "kalibr"; }
 
   bool recognises(const CalibrationSource& source) const override {
-    const std::string head = "\n" + source.head;
-    const auto has = [&](const char* text) { return head.find(text) != std::string::npos; };
-    return has("\ncam0:") && has("camera_model:") && has("intrinsics:") && !has("opencv-matrix");
+    return source.has_line("cam0:") && source.has("camera_model:") && source.has("intrinsics:") &&
+           !source.has("opencv-matrix");
   }
 
   Calibration read(const CalibrationSource& source) const override { return KalibrReader(source.path).read(); }

@@ -1,4 +1,3 @@
-#include <cmath>
 
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/format.h"
@@ -10,7 +9,6 @@ namespace {
 
 constexpr std::uintmax_t kOpenCapMaxBytes = 16 << 20;
 constexpr double kOpenCapMetresPerUnit = 0.001;
-constexpr double kOpenCapMaxSide = 1 << 16;
 
 class OpenCapReader {
  public:
@@ -25,8 +23,8 @@ class OpenCapReader {
     camera.K = intrinsics(K, PixelCentre::integer, where_);
     set_distortion(camera, Lens::opencv, read_numbers(pickle.root, "distortion", 0), where_);
     const std::vector<double> size = read_numbers(pickle.root, "imageSize", 2);
-    camera.height = side(size[0]);
-    camera.width = side(size[1]);
+    camera.height = image_side(size[0], "imageSize", where_);
+    camera.width = image_side(size[1], "imageSize", where_);
     Calibration calibration;
     calibration.unit = "mm";
     calibration.has_poses = pickle.root.find("rotation") || pickle.root.find("translation");
@@ -48,13 +46,6 @@ class OpenCapReader {
 
   std::vector<double> read_numbers(const PickleValue& dictionary, const std::string& key, std::size_t count) const {
     return numbers(entry(dictionary, key, "the file", where_), count, key, where_);
-  }
-
-  int side(double pixels) const {
-    if (!(pixels >= 1 && pixels <= kOpenCapMaxSide) || pixels != std::floor(pixels))
-      fail_at(where_, "reading a camera calibration: imageSize holds {}, allowed are integers from 1 to {}", pixels,
-              kOpenCapMaxSide);
-    return static_cast<int>(pixels);
   }
 
   void read_pose(const PickleValue& dictionary, Camera& camera) const {

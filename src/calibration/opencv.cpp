@@ -12,18 +12,6 @@ namespace {
 
 constexpr std::uintmax_t kMaxOpenCvBytes = 256 << 20;
 
-const char* lens_name(Lens lens) {
-  switch (lens) {
-    case Lens::fisheye:
-      return "fisheye";
-    case Lens::polynomial:
-      return "polynomial";
-    case Lens::opencv:
-      break;
-  }
-  return "opencv";
-}
-
 bool starts_with(const std::string& text, const char* begin) { return text.rfind(begin, 0) == 0; }
 
 /// Reads the nodes of one file; every message begins with the file and names the node.

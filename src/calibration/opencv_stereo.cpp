@@ -15,7 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kOpenCvStereoMaxBytes = 64 << 20;
-constexpr double kOpenCvStereoMaxSide = 1 << 16;
 constexpr std::size_t kOpenCvStereoMaxCameras = 1000;
 
 /// The top-level nodes of a file that OpenCV's FileStorage wrote (YAML, XML or JSON).
@@ -75,12 +74,6 @@ class OpenCvStereoFile {
   double number(const std::string& key) const { return number(required(key), key); }
   std::string text(const std::string& key) const {
     return has(key) && required(key).isString() ? required(key).string() : "";
-  }
-
-  int side(double pixels, const std::string& key) const {
-    if (!(pixels >= 1 && pixels <= kOpenCvStereoMaxSide) || pixels != std::floor(pixels))
-      refuse(fmt::format("{} is {}, expected an integer of 1 to {}", key, pixels, kOpenCvStereoMaxSide));
-    return static_cast<int>(pixels);
   }
 
  private:
@@ -158,8 +151,8 @@ class OpenCvStereoReader {
   }
 
   void set_size(Camera& camera, const std::vector<double>& size, const std::string& key) const {
-    camera.width = file_.side(size[0], key);
-    camera.height = file_.side(size[1], key);
+    camera.width = image_side(size[0], key, file_.where());
+    camera.height = image_side(size[1], key, file_.where());
   }
 
   void read_single() {

@@ -1,6 +1,5 @@
 #include <fmt/ranges.h>
 
-#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -12,7 +11,6 @@ namespace doppel {
 namespace {
 
 constexpr double kPanopticMetresPerUnit = 0.01;
-constexpr int kPanopticMaxSide = 1 << 16;
 
 /// Reads one file; every message names the camera and the key.
 class PanopticReader {
@@ -40,8 +38,8 @@ class PanopticReader {
     const std::string what = "camera " + camera.name;
     ++counts_[text(item, "type", what)];
     const std::vector<double> size = list(item, "resolution", 2, what);
-    camera.width = side(size[0], what);
-    camera.height = side(size[1], what);
+    camera.width = image_side(size[0], what + ": resolution", where_);
+    camera.height = image_side(size[1], what + ": resolution", where_);
     camera.K = intrinsics(list(item, "K", 9, what), PixelCentre::integer, where_);
     set_distortion(camera, Lens::opencv, list(item, "distCoef", 0, what), where_);
     camera.R = repaired_rotation(matrix_from_rows(list(item, "R", 9, what)));
@@ -68,13 +66,6 @@ class PanopticReader {
     return numbers(item.value(key, nlohmann::json()), count, fmt::format("{}: {}", what, key), where_);
   }
 
-  int side(double value, const std::string& what) const {
-    if (!(value >= 1 && value <= kPanopticMaxSide) || value != std::floor(value))
-      fail_at(where_, "reading a camera calibration: {}: resolution holds {}, allowed are integers from 1 to {}", what,
-              value, kPanopticMaxSide);
-    return static_cast<int>(value);
-  }
-
   FileLocation where_;
   std::map<std::string, int> counts_;  // of cameras by type
 };
@@ -87,8 +78,7 @@ class PanopticCalibration : public CalibrationFormat {
  public:
   std::string name() const override { return "panoptic"; }
   bool recognises(const CalibrationSource& source) const override {
-    const auto has = [&](const char* key) { return source.head.find(key) != std::string::npos; };
-    return has("\"cameras\"") && has("\"distCoef\"") && has("\"resolution\"");
+    return source.has("\"cameras\"") && source.has("\"distCoef\"") && source.has("\"resolution\"");
   }
   Calibration read(const CalibrationSource& source) const override { return PanopticReader(source.path).read(); }
 };

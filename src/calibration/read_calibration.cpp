@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <fstream>
 #include <set>
@@ -58,10 +57,14 @@ Eigen::Matrix3d world_from_file(const std::string& up) {
   return turn;
 }
 
+/// The largest distance between two cameras.
 double extent(const std::vector<Camera>& cameras) {
+  std::vector<Eigen::Vector3d> centres;
+  centres.reserve(cameras.size());
+  for (const Camera& camera : cameras) centres.push_back(camera.centre());
   double largest = 0.0;
-  for (const Camera& a : cameras)
-    for (const Camera& b : cameras) largest = std::max(largest, (a.centre() - b.centre()).norm());
+  for (std::size_t i = 0; i < centres.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) largest = std::max(largest, (centres[i] - centres[j]).norm());
   return largest;
 }
 
@@ -73,8 +76,8 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
     scale = metres_per(wanted) / metres_per(calibration.unit);
     calibration.unit = wanted;
   } else {
-    const double apart = extent(calibration.cameras);
-    const bool millimetres = calibration.has_scale && apart > kLargestStudio;
+    const double apart = wanted.empty() && calibration.has_scale ? extent(calibration.cameras) : 0.0;
+    const bool millimetres = apart > kLargestStudio;
     calibration.unit = !wanted.empty() ? wanted : millimetres ? "mm" : "m";
     scale = metres_per(calibration.unit);
     if (wanted.empty() && !calibration.has_scale)
@@ -108,8 +111,7 @@ void settle_up(Calibration& calibration, const std::string& wanted) {
       calibration.notes.emplace_back(
           calibration.up == "unknown"
               ? std::string("no axis of the file's world is up in the images; the axes were kept")
-              : fmt::format("the file does not state which axis is up; {} was found, which is up "
-                            "in the images",
+              : fmt::format("the file does not state which axis is up; {} was found, which is up in the images",
                             calibration.up));
   }
   if (calibration.up == "+y" || calibration.up == "unknown") return;
@@ -167,6 +169,15 @@ void write_folder(const fs::path& path, const std::vector<Camera>& cameras, cons
   fs::rename(making, path);
 }
 
+Calibration load_posed(const fs::path& path, const CalibrationOptions& options) {
+  Calibration calibration = load_calibration(path, options);
+  if (!calibration.has_poses)
+    fail_at({path.string(), 0},
+            "reading a camera calibration: this file ({}) holds intrinsics only; the poses of the cameras are needed",
+            calibration.format);
+  return calibration;
+}
+
 }  // namespace
 
 bool is_calibration(const fs::path& path) {
@@ -190,16 +201,16 @@ Calibration load_calibration(const fs::path& path, const CalibrationOptions& opt
           source.is_folder ? "folder" : "file", names_of(false));
 }
 
+std::vector<Camera> read_posed_cameras(const fs::path& path, const CalibrationOptions& options) {
+  return load_posed(path, options).cameras;
+}
+
 std::vector<Camera> read_calibration(const fs::path& path, const CalibrationOptions& options) {
-  Calibration calibration = load_calibration(path, options);
-  const FileLocation where{path.string(), 0};
-  if (!calibration.has_poses)
-    fail_at(where,
-            "reading a camera calibration: this file ({}) holds intrinsics only; the poses of the cameras are needed",
-            calibration.format);
+  Calibration calibration = load_posed(path, options);
   for (const Camera& camera : calibration.cameras)
     if (camera.width == 0)
-      fail_at(where, "reading a camera calibration: this file ({}) does not state the size of camera {}'s images",
+      fail_at({path.string(), 0},
+              "reading a camera calibration: this file ({}) does not state the size of camera {}'s images",
               calibration.format, camera.name);
   return std::move(calibration.cameras);
 }

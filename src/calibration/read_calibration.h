@@ -18,8 +18,12 @@ Calibration load_calibration(const std::filesystem::path& path, const Calibratio
 /// Whether a file or a folder is of one of the formats.
 bool is_calibration(const std::filesystem::path& path);
 
+/// The cameras of a calibration that has poses. Their width and height are 0 if the file does not state them.
+/// @throws FileError as load_calibration, and when the poses are missing
+std::vector<Camera> read_posed_cameras(const std::filesystem::path& path, const CalibrationOptions& options = {});
+
 /// The cameras of a calibration that has all sizes and poses.
-/// @throws FileError as load_calibration, and when the size of an image or the poses are missing
+/// @throws FileError as read_posed_cameras, and when the size of an image is missing
 std::vector<Camera> read_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
 
 /// Writes cameras. `format` is a name that `calibration_writers` lists; empty: by the extension, `.calibration`

@@ -13,7 +13,6 @@ namespace doppel {
 namespace {
 
 constexpr std::uintmax_t kRosMaxBytes = 1 << 20;
-constexpr double kRosMaxSide = 1 << 16;
 
 /// Reads one camera_info file; messages name the line and the key.
 class RosReader {
@@ -77,10 +76,7 @@ class RosReader {
 
   int side(const YAML::Node& root, const char* key) const {
     const YAML::Node node = required(root, key);
-    const double pixels = number(node, key);
-    if (!(pixels >= 1 && pixels <= kRosMaxSide) || pixels != std::floor(pixels))
-      refuse(node, fmt::format("{} is {}, expected an integer of 1 to {}", key, pixels, kRosMaxSide));
-    return static_cast<int>(pixels);
+    return image_side(number(node, key), key, where(node));
   }
 
   YAML::Node required(const YAML::Node& root, const char* key) const {
@@ -106,9 +102,7 @@ class RosCalibration : public CalibrationFormat {
 
   bool recognises(const CalibrationSource& source) const override {
     // OpenCV's calibration files have keys of the same names, but tag their matrices.
-    const std::string head = "\n" + source.head;
-    const auto has = [&](const char* text) { return head.find(text) != std::string::npos; };
-    return has("\ncamera_matrix:") && has("\ndistortion_model:") && !has("opencv-matrix");
+    return source.has_line("camera_matrix:") && source.has_line("distortion_model:") && !source.has("opencv-matrix");
   }
 
   Calibration read(const CalibrationSource& source) const override { return RosReader(source.path).read(); }

@@ -61,8 +61,7 @@ class ShelfCalibration : public CalibrationFormat {
   std::string name() const override { return "shelf"; }
   bool recognises(const CalibrationSource& source) const override {
     const char* const keys[] = {"\"fx\"", "\"fy\"", "\"cx\"", "\"cy\"", "\"k\"", "\"p\"", "\"R\"", "\"T\""};
-    return std::all_of(std::begin(keys), std::end(keys),
-                       [&](const char* key) { return source.head.find(key) != std::string::npos; });
+    return std::all_of(std::begin(keys), std::end(keys), [&](const char* key) { return source.has(key); });
   }
   Calibration read(const CalibrationSource& source) const override { return ShelfReader(source.path).read(); }
 };

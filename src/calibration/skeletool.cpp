@@ -1,8 +1,8 @@
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <charconv>
 
+#include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/format.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
@@ -38,8 +38,7 @@ Eigen::Matrix3d mended_rotation(const Eigen::Matrix3d& R, const std::string& cam
   if (deviation <= kOrthonormal || !(deviation <= kMendable)) return R;
   log::warn("{}: camera {}: R R^T is off the identity by {:.2g}; using the nearest rotation", where.to_string(), camera,
             deviation);
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * svd.matrixV().transpose();
+  return repaired_rotation(R);
 }
 
 class SkeletoolReader {

@@ -13,7 +13,6 @@ namespace doppel {
 namespace {
 
 constexpr std::uintmax_t kTomlMaxBytes = 16 << 20;
-constexpr double kTomlMaxSide = 1 << 16;
 constexpr const char* kTomlCameraKeys[] = {"matrix", "distortions", "rotation", "translation", "size"};
 // A square of a calibration board is about 1 to 50 cm wide. Within these bounds the number itself tells its unit.
 constexpr double kTomlMinSquare = 0.01, kTomlMaxSquare = 0.5;
@@ -99,14 +98,6 @@ std::vector<double> toml_numbers(const toml::table& table, const char* key, std:
   return found;
 }
 
-int toml_side(double pixels, const std::string& name, const FileLocation& where) {
-  if (!(pixels >= 1 && pixels <= kTomlMaxSide) || pixels != std::floor(pixels)) {
-    fail_at(where, "reading a camera calibration: {}.size has {}, expected whole numbers of 1 to {}", name, pixels,
-            kTomlMaxSide);
-  }
-  return static_cast<int>(pixels);
-}
-
 }  // namespace
 
 toml::table toml_calibration_root(const std::filesystem::path& path) {
@@ -141,8 +132,8 @@ Camera toml_calibration_camera(const toml::table& table, const std::string& name
                  where);
   if (toml_calibration_value(table, "size") == nullptr) return camera;
   const std::vector<double> size = toml_numbers(table, "size", 2, name, where);
-  camera.width = toml_side(size[0], name, where);
-  camera.height = toml_side(size[1], name, where);
+  camera.width = image_side(size[0], name + ".size", where);
+  camera.height = image_side(size[1], name + ".size", where);
   return camera;
 }
 
@@ -312,9 +303,8 @@ class TomlCalibration : public CalibrationFormat {
 
   bool recognises(const CalibrationSource& source) const override {
     // Caliscope has tables [cameras.0], in older files [cam_0] with a rotation_count.
-    const std::string head = "\n" + source.head;
-    const auto has = [&](const char* text) { return head.find(text) != std::string::npos; };
-    return has("\n[") && has("\nmatrix") && has("\ndistortions") && !has("\n[cameras.") && !has("\nrotation_count");
+    return source.has_line("[") && source.has_line("matrix") && source.has_line("distortions") &&
+           !source.has_line("[cameras.") && !source.has_line("rotation_count");
   }
 
   Calibration read(const CalibrationSource& source) const override { return TomlReader(source.path).read(); }

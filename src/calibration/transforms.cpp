@@ -21,7 +21,6 @@ namespace {
 
 using TransformsJson = nlohmann::json;
 
-constexpr int kTransformsMaxSide = 1 << 16;
 constexpr double kTransformsRigid = 1e-4;  // how far an applied_transform may be off a rotation with a scale
 /// Our own writer states the axes, so that they need not be found out. Other readers ignore this key.
 constexpr const char* kTransformsAxesKey = "camera_axes";
@@ -170,8 +169,8 @@ class TransformsReader {
   void read_size(const TransformsJson& frame, const std::string& file, Camera& camera) {
     const std::optional<double> w = value(frame, "w"), h = value(frame, "h");
     if (w && h) {
-      camera.width = side(*w, "w");
-      camera.height = side(*h, "h");
+      camera.width = image_side(*w, what_ + "w", where_);
+      camera.height = image_side(*h, what_ + "h", where_);
       return;
     }
     for (const char* ending : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"}) {
@@ -196,13 +195,6 @@ class TransformsReader {
       fail_at(where_, "reading a camera calibration: {}w and h are missing, and {} is no image; add \"w\" and \"h\"",
               what_, image.string());
     return pixels;
-  }
-
-  int side(double size, const char* key) const {
-    if (!(size >= 1 && size <= kTransformsMaxSide) || size != std::floor(size))
-      fail_at(where_, "reading a camera calibration: {}{} is {}, allowed are integers from 1 to {}", what_, key, size,
-              kTransformsMaxSide);
-    return static_cast<int>(size);
   }
 
   void read_intrinsics(const TransformsJson& frame, Camera& camera) const {
@@ -420,8 +412,7 @@ class TransformsCalibration : public CalibrationFormat {
  public:
   std::string name() const override { return "nerfstudio"; }
   bool recognises(const CalibrationSource& source) const override {
-    const auto has = [&](const char* key) { return source.head.find(key) != std::string::npos; };
-    return has("\"frames\"") && has("\"transform_matrix\"");
+    return source.has("\"frames\"") && source.has("\"transform_matrix\"");
   }
   Calibration read(const CalibrationSource& source) const override { return TransformsReader(source.path).read(); }
 

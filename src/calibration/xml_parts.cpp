@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "doppel/calibration/camera_parts.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/text_reader.h"
@@ -14,7 +15,6 @@ namespace {
 
 constexpr std::uintmax_t kXmlMaxBytes = 64 << 20;
 constexpr std::string_view kXmlBlanks = " \t\r\n";
-constexpr double kXmlMaxSide = 1 << 16;
 
 /// How the characters of a file are stored.
 enum class XmlEncoding { utf8, utf16_little, utf16_big };
@@ -148,20 +148,13 @@ std::vector<double> XmlPart::numbers_of(const char* key, std::string_view value,
 }
 
 int XmlPart::pixels(const char* key) const {
-  const int side = image_side(number(key));
-  if (side == 0) fail_here("{} is {}, expected 1 to {} pixels", key, number(key), kXmlMaxSide);
-  return side;
+  return image_side(number(key), fmt::format("{}: {}", what_, key), where());
 }
 
 XmlPart XmlPart::child(const char* name) const {
   const pugi::xml_node child = node_.child(name);
   if (!child) fail_here("<{}> has no element <{}>", node_.name(), name);
   return {*file_, child, what_};
-}
-
-int image_side(double pixels) {
-  const bool legal = pixels >= 1.0 && pixels <= kXmlMaxSide && pixels == std::floor(pixels);
-  return legal ? static_cast<int>(pixels) : 0;
 }
 
 std::string readable_head(const CalibrationSource& source) {

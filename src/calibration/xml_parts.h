@@ -70,9 +70,6 @@ class XmlPart {
   std::string what_;
 };
 
-/// A number of pixels as the side of an image; nothing else than 1 to 65536 is one. @return 0 for other values
-int image_side(double pixels);
-
 /// The beginning of a file as text: files in UTF-16 without their zero bytes.
 std::string readable_head(const CalibrationSource& source);
 /// The name of the first element of an XML text, of which only the beginning may be there; "" when it is no XML.

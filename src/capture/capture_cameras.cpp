@@ -21,12 +21,7 @@ std::string joined_names(const std::vector<Camera>& cameras) {
 }  // namespace
 
 std::vector<Camera> calibrated_cameras(const Capture& capture) {
-  Calibration calibration = load_calibration(capture.calibration_path(), capture.calibration_options);
-  if (!calibration.has_poses)
-    fail_at({capture.calibration_path().string(), 0},
-            "reading a camera calibration: this file ({}) holds intrinsics only; the poses of the cameras are needed",
-            calibration.format);
-  return std::move(calibration.cameras);
+  return read_posed_cameras(capture.calibration_path(), capture.calibration_options);
 }
 
 CaptureCameras choose_cameras(const Capture& capture) {

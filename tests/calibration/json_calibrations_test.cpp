@@ -413,7 +413,7 @@ TEST(PanopticCalibrationRejects, WhatIsMissingOrWrong) {
   }
   Json file = panoptic();
   file["cameras"][0]["resolution"] = {1920, 1e200};
-  EXPECT_THAT(files.refusal(file), HasSubstr("camera 00_01: resolution holds 1e+200"));
+  EXPECT_THAT(files.refusal(file), HasSubstr("camera 00_01: resolution is 1e+200"));
   EXPECT_THAT(files.refusal({{"cameras", Json::array()}}), HasSubstr("\"cameras\" must be a list"));
 }
 
@@ -497,7 +497,7 @@ TEST(AistCalibrationRejects, WhatIsMissingOrWrong) {
   }
   Json file = aist();
   file[0]["size"] = {0, 1080};
-  EXPECT_THAT(files.refusal(file), HasSubstr("camera c01: size holds 0"));
+  EXPECT_THAT(files.refusal(file), HasSubstr("camera c01: size is 0"));
   file[0].erase("name");
   EXPECT_THAT(files.refusal(file), HasSubstr("\"name\""));
 }
