@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 folder="${1:-ablations}"
-tables=("${@:2}") seeds=(${SEEDS:-1 2 3})
+tables=("${@:2}")
 [ ${#tables[@]} -gt 0 ] || tables=(5.3 6.4)
 for table in "${tables[@]}"; do
   [[ "$table" =~ ^(5.3|6.4)$ ]] || { echo "scripts/ablations.sh: there is no table '$table'; 5.3 and 6.4 can be made" >&2; exit 2; }
@@ -17,8 +17,6 @@ source scripts/figures.sh
 [ -f "$folder/capture/capture.yaml" ] || "$doppel" synth --preset small --out "$folder/capture"
 "$doppel" prepare "$folder/capture" --out "$folder/prepared" >/dev/null
 
-# over_seeds DIGITS COMMAND [argument ...]: mean and spread of what a command prints; its last argument is the seed
-over_seeds() { for seed in "${seeds[@]}"; do "${@:2}" "$seed"; echo; done | spread "$1"; }
 
 # ---- Table 5.3 ----
 

@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ $# -ge 2 ] || { sed -n '2,6s/^# //p' "$0" >&2; exit 2; }
-studio="$1" clip="$2" folder="${3:-adaptation}" seeds=(${SEEDS:-1 2 3})
+studio="$1" clip="$2" folder="${3:-adaptation}"
 source scripts/figures.sh
 mkdir -p "$folder"
 "$doppel" prepare "$clip" --image-size 256 --mask-size 192 --out "$folder/prepared" >/dev/null
@@ -31,8 +31,9 @@ held() {
   tr -d ' \n' <"$folder/$1-$2/adapt.json" | grep -o "\"heldout,$3\":.*" | sed 's/"tunedon.*//' >"$folder/$1-$2-$3.json"
   echo "$1-$2-$3.json"
 }
-# cell NAME WHEN METHOD METRIC DIGITS: mean and spread over the seeds
-cell() { for seed in "${seeds[@]}"; do figure "$(held "$1" "$seed" "$2")" "$3" "$4" 6; echo; done | spread "$5"; }
+# of_seed NAME WHEN METHOD METRIC SEED; cell NAME WHEN METHOD METRIC DIGITS: mean and spread over the seeds
+of_seed() { figure "$(held "$1" "$5" "$2")" "$3" "$4" 6; }
+cell() { over_seeds "$5" of_seed "${@:1:4}"; }
 row() {
   echo "| $1 | $(cell "$2" "$3" posenet keypoint_error_px 1) | $(cell "$2" "$3" defnet keypoint_error_px 1)" \
     "| $(cell "$2" "$3" posenet AMVIoU 4) | $(cell "$2" "$3" defnet AMVIoU 4) |"

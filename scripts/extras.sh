@@ -12,7 +12,7 @@ cd "$(dirname "$0")/.."
 [ $# -ge 1 ] || { sed -n '2,10s/^# //p' "$0" >&2; exit 2; }
 capture="$1" folder="${2:-extras}" groups=("${@:3}")
 [ ${#groups[@]} -gt 0 ] || groups=(geometry training texture)
-cameras="${CAMERAS:-0,1,2,3,4,5}" seeds=(${SEEDS:-1 2 3})
+cameras="${CAMERAS:-0,1,2,3,4,5}"
 source scripts/figures.sh
 mkdir -p "$folder"
 for size in 350 700; do
@@ -29,10 +29,8 @@ variant() {
 }
 
 # row TITLE NAME METHOD METRIC DIGITS: a line of a table
-row() {
-  local seed
-  echo "| $1 | $(for seed in "${seeds[@]}"; do figure "$2-$seed.json" "$3" "$4" 6; echo; done | spread "$5") |"
-}
+row() { echo "| $1 | $(over_seeds "$5" of_seed "${@:2:3}") |"; }
+of_seed() { figure "$1-$4.json" "$2" "$3" 6; }
 
 weights=(egnet.loss.model_to_data=30 egnet.loss.arap=300)
 inertia=(egnet.model.inertia=12)

@@ -1,5 +1,6 @@
 # Functions of the scripts that write the tables of docs/results; source this file from the root of the repository.
-# They need $folder, the folder of the runs.
+# They need $folder, the folder of the runs. SEEDS="1 2 3" (the default) become the array `seeds`.
+seeds=(${SEEDS:-1 2 3})
 doppel="${DOPPEL:-build/release/tools/doppel}"
 [ -x "$doppel" ] || { scripts/install_dependencies.sh; cmake --preset release >/dev/null; cmake --build --preset release --target doppel; }
 
@@ -26,6 +27,12 @@ spread() {
       for (i in x) { e = x[i] - mean; if (e < 0) e = -e; if (e > widest) widest = e }
       printf "%.*f ± %.*f", digits, mean, digits, widest
     }'
+}
+
+# over_seeds DIGITS COMMAND [argument ...]: mean and spread of what a command prints; its last argument is the seed
+over_seeds() {
+  local seed
+  for seed in "${seeds[@]}"; do "${@:2}" "$seed"; echo; done | spread "$1"
 }
 
 # train RUN CONFIG [option ...]: trains a run, or what is missing of it. Its messages go to RUN.log.

@@ -5,7 +5,7 @@
 # SEEDS="1 2 3" (the default). JOBS=2 (the default) runs are trained side by side, with one thread each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-folder="${1:-heading}" seeds=(${SEEDS:-1 2 3})
+folder="${1:-heading}"
 source scripts/figures.sh
 mkdir -p "$folder"
 cameras="[0,1,2,3,4,5,6]" new_camera=7
@@ -36,8 +36,9 @@ all_done
 for seed in "${seeds[@]}"; do for heading in kept removed; do side_by_side hybrid $heading "$seed"; done; done
 all_done
 
-# cell HEADING FRAMES METRIC DIGITS: mean and spread over the seeds
-cell() { for seed in "${seeds[@]}"; do figure "$1-$seed.$2.json" radiance "$3" 6; echo; done | spread "$4"; }
+# of_seed HEADING FRAMES METRIC SEED; cell HEADING FRAMES METRIC DIGITS: mean and spread over the seeds
+of_seed() { figure "$1-$4.$2.json" radiance "$3" 6; }
+cell() { over_seeds "$4" of_seed "${@:1:3}"; }
 # row TITLE HEADING
 row() {
   echo "| $1 | $(cell "$2" trained PSNR 2) | $(cell "$2" trained SSIM 4) | $(cell "$2" between PSNR 2) | $(cell "$2" between SSIM 4) |"

@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ $# -ge 2 ] || { sed -n '2,5s/^# //p' "$0" >&2; exit 2; }
-capture="$1" sequence="$2" folder="${3:-studio}" seeds=(${SEEDS:-1 2 3})
+capture="$1" sequence="$2" folder="${3:-studio}"
 trained=0,1,2,3,4,5 new=6,7
 source scripts/figures.sh
 mkdir -p "$folder"
@@ -32,8 +32,10 @@ all_done
   --sequences "$sequence" --sheet-frames 0 --out "$folder/fit" >/dev/null
 [ -f "$folder/fit.json" ] || "$doppel" evaluate --tracked "$folder/fit" --capture "$folder/prepared" --every 2 --json >"$folder/fit.json"
 
-# cell FILE METHOD METRIC DIGITS: mean and spread over the seeds; FILE is what follows `ddc-SEED.`
-cell() { for seed in "${seeds[@]}"; do figure "ddc-$seed.$1.json" "$2" "$3" 6; echo; done | spread "$4"; }
+# of_seed FILE METHOD METRIC SEED; cell FILE METHOD METRIC DIGITS: mean and spread over the seeds; FILE is what follows
+# `ddc-SEED.`
+of_seed() { figure "ddc-$4.$1.json" "$2" "$3" 6; }
+cell() { over_seeds "$4" of_seed "${@:1:3}"; }
 {
   echo "| Table 6.2 | AMVIoU |"
   echo "|---|---:|"

@@ -3,11 +3,11 @@
 # smoothing over five frames, by the protocol of 5.8.3 and 5.8.4: 14 joints, bones rescaled, surfaces of one-camera
 # methods at the true position.
 #   scripts/tracking_tables.sh CAPTURE RUN SEQUENCE [FOLDER]
-# RUN is a run of the chain deepcap on another sequence of the capture; SEQUENCE is the test sequence of the capture. CAMERA=0 is the
-# input camera; POSES=10 and SURFACES=100 are the steps between compared frames (as in the thesis).
+# RUN is a run of the chain deepcap on another sequence of the capture; SEQUENCE is the test sequence of the capture.
+# CAMERA=0 is the input camera; POSES=10 and SURFACES=100 are the steps between compared frames (as in the thesis).
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 3 ] || { sed -n '2,8s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 3 ] || { sed -n '2,7s/^# //p' "$0" >&2; exit 2; }
 capture="$1" run="$2" sequence="$3" folder="${4:-tracking-tables}"
 camera="${CAMERA:-0}" poses="${POSES:-10}" surfaces="${SURFACES:-100}"
 source scripts/figures.sh
