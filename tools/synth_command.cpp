@@ -13,7 +13,7 @@ namespace {
 
 /// Options of the command line; missing values are those of the preset.
 struct SynthArguments {
-  std::string out, preset = "tiny", cloth = "springs";
+  std::string out, preset = "tiny", cloth = "springs", lens = "pinhole";
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
   double turn = 0.0;
   std::uint64_t seed = 1;
@@ -30,6 +30,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
   take("--test-frames", arguments.test_frames, options.test_frames);
   take("--size", arguments.size, options.size);
   options.cloth.model = synth::cloth_model(arguments.cloth);
+  options.lens = synth::synth_lens(arguments.lens);
   options.turn = arguments.turn;
   options.seed = arguments.seed;
   options.force = arguments.force;
@@ -60,6 +61,7 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
                                  {"fps", o.fps},
                                  {"seed", o.seed},
                                  {"cloth", synth::cloth_name(o.cloth.model)},
+                                 {"lens", o.lens == Lens::fisheye ? "fisheye" : "pinhole"},
                                  {"turn", o.turn},
                                  {"frames", {{"train", o.frames}, {"test", o.test_frames}}},
                                  {"mean_displacement_mm", 1e3 * r.mean_displacement},
@@ -82,6 +84,8 @@ Command add_synth(CLI::App& program) {
   app->add_option("--frames", arguments->frames, "Number of training frames, instead of the preset's");
   app->add_option("--test-frames", arguments->test_frames, "Number of test frames, instead of the preset's");
   app->add_option("--size", arguments->size, "Side of the square images in pixels, instead of the preset's");
+  app->add_option("--lens", arguments->lens, "pinhole, or fisheye: action cameras near the person")
+      ->capture_default_str();
   app->add_option("--cloth", arguments->cloth,
                   "Simulation of the clothes: springs (fast), or xpbd (near-inextensible, touches the body; half a "
                   "minute longer for small)")

@@ -290,7 +290,7 @@ SkinningWeights make_weights(const TriangleMesh& mesh) {
   skin.bones = {"Root",     "Head",          "LeftShoulder", "LeftArm",      "LeftForeArm", "LeftUpLeg", "LeftLeg",
                 "LeftFoot", "RightShoulder", "RightArm",     "RightForeArm", "RightUpLeg",  "RightLeg",  "RightFoot"};
   std::vector<WeightVector> dense;
-  for (const Vector3d& p : mesh.vertices) dense.push_back(WeightVector(point_weights(field, p).data()));
+  for (const Vector3d& p : mesh.vertices) dense.emplace_back(point_weights(field, p).data());
   smooth(dense, MeshTopology(mesh), 2);
   for (const WeightVector& w : dense) append_row(skin, w);
   return skin;

@@ -193,7 +193,8 @@ void unwrap(TriangleMesh& mesh, double gutter) {
       for (int c = 0; c < 3; ++c) {
         const int v = mesh.faces[f][c];
         const auto [entry, added] = corner.emplace(v, static_cast<int>(mesh.uvs.size()));
-        if (added) mesh.uvs.push_back(chart.place + scale * (flatten(mesh.vertices[v], chart.direction) - chart.low));
+        if (added)
+          mesh.uvs.emplace_back(chart.place + scale * (flatten(mesh.vertices[v], chart.direction) - chart.low));
         mesh.face_uvs[f][c] = entry->second;
       }
   }

@@ -121,17 +121,22 @@ std::vector<int> body25_markers(const Skeleton& skeleton) {
   return markers;
 }
 
+std::vector<std::string> calibration_files(const SynthOptions& options) {
+  if (options.lens == Lens::fisheye) return {"cameras.yml"};
+  return {"cameras.calibration", "cameras.yml"};
+}
+
 std::string capture_yaml(const SynthOptions& options, const std::string& name) {
   std::string text = fmt::format(
       "doppel_capture: 1\n"
       "name: {}\n"
       "character: character/actor.character\n"
-      "calibration: calibration/cameras.calibration\n"
+      "calibration: calibration/{}\n"
       "fps: {}\n"
       "background: background/{{camera:03}}.png\n"
       "keypoint_map: body25\n"
       "sequences:\n",
-      nlohmann::json(name).dump(), options.fps);
+      nlohmann::json(name).dump(), calibration_files(options).front(), options.fps);
   for (const bool training : {true, false}) {
     const std::string folder = training ? "training" : "testing";
     text += fmt::format(
@@ -160,6 +165,11 @@ const char* clothes_text(ClothModel model) {
          "springs, and hang wider than on the template";
 }
 
+const char* lens_text(Lens lens) {
+  return lens == Lens::fisheye ? "fisheye, for OpenCV (metres)"
+                               : "as Skeletool text (millimetres) and for OpenCV (metres)";
+}
+
 }  // namespace
 
 std::string readme_text(const SynthOptions& options) {
@@ -168,7 +178,7 @@ std::string readme_text(const SynthOptions& options) {
       "\n"
       "character/                      the actor: template, texture, skeleton (33 DoFs), skin, graph, labels; "
       "millimetres\n"
-      "calibration/                    {} cameras, as Skeletool text (millimetres) and for OpenCV (metres)\n"
+      "calibration/                    {} cameras, {}\n"
       "background/NNN.png              the empty studio in camera NNN\n"
       "training/, testing/             {} frames in two segments (the cut is before frame {}) and {} frames, {} per "
       "second\n"
@@ -185,8 +195,8 @@ std::string readme_text(const SynthOptions& options) {
       "(0.5, 0.5). Frame f of a video is row f of the motion and of the vertices. {}: the surface depends on the "
       "movement, not on the pose alone.\n"
       "Seed {}.\n",
-      options.cameras, options.frames, options.frames / 2, options.test_frames, options.fps, options.size, options.size,
-      clothes_text(options.cloth.model), options.seed);
+      options.cameras, lens_text(options.lens), options.frames, options.frames / 2, options.test_frames, options.fps,
+      options.size, options.size, clothes_text(options.cloth.model), options.seed);
 }
 
 }  // namespace doppel::synth

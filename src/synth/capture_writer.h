@@ -41,6 +41,9 @@ std::string three_digits(int number);
 std::vector<int> body25_markers(const Skeleton& skeleton);
 
 /// The text of `capture.yaml` and `README.txt`.
+/// The files of the calibration in its folder. The first one is that of capture.yaml. Skeletool text defines no fisheye
+/// lens.
+std::vector<std::string> calibration_files(const SynthOptions& options);
 std::string capture_yaml(const SynthOptions& options, const std::string& name);
 std::string readme_text(const SynthOptions& options);
 

@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/synth/body_field.h"
@@ -19,6 +21,7 @@ namespace doppel::synth {
 namespace {
 
 using Eigen::Array3f;
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
@@ -49,9 +52,8 @@ torch::Tensor camera_space(const Points& vertices, const Camera& camera) {
   return points;
 }
 
-torch::Tensor intrinsics(const Camera& camera, double scale) {
-  return torch::tensor({camera.K(0, 0) * scale, camera.K(1, 1) * scale, camera.K(0, 2) * scale, camera.K(1, 2) * scale},
-                       torch::kFloat64)
+torch::Tensor intrinsics(const Camera& camera) {
+  return torch::tensor({camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2)}, torch::kFloat64)
       .to(torch::kFloat32)
       .view({1, 4});
 }
@@ -60,6 +62,58 @@ std::array<float, 256> linear_table() {
   std::array<float, 256> table;
   for (int i = 0; i < 256; ++i) table[i] = static_cast<float>(i * i) / (255.0f * 255.0f);
   return table;
+}
+
+/// How a camera is drawn. The rasterizer knows no lenses: it draws an image without distortion that covers the whole
+/// image of the camera, and each sample of the camera's image is looked up there.
+struct Drawing {
+  Camera pinhole;                    ///< at the resolution of the samples
+  std::vector<std::int32_t> sample;  ///< [samples of the camera's image] index in the drawn image; empty: the same
+
+  std::size_t drawn(std::size_t of_camera) const {
+    return sample.empty() ? of_camera : static_cast<std::size_t>(sample[of_camera]);
+  }
+};
+
+/// The ray of a pixel, at depth 1 in camera space.
+Vector3d ray_of(const Camera& camera, const Vector2d& pixel) {
+  const Vector2d seen = (camera.K.inverse() * pixel.homogeneous()).head<2>();
+  const std::optional<Vector2d> point = camera.undistorted(seen);
+  if (!point) fail("doppel synth: the lens of camera {} has no inverse at {}, {}", camera.name, pixel.x(), pixel.y());
+  return point->homogeneous();
+}
+
+Camera enlarged(const Camera& camera, int scale) {
+  Camera large = camera;
+  large.width *= scale;
+  large.height *= scale;
+  large.K.topRows<2>() *= scale;
+  return large;
+}
+
+/// @param supersampling samples per pixel along each axis
+Drawing drawing_of(const Camera& camera, int supersampling) {
+  Drawing drawing{enlarged(camera, supersampling), {}};
+  if (!camera.has_distortion()) return drawing;
+  const Camera samples = drawing.pinhole;
+  std::vector<Vector2d> points;
+  points.reserve(as_size(samples.width) * as_size(samples.height));
+  Eigen::AlignedBox2d extent;
+  for (int y = 0; y < samples.height; ++y)
+    for (int x = 0; x < samples.width; ++x)
+      extent.extend(points.emplace_back(ray_of(samples, {x + 0.5, y + 0.5}).head<2>()));
+  Camera& pinhole = drawing.pinhole;
+  pinhole.lens = Lens::opencv;
+  pinhole.distortion = {};
+  pinhole.K.topRightCorner<2, 1>() = Vector2d::Ones() - pinhole.K.topLeftCorner<2, 2>() * extent.min();
+  const Vector2d size = pinhole.K.topLeftCorner<2, 2>() * extent.sizes() + Vector2d::Constant(3);
+  pinhole.width = static_cast<int>(size.x());
+  pinhole.height = static_cast<int>(size.y());
+  for (const Vector2d& point : points) {
+    const Vector3d pixel = pinhole.K * point.homogeneous();
+    drawing.sample.push_back(static_cast<int>(pixel.y()) * pinhole.width + static_cast<int>(pixel.x()));
+  }
+  return drawing;
 }
 
 }  // namespace
@@ -79,7 +133,10 @@ struct Studio::State {
         shadow_rasterizer(face_tensor(who.character.mesh)),
         to_linear(linear_table()) {
     shadow_camera = looking_at(light_position(), light_target(), 1.35 * options.shadow_size, options.shadow_size);
-    for (const Camera& camera : cameras) backdrops.push_back(make_backdrop(camera));
+    for (const Camera& camera : cameras) {
+      backdrops.push_back(make_backdrop(camera));
+      drawings.push_back(drawing_of(camera, options.supersampling));
+    }
   }
 
   Backdrop make_backdrop(const Camera& camera) const;
@@ -97,6 +154,7 @@ struct Studio::State {
   std::array<float, 256> to_linear;
   Camera shadow_camera;
   std::vector<Backdrop> backdrops;
+  std::vector<Drawing> drawings;
 
   // Of the current surface.
   Points vertices;
@@ -112,11 +170,10 @@ struct Studio::State {
 Studio::State::Backdrop Studio::State::make_backdrop(const Camera& camera) const {
   Backdrop backdrop;
   const Vector3d centre = camera.centre();
-  const Eigen::Matrix3d ray_from_pixel = camera.R.transpose() * camera.K.inverse();
   const float nowhere = std::numeric_limits<float>::quiet_NaN();
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      const Vector3d ray = (ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1)).normalized();
+      const Vector3d ray = (camera.R.transpose() * ray_of(camera, {x + 0.5, y + 0.5})).normalized();
       const double reach = ray.y() < -1e-3 ? -centre.y() / ray.y() : 1e3;
       const Vector3d ground = centre + reach * ray;
       const double away = std::hypot(ground.x(), ground.z());
@@ -125,7 +182,7 @@ Studio::State::Backdrop Studio::State::make_backdrop(const Camera& camera) const
       const double glow = 0.9 + 0.16 * ray.y() + 0.07 * std::sin(1.7 * std::atan2(ray.x(), ray.z()) + 0.6);
       const Light floor_colour = Light(0.040f, 0.255f, 0.072f) * static_cast<float>(1.16 - 0.10 * away);
       const Light wall_colour = Light(0.036f, 0.270f, 0.070f) * static_cast<float>(glow);
-      backdrop.lit.push_back(floor_colour * static_cast<float>(1 - wall) + wall_colour * static_cast<float>(wall));
+      backdrop.lit.emplace_back(floor_colour * static_cast<float>(1 - wall) + wall_colour * static_cast<float>(wall));
       backdrop.floor.push_back(wall < 0.5 ? static_cast<float>(ground.x()) : nowhere);
       backdrop.floor.push_back(wall < 0.5 ? static_cast<float>(ground.z()) : nowhere);
     }
@@ -212,6 +269,7 @@ bool Studio::State::light_sample(std::size_t sample, Light& sum) const {
 void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int begin, int end) const {
   const int size_x = cameras[camera].width, s = options.supersampling;
   const Backdrop& backdrop = backdrops[camera];
+  const Drawing& drawing = drawings[as_size(camera)];
   const float noise = static_cast<float>(options.noise);
   for (int y = begin; y < end; ++y)
     for (int x = 0; x < size_x; ++x) {
@@ -219,7 +277,8 @@ void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int be
       int covered = 0;
       for (int dy = 0; dy < s; ++dy)
         for (int dx = 0; dx < s; ++dx)
-          covered += light_sample((as_size(y) * s + dy) * (as_size(size_x) * s) + x * s + dx, sum);
+          covered +=
+              light_sample(drawing.drawn((as_size(y) * s + dy) * (as_size(size_x) * s) + as_size(x * s + dx)), sum);
       const std::size_t pixel = as_size(y) * size_x + x;
       if (covered < s * s) {
         const float shade = floor_shade(backdrop.floor[2 * pixel], backdrop.floor[2 * pixel + 1]);
@@ -233,16 +292,18 @@ void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int be
     }
 }
 
-std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed) {
-  constexpr double kDistance = 4.3;
+std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens) {
+  if (lens == Lens::polynomial) fail<UsageError>("doppel synth: the lenses are pinhole and fisheye");
+  const bool fisheye = lens == Lens::fisheye;
+  const double distance = fisheye ? 2.2 : 4.3, focal_per_side = fisheye ? 0.6 : 1.72;
   Random random(hash_bits(seed ^ 0xca3e7a));
   std::vector<Camera> cameras;
   for (int c = 0; c < count; ++c) {
     const double angle = 6.283185307179586 * (c + random.uniform(-0.12, 0.12)) / count + 0.35;
     const double height = (c % 2 == 0 ? 1.15 : 2.15) + random.uniform(-0.12, 0.12),
-                 radius = kDistance + random.uniform(-0.15, 0.15);
+                 radius = distance + random.uniform(-0.15, 0.15);
     const Vector3d target(random.uniform(-0.04, 0.04), 0.97 + random.uniform(-0.03, 0.03), random.uniform(-0.04, 0.04));
-    const double focal = 1.72 * size * random.uniform(0.98, 1.02);
+    const double focal = focal_per_side * size * random.uniform(0.98, 1.02);
     Camera camera = looking_at({radius * std::sin(angle), height, radius * std::cos(angle)}, target, focal, size);
     camera.name = std::to_string(c);
     camera.K(1, 1) *= random.uniform(0.998, 1.002);
@@ -251,6 +312,10 @@ std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed) {
     const Eigen::Matrix3d roll = Eigen::AngleAxisd(random.uniform(-0.015, 0.015), Vector3d::UnitZ()).toRotationMatrix();
     camera.R = roll * camera.R;
     camera.t = roll * camera.t;
+    camera.lens = lens;
+    if (fisheye)  // of the size of an action camera's
+      camera.distortion = {random.uniform(-0.04, -0.02), random.uniform(0.0, 0.01), random.uniform(-0.006, -0.002),
+                           random.uniform(0.0, 0.001)};
     cameras.push_back(camera);
   }
   return cameras;
@@ -269,25 +334,25 @@ void Studio::set_surface(const Points& vertices) {
   mesh.faces = s.actor.character.mesh.faces;
   s.position.clear();
   s.normal.clear();
-  for (const Vector3d& n : vertex_normals(mesh)) s.normal.push_back(n.cast<float>());
+  for (const Vector3d& n : vertex_normals(mesh)) s.normal.emplace_back(n.cast<float>());
   Vector3d middle = Vector3d::Zero();
   for (const Vector3d& v : vertices) {
-    s.position.push_back(v.cast<float>());
+    s.position.emplace_back(v.cast<float>());
     middle += v / static_cast<double>(vertices.size());
   }
   s.eye = middle.cast<float>();
   const int size = s.options.shadow_size;
   s.shadow_depth =
-      s.shadow_rasterizer.rasterize(camera_space(vertices, s.shadow_camera), intrinsics(s.shadow_camera, 1), size, size)
+      s.shadow_rasterizer.rasterize(camera_space(vertices, s.shadow_camera), intrinsics(s.shadow_camera), size, size)
           .depth.data_ptr<float>();
 }
 
 Studio::Shot Studio::shoot(int camera, std::uint64_t noise_key) {
   State& s = *state_;
   const Camera& c = s.cameras[camera];
-  const int scale = s.options.supersampling;
+  const Camera& drawn = s.drawings[as_size(camera)].pinhole;
   const RasterImage& raster =
-      s.rasterizer.rasterize(camera_space(s.vertices, c), intrinsics(c, scale), c.height * scale, c.width * scale);
+      s.rasterizer.rasterize(camera_space(s.vertices, drawn), intrinsics(drawn), drawn.height, drawn.width);
   s.face_id = raster.face_id.data_ptr<int>();
   s.depth = raster.depth.data_ptr<float>();
   s.barycentrics = raster.barycentrics.data_ptr<float>();
@@ -301,12 +366,11 @@ Studio::Shot Studio::shoot(int camera, std::uint64_t noise_key) {
 
 bool Studio::sees(int camera, const Vector3d& point, double depth) const {
   const State& s = *state_;
-  const Camera& c = s.cameras[camera];
-  const int scale = s.options.supersampling;
-  const Eigen::Vector2d pixel = scale * c.project(point);
+  const Camera& c = s.drawings[as_size(camera)].pinhole;
+  const Vector2d pixel = c.project(point);
   const int x = static_cast<int>(std::floor(pixel.x())), y = static_cast<int>(std::floor(pixel.y()));
-  if (s.depth == nullptr || x < 0 || y < 0 || x >= c.width * scale || y >= c.height * scale) return false;
-  return c.camera_from_world(point).z() < s.depth[as_size(y) * (c.width * scale) + x] + depth;
+  if (s.depth == nullptr || x < 0 || y < 0 || x >= c.width || y >= c.height) return false;
+  return c.camera_from_world(point).z() < s.depth[as_size(y) * as_size(c.width) + as_size(x)] + depth;
 }
 
 cv::Mat Studio::background(int camera) const {

@@ -19,7 +19,9 @@ struct StudioOptions {
 
 /// Cameras on a ring around the centre of the floor, alternately at two heights, with slightly different focal lengths,
 /// principal points and directions. Images are square with a side of `size` pixels; the actor never touches the border.
-std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed);
+/// @param lens opencv: without distortion; fisheye: action cameras, 95 degrees from side to side, half as far away
+/// @throws UsageError for another lens
+std::vector<Camera> make_cameras(int count, int size, std::uint64_t seed, Lens lens = Lens::opencv);
 
 /// A green studio with one key light and ambient light, in which the actor is filmed.
 class Studio {

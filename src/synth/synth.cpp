@@ -247,7 +247,7 @@ SynthReport measure(const Actor& actor, const std::vector<Camera>& cameras, cons
 void write_still_files(const Set& set, const std::string& name) {
   write_character(set.root / "character", set.actor.character);
   fs::create_directories(set.root / "calibration");
-  for (const char* file : {"cameras.calibration", "cameras.yml"})
+  for (const std::string& file : calibration_files(set.options))
     write_calibration(set.root / "calibration" / file, set.cameras);
   fs::create_directories(set.root / "background");
   for (std::size_t c = 0; c < set.cameras.size(); ++c) {
@@ -268,6 +268,12 @@ ClothModel cloth_model(const std::string& name) {
 }
 
 std::string cloth_name(ClothModel model) { return model == ClothModel::xpbd ? "xpbd" : "springs"; }
+
+Lens synth_lens(const std::string& name) {
+  if (name == "pinhole") return Lens::opencv;
+  if (name == "fisheye") return Lens::fisheye;
+  fail<UsageError>("doppel synth: there is no lens '{}'; use pinhole or fisheye", name);
+}
 
 SynthOptions SynthOptions::preset(const std::string& name) {
   SynthOptions o;
@@ -332,7 +338,7 @@ SynthReport write_synthetic_capture(const fs::path& folder, const SynthOptions& 
   FolderInTheMaking making(folder, options.force);
   Progress progress("synth", options.frames + options.test_frames);
   const Actor actor = make_actor(options.actor);
-  const std::vector<Camera> cameras = make_cameras(options.cameras, options.size, options.seed);
+  const std::vector<Camera> cameras = make_cameras(options.cameras, options.size, options.seed, options.lens);
   StudioOptions studio_options;
   studio_options.seed = options.seed;
   Studio studio(actor, cameras, studio_options);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "doppel/geometry/camera.h"
 #include "doppel/synth/actor.h"
 #include "doppel/synth/cloth_solver.h"
 #include "doppel/synth/clothing.h"
@@ -16,6 +17,9 @@ enum class ClothModel { springs, xpbd };
 ClothModel cloth_model(const std::string& name);
 std::string cloth_name(ClothModel model);
 
+/// The lens of a word: `pinhole` (Lens::opencv without distortion) or `fisheye`. @throws UsageError for another word
+Lens synth_lens(const std::string& name);
+
 struct ClothOptions {
   ClothModel model = ClothModel::springs;
   ClothingOptions springs;
@@ -26,8 +30,9 @@ struct SynthOptions {
   ActorOptions actor;
   ClothOptions cloth;
   int cameras = 8;
-  int size = 384;    ///< pixels along each side of the images
-  int frames = 120;  ///< for training, in two segments with a cut between them
+  int size = 384;            ///< pixels along each side of the images
+  Lens lens = Lens::opencv;  ///< opencv: no distortion; fisheye: action cameras near the person
+  int frames = 120;          ///< for training, in two segments with a cut between them
   int test_frames = 40;
   double fps = 25;
   double turn = 0.0;       ///< mean speed at which the person turns about the vertical axis, degrees per second

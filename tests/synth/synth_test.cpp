@@ -322,18 +322,36 @@ TEST(SynthStudio, MasksAreTheCoverageOfTheTruth) {
   }
 }
 
+TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheTruth) {
+  const Actor& actor = tiny_actor();
+  const Take take = perform(actor, 1, 25, 11, {});
+  const auto cameras = make_cameras(2, 160, 1, Lens::fisheye);
+  Studio studio(actor, cameras);
+  studio.set_surface(take.truth[0]);
+  for (int c = 0; c < 2; ++c) {
+    ASSERT_EQ(cameras[as_size(c)].lens, Lens::fisheye);
+    const cv::Mat mask = studio.shoot(c, 0).mask;
+    const cv::Mat truth = brute_coverage(take.truth[0], actor.character.mesh.faces, cameras[as_size(c)]) > 4;
+    const int both = cv::countNonZero(mask & truth), either = cv::countNonZero(mask | truth);
+    EXPECT_GT(both, 1000) << "camera " << c;
+    // A sample is looked up with an error of up to half a sample, a sixth of a pixel.
+    EXPECT_GT(both, 0.98 * either) << "camera " << c;
+  }
+}
+
 TEST(SynthStudio, KeepsTheActorOffTheBorder) {
   const Actor& actor = tiny_actor();
   const Take take = perform(actor, 120, 25, 2, {});
-  for (const Camera& camera : make_cameras(8, 256, 3)) {
-    EXPECT_TRUE(camera.faults().empty());
-    for (const Points& frame : take.truth)
-      for (const Vector3d& v : frame) {
-        const Vector2d p = camera.project(v);
-        ASSERT_GT(p.minCoeff(), 2);
-        ASSERT_LT(p.maxCoeff(), 254);
-      }
-  }
+  for (const Lens lens : {Lens::opencv, Lens::fisheye})
+    for (const Camera& camera : make_cameras(8, 256, 3, lens)) {
+      EXPECT_TRUE(camera.faults().empty());
+      for (const Points& frame : take.truth)
+        for (const Vector3d& v : frame) {
+          const Vector2d p = camera.project(v);
+          ASSERT_GT(p.minCoeff(), 2);
+          ASSERT_LT(p.maxCoeff(), 254);
+        }
+    }
 }
 
 TEST(SynthStudio, DrawsTheSameImageWithAnyNumberOfThreads) {
@@ -516,6 +534,8 @@ TEST(SynthRejects, OptionsOutOfRange) {
   refuses([](SynthOptions& o) { o.frames = 0; });
   refuses([](SynthOptions& o) { o.test_frames = -1; });
   EXPECT_THROW(SynthOptions::preset("huge"), UsageError);
+  EXPECT_THROW(synth_lens("mirror"), UsageError);
+  EXPECT_THROW(make_cameras(1, 96, 1, Lens::polynomial), UsageError);
 }
 
 TEST(SynthRejects, LeavesNothingBehindWhenStopped) {
