@@ -94,7 +94,7 @@ std::int64_t Checkpoint::integer(const std::string& name) const {
   return static_cast<std::int64_t>(value);
 }
 
-void Checkpoint::copy_tensor(const std::string& name, torch::Tensor target) const {
+void Checkpoint::copy_tensor(const std::string& name, const torch::Tensor& target) const {
   const torch::Tensor& source = tensor(name);
   if (source.sizes() != target.sizes() || source.scalar_type() != target.scalar_type())
     fail("{}: `{}` is {}, the model needs {}; the checkpoint belongs to another character or configuration", where_,

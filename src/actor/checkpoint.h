@@ -35,7 +35,7 @@ class Checkpoint {
   const std::map<std::string, torch::Tensor>& tensors() const { return tensors_; }
 
   /// Copies a stored tensor into `target`. @throws Error for another shape or element type, naming both
-  void copy_tensor(const std::string& name, torch::Tensor target) const;
+  void copy_tensor(const std::string& name, const torch::Tensor& target) const;
 
   /// Writes the file atomically.
   void save(const std::filesystem::path& path) const;

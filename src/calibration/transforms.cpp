@@ -69,11 +69,13 @@ std::vector<std::string> transforms_names(const std::vector<TransformsPath>& pat
   if (prefer_folders) std::swap(choices[0], choices[1]);
   for (const auto part : choices) {
     std::vector<std::string> names;
+    names.reserve(paths.size());
     for (const TransformsPath& path : paths) names.push_back(path.*part);
     const std::set<std::string> different(names.begin(), names.end());
     if (different.size() == names.size() && !different.contains("")) return names;
   }
   std::vector<std::string> names;
+  names.reserve(paths.size());
   for (const TransformsPath& path : paths) names.push_back(fmt::format("{}_{}", path.flat, names.size()));
   return names;
 }
@@ -254,7 +256,7 @@ class TransformsReader {
         fail_at(where_, "reading a camera calibration: {}the lens model of \"{}\" is not supported", what_, key);
     }
     const TransformsJson* const flag = find(frame, "is_fisheye");
-    const bool flagged = flag && (*flag == true || *flag == 1);
+    const bool flagged = flag && (flag->is_boolean() ? flag->get<bool>() : *flag == 1);
     const TransformsJson* const model = find(frame, "camera_model");
     if (!model) return flagged;
     if (*model == "OPENCV_FISHEYE") return true;

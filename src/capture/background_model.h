@@ -29,6 +29,8 @@ class BackgroundModel {
   /// @throws UsageError for a threshold that is not positive, or a shadow that is not in (0, 1]
   explicit BackgroundModel(const BackgroundOptions& options = {});
   ~BackgroundModel();
+  BackgroundModel(const BackgroundModel&) = delete;
+  BackgroundModel& operator=(const BackgroundModel&) = delete;
   BackgroundModel(BackgroundModel&&) noexcept;
   BackgroundModel& operator=(BackgroundModel&&) noexcept;
 

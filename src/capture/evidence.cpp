@@ -81,7 +81,7 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
     plan.landmarks = by_name ? character.skeleton.markers : known_markers(character.skeleton, plan.map);
   if (by_name) plan.map = map_of_names(plan.landmarks);
   if (!plan.landmarks.empty()) {
-    LandmarkPicker(plan.map, plan.landmarks);  // throws for landmarks that the map does not contain
+    const LandmarkPicker check(plan.map, plan.landmarks);  // throws for landmarks that the map does not contain
     return plan;
   }
   const std::string sentence = fmt::format(
@@ -121,6 +121,7 @@ KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask
   if (track.facts.frames > 0) track.facts.seen /= static_cast<double>(track.facts.frames);
   check_pixels(track.frames);
   std::vector<long> segments;
+  segments.reserve(cuts.size());
   for (const long cut : cuts) segments.push_back(cut - first);
   filter_keypoints(track.frames, segments, filter, std::max(camera.width, camera.height));
   return track;
@@ -129,7 +130,7 @@ KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask
 std::vector<std::string> keypoint_doubts(const KeypointFacts& facts) {
   std::vector<std::string> doubts;
   if (facts.missing_files == facts.frames)
-    doubts.push_back("none of the keypoint files exists; check the path and its number of digits");
+    doubts.emplace_back("none of the keypoint files exists; check the path and its number of digits");
   else if (facts.missing_files > 0)
     doubts.push_back(fmt::format("{} of {} keypoint files are missing; their frames have no keypoints",
                                  facts.missing_files, facts.frames));
@@ -137,7 +138,7 @@ std::vector<std::string> keypoint_doubts(const KeypointFacts& facts) {
     doubts.push_back(
         fmt::format("all keypoints have a confidence below {}; they have little influence", kSeenConfidence));
   if (facts.missing_files < facts.frames && facts.nobody == facts.frames)
-    doubts.push_back("nobody was found in any frame");
+    doubts.emplace_back("nobody was found in any frame");
   return doubts;
 }
 

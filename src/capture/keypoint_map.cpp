@@ -91,6 +91,7 @@ const KeypointMap::Entry* KeypointMap::find(const std::string& landmark) const {
 
 std::vector<std::string> builtin_keypoint_maps() {
   std::vector<std::string> names;
+  names.reserve(kBuiltinKeypointMaps.size());
   for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps) names.emplace_back(map.name);
   return names;
 }

@@ -29,6 +29,8 @@ class PoseDetector {
   /// @throws FileError when the model cannot be read, UsageError for invalid options
   PoseDetector(const PoseDetectorOptions& options, const PointLayout& layout);
   ~PoseDetector();
+  PoseDetector(const PoseDetector&) = delete;
+  PoseDetector& operator=(const PoseDetector&) = delete;
   PoseDetector(PoseDetector&&) noexcept;
   PoseDetector& operator=(PoseDetector&&) noexcept;
 

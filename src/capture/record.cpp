@@ -32,7 +32,7 @@ std::uint64_t checksum(std::uint64_t state, const char* data, std::size_t size) 
   constexpr std::uint64_t kPrime = 0x100000001b3;
   std::size_t i = 0;
   for (; i + 8 <= size; i += 8) {
-    std::uint64_t word;
+    std::uint64_t word = 0;
     std::memcpy(&word, data + i, 8);
     state = (state ^ word) * kPrime;
     state ^= state >> 29;

@@ -69,6 +69,8 @@ struct Store::Impl {
       throw;
     }
   }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
   ~Impl() { mdb_env_close(environment); }
 
   void open(Mode mode) {

@@ -25,6 +25,8 @@ class Store {
   /// first, because LMDB does not check it.
   Store(const std::filesystem::path& folder, Mode mode);
   ~Store();
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
   Store(Store&&) noexcept;
   Store& operator=(Store&&) noexcept;
 

@@ -17,6 +17,8 @@ class TemplateChecker {
  public:
   explicit TemplateChecker(const Character& character);
   ~TemplateChecker();
+  TemplateChecker(const TemplateChecker&) = delete;
+  TemplateChecker& operator=(const TemplateChecker&) = delete;
   TemplateChecker(TemplateChecker&&) noexcept;
   TemplateChecker& operator=(TemplateChecker&&) noexcept;
 

@@ -75,6 +75,7 @@ void write_landmarks(const std::filesystem::path& csv, const Character& characte
 
 std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks) {
   std::vector<std::string> names;
+  names.reserve(landmarks.size());
   for (const Marker& landmark : landmarks) names.push_back(landmark.name);
   return names;
 }

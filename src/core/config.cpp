@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
@@ -313,7 +314,8 @@ std::vector<T> ConfigReader::list(const std::string& key) const {
     take(node);
   }
   std::vector<std::string> texts;
-  for (const T& value : values) texts.push_back(fmt::format("{}", value));
+  texts.reserve(values.size());
+  for (const auto& value : std::as_const(values)) texts.push_back(fmt::format("{}", value));
   note_value(key, "[" + joined(texts) + "]");
   return values;
 }

@@ -21,7 +21,7 @@ std::size_t bytes_of(const SilhouetteCrop& crop) {
 
 std::size_t bytes_of(const ImageCrop& crop) { return sizeof(crop) + crop.rgb.size() + crop.foreground.size(); }
 
-torch::Tensor contour_tensor(const Crops& crops, torch::Tensor offsets) {
+torch::Tensor contour_tensor(const Crops& crops, const torch::Tensor& offsets) {
   auto* offset = offsets.data_ptr<std::int64_t>();
   offset[0] = 0;
   for (std::size_t i = 0; i < crops.size(); ++i)

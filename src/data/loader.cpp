@@ -74,6 +74,8 @@ struct Loader::Impl {
         cache(as_size(options.cache_mb) << 20) {
     start();
   }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
   ~Impl() { stop(); }
 
   void start() {

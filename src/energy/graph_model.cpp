@@ -73,7 +73,7 @@ DeformedGraph GraphModel::pose(const std::vector<double>& parameters, bool jacob
     const double* p = parameters.data() + kBlockSize * k;
     const Vector3d angles(p[0], p[1], p[2]);
     graph.rotation.push_back(rotation_of(angles));
-    graph.position.push_back(nodes_[k] + Vector3d(p[3], p[4], p[5]));
+    graph.position.emplace_back(nodes_[k] + Vector3d(p[3], p[4], p[5]));
     if (jacobian)
       graph.rotation_jacobian.push_back({rotation_of(angles, 0), rotation_of(angles, 1), rotation_of(angles, 2)});
   }
@@ -142,6 +142,7 @@ void GraphModel::add_landmark_jacobian(const DeformedGraph& graph, int landmark,
 
 std::vector<Vector3d> deformed_vertices(const GraphModel& model, const DeformedGraph& graph) {
   std::vector<Vector3d> vertices;
+  vertices.reserve(as_size(model.character().num_vertices()));
   for (int v = 0; v < model.character().num_vertices(); ++v) vertices.push_back(model.vertex(graph, v));
   return vertices;
 }

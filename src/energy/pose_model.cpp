@@ -171,7 +171,8 @@ void PoseModel::add_force(const PosedBody& body, std::size_t carrier, const Eige
   for (const int unknown : movers_[carrier]) row[unknown] += force.dot(body.twists[carrier].col(unknown));
 }
 
-void PoseModel::add_landmark_jacobian(const PosedBody& body, int landmark, const Vector3d& gradient, Row row) const {
+void PoseModel::add_landmark_jacobian(const PosedBody& body, int landmark, const Vector3d& gradient,
+                                      const Row& row) const {
   Eigen::Matrix<double, 6, 1> force;
   force << this->landmark(body, landmark).cross(gradient), gradient;
   const auto carrier = as_size(landmark_carrier_[as_size(landmark)]);
@@ -218,7 +219,7 @@ Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
 /// with a = c_b r_b r* / |r|^2 and h = c_b d_b r* / |r|^2 (s: scalar part, v: vector part). The rows below are
 /// gradient^T dx, sorted by omega and u.
 void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& blended, const Vector3d& gradient,
-                                    Row row) const {
+                                    const Row& row) const {
   Quaterniond conjugate = blended.real.conjugate();
   conjugate.coeffs() /= blended.squared_norm;
   const double e_scalar = 2.0 * (blended.dual * conjugate).w();

@@ -95,10 +95,11 @@ class PoseModel {
 
   /// Adds gradient^T d point / d unknowns to a row of n numbers.
   using Row = Rows::JacobianRow;
-  void add_landmark_jacobian(const PosedBody& body, int landmark, const Eigen::Vector3d& gradient, Row row) const;
+  void add_landmark_jacobian(const PosedBody& body, int landmark, const Eigen::Vector3d& gradient,
+                             const Row& row) const;
   void add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& vertex, const Eigen::Vector3d& gradient,
-                           Row row) const;
-  void add_vertex_jacobian(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, Row row) const {
+                           const Row& row) const;
+  void add_vertex_jacobian(const PosedBody& body, int vertex, const Eigen::Vector3d& gradient, const Row& row) const {
     add_vertex_jacobian(body, skinned(body, vertex), gradient, row);
   }
 

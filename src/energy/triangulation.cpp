@@ -100,6 +100,7 @@ std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<
                                                               const FrameEvidence& frame, int num_landmarks,
                                                               const TriangulationOptions& options) {
   std::vector<std::optional<TriangulatedPoint>> points;
+  points.reserve(as_size(num_landmarks));
   for (int m = 0; m < num_landmarks; ++m) points.push_back(triangulate(cameras, frame, m, options));
   return points;
 }

@@ -114,7 +114,7 @@ std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& land
   std::vector<std::int64_t> rows;
   for (const CommonJoint& joint : kJoints) {
     rows.push_back(row_of(joint, plain));
-    if (rows.back() < 0) missing.push_back(joint.name);
+    if (rows.back() < 0) missing.emplace_back(joint.name);
   }
   if (!missing.empty())
     fail<UsageError>("poses cannot be compared: no landmark has the name {} (there are {})", fmt::join(missing, ", "),

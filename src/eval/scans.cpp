@@ -30,7 +30,7 @@ struct ScanFolder {
 
   explicit ScanFolder(const std::filesystem::path& folder) {
     for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-      const std::filesystem::path path = entry.path();
+      const std::filesystem::path& path = entry.path();
       if (!entry.is_regular_file() || !is_frame_number(path.stem().string())) continue;
       if (path.extension() == ".ply") ++unread;
       if (path.extension() != ".obj") continue;

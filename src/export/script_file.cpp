@@ -95,7 +95,7 @@ ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules
 void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
   const torch::NoGradGuard no_grad;
   const auto [state, outputs] = torch::jit::tracer::trace(
-      inputs, [&](Stack given) { return packed(function(given)); },
+      inputs, [&](const Stack& given) { return packed(function(given)); },
       [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true, /*force_outplace=*/false,
       &module_);
   const auto full_name = c10::QualifiedName(*module_.type()->name(), name);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/energy/alignment.h"
 #include "doppel/energy/inliers.h"
@@ -149,6 +150,7 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<Outl
   if (expected && o.temporal_weight > 0.0) {
     const PosedBody body = model_.pose(*expected, false);
     std::vector<PointTerm::Target> targets;
+    targets.reserve(as_size(model_.num_landmarks()));
     for (int m = 0; m < model_.num_landmarks(); ++m) targets.push_back({m, model_.landmark(body, m), 1.0});
     result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), o.temporal_weight));
   }

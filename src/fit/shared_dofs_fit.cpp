@@ -98,6 +98,7 @@ std::vector<double> fit_shared_dofs(const Character& character, const std::vecto
     found = FitProblem<PoseModel>::to_vector(state);
   }
   std::vector<double> values;
+  values.reserve(dofs.size());
   for (const int dof : dofs) values.push_back(found[as_size(dof)]);
   return values;
 }

@@ -81,10 +81,10 @@ class ObjReader {
   void read_line() {
     const std::string_view key = reader_.tokens()[0];
     if (key == "v") return read_vertex();
-    if (key == "vt") return mesh_.uvs.push_back({reader_.number(1, "u"), reader_.number(2, "v")}), void();
+    if (key == "vt") return read_uv();
     if (key == "f") return read_face();
     if (key == "vc") return separate_colours_.push_back(colour(1)), void();
-    if (key == "mtllib") libraries_.push_back({resolve_path(reader_.path(), rest_of_line(reader_)), reader_.where()});
+    if (key == "mtllib") libraries_.emplace_back(resolve_path(reader_.path(), rest_of_line(reader_)), reader_.where());
     if (key == "usemtl") materials_.insert(rest_of_line(reader_));
     // Normals are computed from the surface; groups and smoothing are ignored.
   }
@@ -94,12 +94,17 @@ class ObjReader {
   }
 
   void read_vertex() {
-    mesh_.vertices.push_back(scale_ *
-                             Eigen::Vector3d(reader_.number(1, "x"), reader_.number(2, "y"), reader_.number(3, "z")));
+    const Eigen::Vector3d position{reader_.number(1, "x"), reader_.number(2, "y"), reader_.number(3, "z")};
+    mesh_.vertices.emplace_back(scale_ * position);
     if (reader_.tokens().size() < 7) return;
     // Vertices before the first coloured one are white, as in Skeletool.
     mesh_.colours.resize(mesh_.vertices.size(), Eigen::Vector3d::Ones());
     mesh_.colours.back() = colour(4);
+  }
+
+  void read_uv() {
+    const double u = reader_.number(1, "u"), v = reader_.number(2, "v");
+    mesh_.uvs.emplace_back(u, v);
   }
 
   /// One part of `v/vt/vn`: 1-based, or counted backwards from the newest when negative.

@@ -70,7 +70,7 @@ TriangleTree::TriangleTree(const std::vector<Vector3d>& vertices, const std::vec
   check_faces(vertices.size(), faces);
   std::vector<Vector3d> centres;
   for (const Triangle& f : faces) {
-    centres.push_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
+    centres.emplace_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
     triangles_.push_back({{vertices[f[0]], vertices[f[1]], vertices[f[2]]}, static_cast<int>(triangles_.size())});
   }
   // Checked before any comparison sorts by them.

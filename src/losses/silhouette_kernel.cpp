@@ -72,14 +72,14 @@ double pull_to_contour(const CameraInput& in, CameraScratch& scratch) {
 void NearestPoint::build(const std::vector<BoundaryPoint>& points, std::int64_t size) {
   points_ = &points;
   cells_ = static_cast<int>(size / kCell) + 1;
-  offsets_.assign(static_cast<std::size_t>(cells_ * cells_ + 2), 0);
+  const auto cells = static_cast<std::size_t>(cells_);
+  offsets_.assign(cells * cells + 2, 0);
   items_.resize(points.size());
   // Boundary vertices lie in the image. Vertices of a set given by the caller may not; they go to the outer cells.
-  const auto cell = [this](const BoundaryPoint& p) {
+  const auto cell = [this, cells](const BoundaryPoint& p) {
     const auto top = static_cast<float>(cells_ * kCell - 1);
-    const int x = static_cast<int>(std::clamp(p.u, 0.0f, top)) / kCell,
-              y = static_cast<int>(std::clamp(p.v, 0.0f, top)) / kCell;
-    return static_cast<std::size_t>(y * cells_ + x);
+    const auto along = [top](float x) { return static_cast<std::size_t>(std::clamp(x, 0.0f, top)) / kCell; };
+    return along(p.v) * cells + along(p.u);
   };
   for (const BoundaryPoint& p : points) ++offsets_[cell(p) + 2];
   for (std::size_t i = 2; i < offsets_.size(); ++i) offsets_[i] += offsets_[i - 1];
@@ -90,7 +90,7 @@ void NearestPoint::build(const std::vector<BoundaryPoint>& points, std::int64_t 
 
 void NearestPoint::visit(int x, int y, float u, float v, float& best, int& index) const {
   if (x < 0 || y < 0 || x >= cells_ || y >= cells_) return;
-  const auto cell = static_cast<std::size_t>(y * cells_ + x);
+  const std::size_t cell = static_cast<std::size_t>(y) * static_cast<std::size_t>(cells_) + static_cast<std::size_t>(x);
   for (int i = offsets_[cell]; i < offsets_[cell + 1]; ++i) {
     const int item = items_[static_cast<std::size_t>(i)];
     const BoundaryPoint& p = (*points_)[static_cast<std::size_t>(item)];

@@ -83,7 +83,7 @@ FullyConnectedImpl::FullyConnectedImpl(int64_t inputs, int64_t nodes, int64_t ou
   for (int i = 0; i < count; ++i) {
     const int64_t in = i == 0 ? inputs : config.fully_connected_width;
     const int64_t out = i + 1 == count ? nodes * outputs : config.fully_connected_width;
-    layers_.push_back(register_module("layer" + std::to_string(i), torch::nn::Linear(in, out)));
+    layers_.emplace_back(register_module("layer" + std::to_string(i), torch::nn::Linear(in, out)));
     draw_uniform(layers_.back()->weight, i + 1 == count ? head_scale : glorot(in, out), generator);
     torch::NoGradGuard no_grad;
     layers_.back()->bias.zero_();
@@ -163,8 +163,8 @@ ChebyshevNetworkImpl::ChebyshevNetworkImpl(const MeshTopology& topology, int inp
   stem_ = make("stem", inputs, H, glorot(inputs, H));
   for (int i = 0; i < 2 * config.residual_blocks; ++i) {
     const std::string place = fmt::format("block{}_unit{}", i / 2, i % 2);
-    norms_.push_back(register_module(place + "_norm", FeatureNorm(num_nodes_, H, config)));
-    convolutions_.push_back(make(place, H, H, glorot(H, H)));
+    norms_.emplace_back(register_module(place + "_norm", FeatureNorm(num_nodes_, H, config)));
+    convolutions_.emplace_back(make(place, H, H, glorot(H, H)));
   }
   if (config.dense != DenseBlock::none) {
     dense_norm_ = register_module("dense_norm", FeatureNorm(num_nodes_, H, config));

@@ -68,7 +68,7 @@ RayInterval PlainFieldImpl::through_box(const Tensor& origin, const Tensor& dire
 }
 
 PlainRays PlainFieldImpl::render(const Tensor& origin, const Tensor& direction,
-                                 std::optional<at::Generator> generator) {
+                                 const std::optional<at::Generator>& generator) {
   check_shape("plain field", "direction", direction, {-1, 3}, "[R,3]");
   const auto [near, far] = through_box(origin, direction);
   PlainRays rays;

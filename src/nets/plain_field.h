@@ -43,7 +43,7 @@ class PlainFieldImpl : public torch::nn::Module {
   /// @param origin [3] or [R,3], direction [R,3] unit
   /// @param generator draws the positions of the samples; without one they are the centres of their intervals
   PlainRays render(const torch::Tensor& origin, const torch::Tensor& direction,
-                   std::optional<at::Generator> generator = std::nullopt);
+                   const std::optional<at::Generator>& generator = std::nullopt);
   /// The image of a camera, without gradients. @param projection [3,4]
   FieldImage draw(const torch::Tensor& projection, int64_t height, int64_t width);
 

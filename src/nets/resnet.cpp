@@ -58,7 +58,7 @@ Tensor ResidualUnitImpl::forward(const Tensor& features) {
   return (x + (shortcut_ ? shortcut_->forward(features) : features)).relu_();
 }
 
-ResNetImpl::ResNetImpl(ResNetKind kind, at::Generator generator) {
+ResNetImpl::ResNetImpl(ResNetKind kind, const at::Generator& generator) {
   const Plan plan = plan_of(kind);
   first_ = register_module("conv1", convolution(3, 64, 7, 2));
   first_norm_ = register_module("bn1", torch::nn::BatchNorm2d(64));
@@ -71,7 +71,7 @@ ResNetImpl::ResNetImpl(ResNetKind kind, at::Generator generator) {
       units->push_back(ResidualUnit(channels, width, outputs, stride, plan.bottleneck));
       channels = outputs;
     }
-    layers_.push_back(register_module("layer" + std::to_string(layer + 1), units));
+    layers_.emplace_back(register_module("layer" + std::to_string(layer + 1), units));
   }
   features_ = channels;
   const torch::NoGradGuard no_grad;
@@ -95,7 +95,7 @@ Tensor ResNetImpl::forward(const Tensor& image) {
 
 BackboneConfig BackboneConfig::read(const ConfigReader& reader) {
   BackboneConfig config;
-  const std::string fallback = kKindWords[as_size(config.kind)];
+  const std::string& fallback = kKindWords[as_size(config.kind)];
   config.kind =
       reader.choice("backbone", kKindWords, fallback) == "resnet18" ? ResNetKind::resnet18 : ResNetKind::resnet50;
   config.input_size = reader.get("input_size", config.input_size, between(32, 1024));

@@ -40,7 +40,7 @@ enum class ResNetKind { resnet18, resnet50 };
 class ResNetImpl : public torch::nn::Module {
  public:
   /// @param generator draws the initial convolutions (He et al. 2015, fan out)
-  ResNetImpl(ResNetKind kind, at::Generator generator);
+  ResNetImpl(ResNetKind kind, const at::Generator& generator);
 
   /// @param image [B,3,H,W], sides of at least 32, colours standardised by ImageNet's mean and deviation
   /// @return [B,features()]

@@ -146,8 +146,8 @@ SagcnImpl::SagcnImpl(const RingWeights& ring, int inputs, int outputs, const Sag
   config.check();
   stem_ = register_module("stem", GraphConvolution(ring, inputs, config.features));
   for (int i = 0; i < 2 * config.residual_blocks; ++i)
-    units_.push_back(register_module(fmt::format("block{}_unit{}", i / 2, i % 2),
-                                     SagcnUnit(ring, config.features, config.features, config)));
+    units_.emplace_back(register_module(fmt::format("block{}_unit{}", i / 2, i % 2),
+                                        SagcnUnit(ring, config.features, config.features, config)));
   if (config.dense != DenseBlock::none) dense_ = register_module("dense", DenseUnit(num_nodes_, config));
   head_ = register_module("head", GraphConvolution(ring, config.features, outputs));
   initialise(generator ? *generator : at::detail::createCPUGenerator(kSagcnSeed));

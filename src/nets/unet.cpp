@@ -65,7 +65,7 @@ int64_t UNetConfig::channels(int level) const {
   return std::max<int64_t>(1, std::llround(full * width));
 }
 
-Tensor dropout(const Tensor& features, double probability, at::Generator generator) {
+Tensor dropout(const Tensor& features, double probability, const at::Generator& generator) {
   if (probability <= 0.0) return features;
   const Tensor kept = at::empty(features.sizes(), features.options()).bernoulli_(1.0 - probability, generator);
   return features * kept.div_(1.0 - probability);
@@ -88,27 +88,27 @@ UNetImpl::UNetImpl(int64_t inputs, int64_t outputs, const UNetConfig& config, st
   const auto name = [](const char* what, int level) { return what + std::to_string(level); };
   for (int level = 0; level < config.levels; ++level) {
     const int64_t in = level == 0 ? inputs : config.channels(level - 1), out = config.channels(level);
-    down_.push_back(register_module(
+    down_.emplace_back(register_module(
         name("down", level), torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, 4).stride(2).padding(1).bias(false))));
-    if (level > 0) down_norm_.push_back(register_module(name("down_norm", level), make_norm(out, config)));
+    if (level > 0) down_norm_.emplace_back(register_module(name("down_norm", level), make_norm(out, config)));
   }
   // up level i brings the resolution of level i back to that of level i - 1, so the last one is number 0.
   for (int level = config.levels - 1; level >= 0; --level) {
     const int64_t in = config.channels(level) * (level == config.levels - 1 ? 1 : 2);
     const int64_t out = level == 0 ? outputs : config.channels(level - 1);
     if (config.upsample == Upsampling::transposed)
-      up_transposed_.push_back(register_module(
+      up_transposed_.emplace_back(register_module(
           name("up", level), torch::nn::ConvTranspose2d(
                                  torch::nn::ConvTranspose2dOptions(in, out, 4).stride(2).padding(1).bias(level == 0))));
     else
-      up_convolution_.push_back(register_module(
+      up_convolution_.emplace_back(register_module(
           name("up", level), torch::nn::Conv2d(torch::nn::Conv2dOptions(in, out, 3).padding(1).bias(level == 0))));
-    if (level > 0) up_norm_.push_back(register_module(name("up_norm", level), make_norm(out, config)));
+    if (level > 0) up_norm_.emplace_back(register_module(name("up_norm", level), make_norm(out, config)));
   }
   initialise(generator ? *generator : at::detail::createCPUGenerator(kUNetSeed));
 }
 
-void UNetImpl::initialise(at::Generator generator) {
+void UNetImpl::initialise(const at::Generator& generator) {
   torch::NoGradGuard no_grad;
   for (auto& item : named_parameters()) {
     if (item.value().dim() == 4)
@@ -155,7 +155,7 @@ void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
     fail<UsageError>("a UNet in training needs the generator of its dropout; pass one, or set dropout: 0");
 }
 
-Tensor UNetImpl::forward(const Tensor& image, std::optional<at::Generator> generator) {
+Tensor UNetImpl::forward(const Tensor& image, const std::optional<at::Generator>& generator) {
   check_input(image, generator.has_value());
   if (image.size(0) == 0) {
     const int64_t outputs = named_parameters()["up0.bias"].size(0);

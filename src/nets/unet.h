@@ -40,7 +40,7 @@ struct UNetConfig {
 
 /// Dropout that draws from `generator` only, so that a resumed run draws the same numbers as an uninterrupted run.
 /// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
-torch::Tensor dropout(const torch::Tensor& features, double probability, at::Generator generator);
+torch::Tensor dropout(const torch::Tensor& features, double probability, const at::Generator& generator);
 
 /// A transposed 4x4 convolution of stride 2 and padding 1, computed as an ordinary convolution. Each of the four kinds
 /// of output pixel depends on 2x2 inputs. All four are computed as 3x3 convolutions with zeros, and a pixel shuffle
@@ -62,7 +62,7 @@ class UNetImpl : public torch::nn::Module {
   /// @return [B,Cout,H,W], any real numbers: no activation follows the last convolution
   /// @throws UsageError for another size; for a training batch of 1 whose innermost map is one pixel, which batch
   /// normalisation would set to 0
-  torch::Tensor forward(const torch::Tensor& image, std::optional<at::Generator> generator = std::nullopt);
+  torch::Tensor forward(const torch::Tensor& image, const std::optional<at::Generator>& generator = std::nullopt);
 
   const UNetConfig& config() const { return config_; }
 
@@ -70,7 +70,7 @@ class UNetImpl : public torch::nn::Module {
   torch::Tensor down(int level, const torch::Tensor& features);
   torch::Tensor up(int level, const torch::Tensor& features, const std::optional<at::Generator>& generator);
   void check_input(const torch::Tensor& image, bool has_generator) const;
-  void initialise(at::Generator generator);
+  void initialise(const at::Generator& generator);
 
   UNetConfig config_;
   int64_t inputs_;

@@ -91,7 +91,7 @@ std::vector<BlockSystem::SquareBlock> BlockSystem::inverse_blocks(double damping
     SquareBlock block = blocks_[b];
     block.diagonal() += added.segment<kBlockSize>(static_cast<Eigen::Index>(b) * kBlockSize);
     block.diagonal().array() += kFloor * block.diagonal().maxCoeff();
-    result.push_back(block.llt().solve(SquareBlock::Identity()));
+    result.emplace_back(block.llt().solve(SquareBlock::Identity()));
   }
   return result;
 }

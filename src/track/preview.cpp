@@ -56,6 +56,8 @@ class WindowPreview : public Preview {
     if (!screen) fail<UsageError>("there is no screen for the preview window; --preview FILE.mp4 needs none");
     cv::resizeWindow(kTitle, view_.size().width, view_.size().height);
   }
+  WindowPreview(const WindowPreview&) = delete;
+  WindowPreview& operator=(const WindowPreview&) = delete;
   ~WindowPreview() override { cv::destroyWindow(kTitle); }
 
   bool show(const cv::Mat& image, const Eigen::Matrix3Xd& vertices, const std::string& caption) override {

@@ -37,7 +37,7 @@ AdamOptions AdamOptions::read(const ConfigReader& reader) {
   return o;
 }
 
-Adam::Adam(std::vector<Group> groups, const AdamOptions& options) : options_(options) {
+Adam::Adam(const std::vector<Group>& groups, const AdamOptions& options) : options_(options) {
   for (const Group& group : groups) add(group);
 }
 
@@ -55,8 +55,11 @@ void Adam::add(const Group& group) {
     if (parameter.scalar_type() != torch::kFloat32 || !parameter.is_contiguous() || !parameter.device().is_cpu())
       fail("parameter {} cannot be optimised: Adam needs contiguous float32 tensors in main memory", name);
     if (!parameter.requires_grad()) continue;
-    const auto zeros = [&] { return torch::zeros_like(parameter, torch::MemoryFormat::Contiguous).detach(); };
-    Slot slot{name, parameter, zeros(), zeros(), {}, group.learning_rate_scale, group.weight_decay_scale};
+    const auto zeros = [](const torch::Tensor& like) {
+      return torch::zeros_like(like, torch::MemoryFormat::Contiguous).detach();
+    };
+    Slot slot{
+        name, parameter, zeros(parameter), zeros(parameter), {}, group.learning_rate_scale, group.weight_decay_scale};
     if (options_.mean_decay > 0.0) slot.mean = parameter.detach().clone();
     for (std::int64_t begin = 0; begin < parameter.numel(); begin += kChunk)
       chunks_.push_back({slots_.size(), begin, std::min(begin + kChunk, parameter.numel())});

@@ -41,7 +41,7 @@ class Adam {
   };
 
   /// @throws Error naming the parameter that is not a contiguous float32 CPU tensor
-  Adam(std::vector<Group> groups, const AdamOptions& options);
+  Adam(const std::vector<Group>& groups, const AdamOptions& options);
   /// All parameters of a module. Weight decay leaves out parameters of one dimension, biases, and the parameters of
   /// layers named `norm`.
   Adam(const torch::nn::Module& module, const AdamOptions& options);

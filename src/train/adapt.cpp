@@ -115,8 +115,8 @@ class Adaptation {
     } else {
       changes.push_back(fmt::format("train.iterations={}", stage.iterations));
       changes.push_back(fmt::format("train.learning_rate={}", stage.learning_rate));
-      changes.push_back("train.schedule=constant");
-      changes.push_back("train.warmup=0");
+      changes.emplace_back("train.schedule=constant");
+      changes.emplace_back("train.warmup=0");
     }
     return ConfigDocument::load(RunFolder(stage_folder(options_.run, kind)).config(), changes);
   }

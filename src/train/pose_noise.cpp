@@ -33,7 +33,7 @@ PoseNoise::PoseNoise(const Skeleton& skeleton, const PoseNoiseOptions& options)
     : options_(options), radians_to_dof_(radians_to_dof(skeleton)) {}
 
 torch::Tensor PoseNoise::apply(const torch::Tensor& dof_window, const torch::nn::Module& network,
-                               at::Generator generator) const {
+                               const at::Generator& generator) const {
   if (!network.is_training()) return dof_window;
   torch::Tensor out = dof_window;
   if (options_.pose > 0.0) {

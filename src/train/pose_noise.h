@@ -25,7 +25,8 @@ class PoseNoise {
   /// Noise for the input of a network in training mode. In evaluation mode the window stays as it is, and no random
   /// number is drawn.
   /// @param dof_window [B,F+1,D]; translations stay as they are @return the same shape
-  torch::Tensor apply(const torch::Tensor& dof_window, const torch::nn::Module& network, at::Generator generator) const;
+  torch::Tensor apply(const torch::Tensor& dof_window, const torch::nn::Module& network,
+                      const at::Generator& generator) const;
 
  private:
   PoseNoiseOptions options_;

@@ -65,7 +65,7 @@ std::string step_times(const std::vector<MetricsRecord>& records) {
   std::vector<std::pair<std::string, std::vector<double>>> parts;
   for (const MetricsRecord& record : records)
     for (const auto& [name, time] : record.milliseconds) {
-      auto part = std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.first == name; });
+      auto part = std::find_if(parts.begin(), parts.end(), [&name = name](const auto& p) { return p.first == name; });
       if (part == parts.end()) part = parts.insert(parts.end(), {name, {}});
       part->second.push_back(time);
     }

@@ -43,9 +43,9 @@ StageChain StageChain::read(const ConfigDocument& document) {
 /// Only the stages of the chain may have sections; the first must have one.
 void StageChain::read_sections(const ConfigReader& root) {
   std::vector<std::string> known = kSharedKeys;
-  known.push_back("stage");
+  known.emplace_back("stage");
   for (const std::string& key : kSharedKeys) root.has(key);
-  if (name_ == "hybrid") known.push_back(kDdcKey);
+  if (name_ == "hybrid") known.emplace_back(kDdcKey);
   if (name_ == "hybrid" && root.has(kDdcKey)) root.path(kDdcKey);
   std::string first;
   for (const StageEntry& entry : stage_table()) {

@@ -36,6 +36,7 @@ void check(const LivecapOptions& options) {
 
 std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
   std::vector<Eigen::Vector3d> points;
+  points.reserve(as_size(model.num_landmarks()));
   for (int m = 0; m < model.num_landmarks(); ++m) points.push_back(model.landmark(body, m));
   return points;
 }

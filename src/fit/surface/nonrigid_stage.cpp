@@ -53,6 +53,7 @@ void check(const NonrigidOptions& o) {
 
 std::vector<double> rest_lengths(const TriangleMesh& mesh, const std::vector<Link>& edges) {
   std::vector<double> lengths;
+  lengths.reserve(edges.size());
   for (const auto& [a, b] : edges) lengths.push_back((mesh.vertices[as_size(a)] - mesh.vertices[as_size(b)]).norm());
   return lengths;
 }

@@ -61,6 +61,8 @@ class NonrigidStage {
   /// @throws Error for options out of range
   NonrigidStage(const Character& character, const PinholeCamera& camera, const NonrigidOptions& options = {});
   ~NonrigidStage();
+  NonrigidStage(const NonrigidStage&) = delete;
+  NonrigidStage& operator=(const NonrigidStage&) = delete;
   NonrigidStage(NonrigidStage&&) noexcept;
   NonrigidStage& operator=(NonrigidStage&&) noexcept;
 

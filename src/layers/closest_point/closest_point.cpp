@@ -88,7 +88,8 @@ std::array<double, 3> through_weights(const std::array<Vector3d, 3>& corners, co
 /// Gradients of one item. @param vertices [N,3] @param found of the item: [P], [P,3], ... @param to_vertices float64
 /// [N,3]
 void pull_back(const Tensor& vertices, const Tensor& points, const Tensor& faces, const Found& found,
-               const Tensor& grad_distance, const Tensor& grad_weights, Tensor to_vertices, Tensor to_points) {
+               const Tensor& grad_distance, const Tensor& grad_weights, const Tensor& to_vertices,
+               const Tensor& to_points) {
   const float *v = vertices.data_ptr<float>(), *p = points.data_ptr<float>(), *w = found.weights.data_ptr<float>();
   const float *outward = found.outward.data_ptr<float>(), *gw = grad_weights.data_ptr<float>();
   for (int64_t i = 0; i < points.size(0); ++i, p += 3, w += 3, outward += 3, gw += 3) {

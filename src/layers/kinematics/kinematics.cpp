@@ -47,7 +47,7 @@ RiddenFrames marker_frames(const Skeleton& skeleton, const std::vector<Marker>& 
       fail<UsageError>("landmark '{}' rides on joint {}; the skeleton has {}", marker.name, marker.joint,
                        skeleton.num_joints());
     joints.push_back(marker.joint);
-    locals.push_back(Eigen::Affine3d(Eigen::Translation3d(marker.position)));
+    locals.emplace_back(Eigen::Translation3d(marker.position));
   }
   return make_frames(joints, locals);
 }
