@@ -1,4 +1,4 @@
-#include "doppel/capture/joint_detections.h"
+#include "doppel/keypoints/joint_detections.h"
 
 #include <climits>
 
