@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 constexpr double kStep = 0.3, kStepPerFrame = 0.15, kLongestStep = 1.5;  ///< metres that a body may move
 constexpr double kEquallyGood = 0.75;                                    ///< of the support of the best person
 constexpr double kWorthNaming = 0.1;
-constexpr double kGoesOn = 0.6;  ///< of the mean support per frame, to count as the same person later
-constexpr double kToleranceInGaps = 2.0;
+constexpr double kGoesOn = 0.6;     ///< of the mean support per frame, to count as the same person later
+constexpr double kTolerance = 2.0;  ///< of the largest residual, once the body is known
 constexpr double kCameraNeverAgrees = 0.02;
 
 /// One person over time: the groups by frame.
@@ -28,7 +28,7 @@ struct GroupTrack {
   double support = 0.0;
 
   void add(long frame, PersonGroup group) {
-    support += group.support;
+    support += 0.5 * group.support * (group.views - 1);
     groups.emplace(frame, std::move(group));
   }
   double support_per_frame() const { return support / static_cast<double>(std::max<std::size_t>(1, groups.size())); }
@@ -136,7 +136,7 @@ class ChosenPerson {
                int longest_gap)
       : frames_(frames), grouper_(grouper), longest_gap_(longest_gap) {
     for (auto before = track.groups.begin(); before != track.groups.end(); ++before) {
-      chosen_[before->first] = before->second.chosen;
+      complete(before->first, before->second);
       const auto after = std::next(before);
       if (after != track.groups.end()) bridge(*before, *after);
     }
@@ -149,13 +149,22 @@ class ChosenPerson {
 
  private:
   using Moment = std::pair<const long, PersonGroup>;
+
+  /// The detections of the group and, where a camera has none, one that is nearly as close.
+  void complete(long frame, const PersonGroup& group) {
+    const PersonGroup wider = grouper_.match(frames_[as_size(frame)], group.body, kTolerance);
+    std::vector<int>& chosen = chosen_[frame] = group.chosen;
+    for (std::size_t c = 0; c < chosen.size(); ++c)
+      if (chosen[c] < 0) chosen[c] = wider.chosen[c];
+  }
+
   void bridge(const Moment& before, const Moment& after) {
     const long gap = after.first - before.first;
     if (gap <= 1 || gap - 1 > longest_gap_) return;
     for (long frame = before.first + 1; frame < after.first; ++frame) {
       const double share = static_cast<double>(frame - before.first) / static_cast<double>(gap);
       const auto body = body_between(before.second, after.second, share);
-      chosen_[frame] = grouper_.match(frames_[as_size(frame)], body, kToleranceInGaps).chosen;
+      chosen_[frame] = grouper_.match(frames_[as_size(frame)], body, kTolerance).chosen;
     }
   }
 
@@ -225,9 +234,9 @@ PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const
   choice.cameras.assign(cameras.size(), 0.0);
   for (std::size_t f = 0; f < frames.size(); ++f) {
     choice.chosen.push_back(chosen.in_frame(static_cast<long>(f), cameras.size()));
-    for (std::size_t c = 0; c < cameras.size(); ++c)
-      choice.cameras[c] += choice.chosen[f][c] >= 0 ? 1.0 / static_cast<double>(frames.size()) : 0.0;
+    for (std::size_t c = 0; c < cameras.size(); ++c) choice.cameras[c] += choice.chosen[f][c] >= 0;
   }
+  for (double& share : choice.cameras) share /= std::max(1.0, static_cast<double>(frames.size()));
   return choice;
 }
 

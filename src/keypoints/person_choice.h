@@ -23,7 +23,7 @@ struct FoundPerson {
   double frames = 0.0;    ///< share of the frames in which at least two cameras agree on the person
   double views = 0.0;     ///< cameras that agree, mean over these frames
   double residual = 0.0;  ///< mean distance of agreeing points from the projections, as a share of the image's height
-  double support = 0.0;   ///< sum over frames and cameras of the share of points that agree
+  double support = 0.0;   ///< sum over frames and pairs of cameras of the share of points that agree
 };
 
 struct PersonChoice {
@@ -40,11 +40,11 @@ struct PersonChoice {
 /// Follows one person in several calibrated cameras: chooses in each frame and camera the detection that shows this
 /// person. In each frame, every pair of detections of two cameras proposes a body by triangulating its points. The
 /// detections of all cameras whose points are near the projections of the body agree with it; its points are
-/// triangulated again by the pair of views with the most inliers. Of bodies that share detections, the one that more
-/// cameras agree on wins. Bodies are then linked over time by their positions. The person with the most support is
-/// chosen, so people who pass in the background of a few cameras lose. In frames in which fewer than two cameras see
-/// the person, the body moves on in a line. A detection whose left and right are swapped agrees as well; the mirrored
-/// order follows from the names of the points (landmark_key).
+/// triangulated again by the pair of views with the most inliers; then points at twice the distance suffice. Of bodies
+/// that share detections, the one that more cameras agree on wins. Bodies are then linked over time by their positions.
+/// The person with the most support is chosen, so people who pass in the background of a few cameras lose. In frames in
+/// which fewer than two cameras see the person, the body moves on in a line. A detection whose left and right are
+/// swapped agrees as well; the mirrored order follows from the names of the points (landmark_key).
 /// @param frames [F] of [C], consecutive, synchronous; points in pixels as filmed, with distortion
 /// @param cameras [C] with their lenses and the size of their images
 /// @param layout of the points; every person has as many

@@ -21,8 +21,8 @@ namespace {
 
 constexpr std::streamsize kHeadBytes = 16 << 10;
 constexpr float kLargestFraction = 1.5f;
-constexpr int kFewestForFractions = 4;
-constexpr double kShareOfFractions = 0.9, kShareOfNegatives = 0.2;
+constexpr int kFewestForFractions = 3;
+constexpr double kShareOfFractions = 0.9, kShareOfNegatives = 0.3;
 
 KeypointFile open_keypoint_file(const fs::path& path) {
   if (!fs::is_regular_file(path))
