@@ -7,9 +7,9 @@
 #include <cstring>
 #include <set>
 
-#include "doppel/capture/path_pattern.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {

@@ -9,9 +9,9 @@
 #include "doppel/calibration/calibration.h"
 #include "doppel/capture/background_model.h"
 #include "doppel/capture/chroma_key.h"
-#include "doppel/capture/keypoint_filter.h"
 #include "doppel/capture/pose_detector.h"
 #include "doppel/core/config.h"
+#include "doppel/keypoints/keypoint_filter.h"
 
 namespace doppel {
 

@@ -9,8 +9,8 @@
 #include <set>
 
 #include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/core/log.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {

@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/mask.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/log.h"
+#include "doppel/keypoints/guess_layout.h"
+#include "doppel/keypoints/keypoint_source.h"
+#include "doppel/keypoints/keypoint_table.h"
 
 namespace doppel {
 
@@ -14,6 +18,25 @@ namespace {
 constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
 constexpr float kLargestShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
 
+/// The layout of the keypoint files, by the files of one camera. Nothing for tables with names, and, with a warning, if
+/// the files do not decide it; reading them then checks the number of points.
+std::optional<std::string> detected_layout(const Capture& capture) {
+  try {
+    const CaptureCameras filmed = choose_cameras(capture);
+    const Camera& camera = filmed.cameras.at(0);
+    for (const SequenceEntry& sequence : capture.sequences) {
+      if (sequence.keypoints.empty()) continue;
+      const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
+      if (is_keypoint_table(source)) continue;
+      const auto found = guess_layout(source, keypoint_camera(camera, filmed.file_index[0]));
+      if (found) return found;
+    }
+  } catch (const Error& e) {
+    log::warn("{}. `keypoint_map` is not set, so its default is used", e.what());
+  }
+  return std::nullopt;
+}
+
 std::string chosen_map(const Capture& capture) {
   if (!capture.keypoint_map.empty()) return capture.keypoint_map;
   if (capture.detector) return kDefaultMap;
@@ -21,7 +44,7 @@ std::string chosen_map(const Capture& capture) {
       std::all_of(capture.sequences.begin(), capture.sequences.end(), [](const SequenceEntry& sequence) {
         return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints).extension() == ".csv";
       });
-  return tables ? kNamesMap : kDefaultMap;
+  return detected_layout(capture).value_or(tables ? kNamesMap : kDefaultMap);
 }
 
 KeypointMap load_map(const Capture& capture, const std::string& name) {

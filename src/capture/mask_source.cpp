@@ -5,8 +5,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/path_pattern.h"
 #include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
 
 namespace doppel {
 

@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/capture/keypoints.h"
+#include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
 

@@ -12,15 +12,17 @@
 #include <thread>
 
 #include "doppel/capture/mask_source.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/pose_detector.h"
 #include "doppel/capture/prepare_plan.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/capture/video.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/keypoints/keypoint_source.h"
+#include "doppel/keypoints/keypoint_table.h"
 
 namespace doppel {
 
@@ -361,8 +363,9 @@ class Preparation {
     std::string written = sequence(job).entry.keypoints;
     if (plan_.detects(sequence(job))) written = PreparePlan::detected_table(sequence(job), options_.out);
     if (written.empty()) return [](long) { return std::optional<People>(); };
-    const auto source = std::make_shared<KeypointSource>(plan_.source(written, job.camera), plan_.evidence.map.layout,
-                                                         camera(job).name);
+    const auto source =
+        std::make_shared<KeypointSource>(plan_.source(written, job.camera), plan_.evidence.map.layout,
+                                         keypoint_camera(plan_.cameras[job.camera], plan_.file_index[job.camera]));
     return [source](long frame) { return source->people(frame); };
   }
 

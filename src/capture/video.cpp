@@ -8,8 +8,8 @@
 #include <opencv2/videoio.hpp>
 #include <opencv2/videoio/registry.hpp>
 
-#include "doppel/capture/path_pattern.h"
 #include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
 
 namespace doppel {
 

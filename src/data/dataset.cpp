@@ -7,10 +7,10 @@
 
 #include "doppel/calibration/relative_intrinsics.h"
 #include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/store_layout.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
 
 namespace doppel {
 

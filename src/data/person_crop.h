@@ -5,9 +5,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/capture/keypoints.h"
 #include "doppel/data/sampling.h"
 #include "doppel/geometry/camera.h"
+#include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
 

@@ -3,10 +3,10 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "doppel/capture/keypoint_map.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/keypoints/keypoint_map.h"
 
 namespace doppel::synth {
 

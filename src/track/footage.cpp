@@ -9,12 +9,13 @@
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/capture/evidence.h"
 #include "doppel/capture/mask_source.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/capture/video.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/path_pattern.h"
 #include "doppel/data/dataset.h"
+#include "doppel/keypoints/keypoint_source.h"
 
 namespace doppel {
 
@@ -139,7 +140,8 @@ class ViewReader {
 
   /// The mask selects one of several people in an image. These masks are read separately.
   void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
-    const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout, view.camera.name);
+    const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout,
+                                keypoint_camera(view.camera, view.file_index));
     std::optional<MaskSource> masks;
     std::unique_ptr<FrameReader> images;
     const auto mask_of = [&](long frame) {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "doppel/capture/capture.h"
-#include "doppel/capture/joint_detections.h"
 #include "doppel/character/character.h"
 #include "doppel/energy/evidence.h"
+#include "doppel/keypoints/joint_detections.h"
 
 namespace doppel {
 

@@ -7,8 +7,8 @@
 
 #include "capture/capture_fixture.h"
 #include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/path_pattern.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/path_pattern.h"
 #include "support/hostile_files.h"
 
 namespace doppel::capture_test {

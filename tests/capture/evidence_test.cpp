@@ -14,6 +14,7 @@
 #include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/loader.h"
+#include "doppel/keypoints/read_keypoints.h"
 #include "doppel/synth/synth.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"
@@ -262,7 +263,7 @@ TEST(EvidenceDetector, WhatItFoundIsKeptAsATable) {
   const fs::path table = fixture.out() / "detected/training_1.csv";
   ASSERT_TRUE(fs::exists(table));
   const PointLayout layout{"points", {"blue", "green", "red"}};
-  EXPECT_EQ(read_keypoint_table(table, layout, "1").size(), 12u);
+  EXPECT_EQ(read_all_people(table, layout, {"1"}).size(), 12u);
   // The prepared description names the tables: prepared elsewhere it gives the same, without the network.
   fs::remove(fixture.root() / "net.onnx");
   PrepareOptions options = fixture.prepare_options();
@@ -351,9 +352,52 @@ TEST(EvidenceRejects, WhatCannotBe) {
   EXPECT_THAT(refusal(replaced(replaced(yaml, "landmarks: landmarks.csv\n", ""),
                                "sequences:", "keypoint_map: body25\nsequences:")),
               HasSubstr("knows none of the skeleton's"));
-  std::vector<float> parts(75, 0.5f);
+  std::vector<float> parts(75, -0.5f);
+  for (std::size_t i = 2; i < parts.size(); i += 3) parts[i] = 0.9f;
   for (int f = 0; f < 12; ++f) support::write_bytes(keypoint_path(fixture, "training", 0, f), openpose_text({parts}));
-  EXPECT_THAT(refusal(yaml), AllOf(HasSubstr("parts of the image's size"), HasSubstr("camera 0")));
+  EXPECT_THAT(refusal(yaml), AllOf(HasSubstr("parts of the image's size"), HasSubstr("_0000.json")));
+}
+
+TEST(EvidenceReference, PartsOfTheImagesSizeBecomePixels) {
+  const CaptureFixture fixture;
+  add_keypoints(fixture);
+  const PrepareReport report = fixture.prepare();
+  const Dataset pixels = Dataset::open(fixture.out());
+  const Motion motion = fixture.motion("training");
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    const Camera& camera = fixture.cameras[1];
+    std::vector<float> parts = body25_person(fixture.character, camera, motion.frames[f]);
+    for (std::size_t i = 0; i < parts.size(); i += 3) {
+      parts[i] /= static_cast<float>(camera.width);
+      parts[i + 1] /= static_cast<float>(camera.height);
+    }
+    support::write_bytes(keypoint_path(fixture, "training", 1, f), openpose_text({parts}));
+  }
+  PrepareOptions options = fixture.prepare_options();
+  options.out = fixture.path("parts");
+  prepare_capture(fixture.capture(), options);
+  const Dataset fractions = Dataset::open(options.out);
+  for (const SampleId& sample : pixels.samples(Split::train)) {
+    const auto a = pixels.keypoints(sample, 1), b = fractions.keypoints(sample, 1);
+    for (std::size_t m = 0; m < a.size(); ++m) {
+      EXPECT_NEAR(a[m].x, b[m].x, 1e-3);
+      EXPECT_NEAR(a[m].y, b[m].y, 1e-3);
+    }
+  }
+}
+
+TEST(EvidenceReference, TheLayoutIsFoundByTheFiles) {
+  const CaptureFixture fixture;
+  add_keypoints(fixture);
+  const auto map_of = [&](std::size_t points) {
+    std::vector<float> person(3 * points, 30.0f);
+    for (int f = 0; f < fixture.motion("training").num_frames(); ++f)
+      support::write_bytes(keypoint_path(fixture, "training", 0, f), openpose_text({person}));
+    return plan_evidence(fixture.capture(), fixture.character).map_name;
+  };
+  EXPECT_EQ(map_of(18), "coco18");
+  EXPECT_EQ(map_of(26), "halpe26");
+  EXPECT_EQ(map_of(25), "body25") << "all points in one place do not decide it";
 }
 
 TEST(EvidenceRejects, CapturesPreparedWithoutKeypoints) {

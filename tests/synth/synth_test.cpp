@@ -16,8 +16,6 @@
 
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
-#include "doppel/capture/joint_detections.h"
-#include "doppel/capture/keypoint_map.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
@@ -25,6 +23,8 @@
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/geometry/topology.h"
+#include "doppel/keypoints/joint_detections.h"
+#include "doppel/keypoints/keypoint_map.h"
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/capture_writer.h"
 #include "doppel/synth/performance.h"

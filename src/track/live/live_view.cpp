@@ -5,6 +5,7 @@
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/core/error.h"
+#include "doppel/keypoints/keypoint_source.h"
 
 namespace doppel {
 
@@ -39,9 +40,10 @@ CaptureCameras find_camera(Capture capture, const std::string& name, cv::Size im
 PeopleFinder people_finder(const Capture& capture, const SequenceEntry& entry, const PointLayout& layout,
                            const CaptureCameras& filmed, bool from_camera) {
   if (!entry.keypoints.empty() && !from_camera) {
-    const std::string& camera = filmed.cameras.front().name;
-    const auto source = std::make_shared<KeypointSource>(
-        capture.source(entry.keypoints, filmed.file_index.front(), camera), layout, camera);
+    const Camera& camera = filmed.cameras.front();
+    const int index = filmed.file_index.front();
+    const auto source = std::make_shared<KeypointSource>(capture.source(entry.keypoints, index, camera.name), layout,
+                                                         keypoint_camera(camera, index));
     return [source](const SourceImage& image) { return source->people(image.frame); };
   }
   if (!capture.detector)

@@ -1,47 +1,18 @@
-#include "doppel/capture/keypoint_map.h"
+#include "doppel/keypoints/keypoint_map.h"
 
 #include <algorithm>
-#include <array>
 #include <set>
 
-#include "doppel/capture/builtin_keypoint_maps.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
+#include "doppel/keypoints/builtin_keypoint_maps.h"
+#include "doppel/keypoints/landmark_key.h"
 
 namespace doppel {
 
 namespace {
 
-const std::vector<PointLayout>& known_layouts() {
-  static const std::vector<PointLayout> layouts{
-      {"body25", {"Nose", "Neck",    "RShoulder", "RElbow", "RWrist",  "LShoulder", "LElbow", "LWrist", "MidHip",
-                  "RHip", "RKnee",   "RAnkle",    "LHip",   "LKnee",   "LAnkle",    "REye",   "LEye",   "REar",
-                  "LEar", "LBigToe", "LSmallToe", "LHeel",  "RBigToe", "RSmallToe", "RHeel"}},
-      {"coco18",
-       {"Nose", "Neck", "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow", "LWrist", "RHip", "RKnee", "RAnkle",
-        "LHip", "LKnee", "LAnkle", "REye", "LEye", "REar", "LEar"}},
-      {"coco17",
-       {"nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow",
-        "right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
-        "right_ankle"}}};
-  return layouts;
-}
-
-std::vector<std::string> layout_names() {
-  std::vector<std::string> names;
-  for (const PointLayout& layout : known_layouts()) names.push_back(layout.name);
-  return names;
-}
-
-PointLayout read_layout(const ConfigReader& root) {
-  if (root.has("layout") == root.has("points"))
-    root.fail_at_key("layout", "a map needs either `layout: {}` or `points:`, the detector's points in their order",
-                     fmt::join(layout_names(), " | "));
-  if (root.has("layout")) {
-    const std::string name = root.choice("layout", layout_names());
-    return *std::find_if(known_layouts().begin(), known_layouts().end(),
-                         [&](const PointLayout& layout) { return layout.name == name; });
-  }
+PointLayout read_points(const ConfigReader& root) {
   PointLayout layout{"points", root.list<std::string>("points")};
   const std::set<std::string> unique(layout.points.begin(), layout.points.end());
   if (layout.points.empty() || unique.size() != layout.points.size() || unique.count("") > 0)
@@ -49,21 +20,29 @@ PointLayout read_layout(const ConfigReader& root) {
   return layout;
 }
 
-int find_point(const ConfigReader& section, const std::string& landmark, const PointLayout& layout,
-               const std::string& name) {
-  const auto found = std::find(layout.points.begin(), layout.points.end(), name);
-  if (found == layout.points.end())
-    section.fail_at_key(landmark, "the detector has no point '{}'; '{}' has {}", name, layout.name,
-                        fmt::join(layout.points, ", "));
-  return static_cast<int>(found - layout.points.begin());
+PointLayout read_layout(const ConfigReader& root) {
+  if (root.has("layout") == root.has("points"))
+    root.fail_at_key("layout", "a map needs either `layout: {}` or `points:`, the detector's points in their order",
+                     fmt::join(builtin_keypoint_maps(), " | "));
+  if (root.has("points")) return read_points(root);
+  const std::string name = root.choice("layout", builtin_keypoint_maps());
+  const std::vector<PointLayout>& layouts = builtin_layouts();
+  return *std::find_if(layouts.begin(), layouts.end(), [&](const PointLayout& layout) { return layout.name == name; });
 }
 
-KeypointMap read_map(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  KeypointMap map;
-  map.layout = read_layout(root);
+int find_point(const ConfigReader& section, const std::string& landmark, const PointLayout& layout,
+               const std::string& name) {
+  const std::optional<int> found = layout.find(name);
+  if (!found)
+    section.fail_at_key(landmark, "the detector has no point '{}'; '{}' has {}", name, layout.name,
+                        fmt::join(layout.points, ", "));
+  return *found;
+}
+
+void read_landmarks_of_map(const ConfigReader& root, KeypointMap& map) {
+  std::set<std::string> given;
   const auto add = [&](const ConfigReader& at, const std::string& key, KeypointMap::Entry entry) {
-    if (map.find(entry.landmark)) at.fail_at_key(key, "the landmark '{}' is given twice", entry.landmark);
+    if (!given.insert(entry.landmark).second) at.fail_at_key(key, "the landmark '{}' is given twice", entry.landmark);
     map.entries.push_back(std::move(entry));
   };
   const ConfigReader landmarks = root.section("landmarks");
@@ -75,18 +54,40 @@ KeypointMap read_map(const ConfigDocument& document) {
       landmarks.fail_at_key(landmark, "names no point; list the landmark under `absent` if the detector has none");
     add(landmarks, landmark, std::move(entry));
   }
-  if (map.entries.empty()) root.fail_at_key("landmarks", "a map needs lines `<landmark>: <point>` below `landmarks`");
   for (const std::string& landmark : root.list<std::string>("absent")) add(root, "absent", {landmark, {}});
+}
+
+void add_every_point(KeypointMap& map) {
+  for (std::size_t i = 0; i < map.layout.points.size(); ++i)
+    if (!map.find(map.layout.points[i])) map.entries.push_back({map.layout.points[i], {static_cast<int>(i)}});
+}
+
+KeypointMap read_map(const ConfigDocument& document) {
+  const ConfigReader root = document.root();
+  KeypointMap map;
+  map.layout = read_layout(root);
+  read_landmarks_of_map(root, map);
+  if (root.get("every_point", false)) add_every_point(map);
+  const bool has_points =
+      std::any_of(map.entries.begin(), map.entries.end(), [](const auto& entry) { return !entry.points.empty(); });
+  if (!has_points) root.fail_at_key("landmarks", "a map needs lines `<landmark>: <point>` below `landmarks`");
   root.finish();
+  return map;
+}
+
+KeypointMap read_builtin_map(const BuiltinKeypointMap& file) {
+  KeypointMap map = read_map(ConfigDocument::parse(file.yaml, std::string(file.name) + ".yaml (built in)"));
+  map.layout.name = file.name;
   return map;
 }
 
 }  // namespace
 
 const KeypointMap::Entry* KeypointMap::find(const std::string& landmark) const {
-  for (const Entry& entry : entries)
-    if (entry.landmark == landmark) return &entry;
-  return nullptr;
+  std::vector<std::string> names;
+  for (const Entry& entry : entries) names.push_back(entry.landmark);
+  const std::optional<int> index = find_landmark(names, landmark);
+  return index ? &entries[as_size(*index)] : nullptr;
 }
 
 std::vector<std::string> builtin_keypoint_maps() {
@@ -96,9 +97,18 @@ std::vector<std::string> builtin_keypoint_maps() {
   return names;
 }
 
+const std::vector<PointLayout>& builtin_layouts() {
+  static const std::vector<PointLayout> layouts = [] {
+    std::vector<PointLayout> all;
+    for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps) all.push_back(read_builtin_map(map).layout);
+    return all;
+  }();
+  return layouts;
+}
+
 KeypointMap read_keypoint_map(const std::string& name_or_path) {
   for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps)
-    if (name_or_path == map.name) return read_map(ConfigDocument::parse(map.yaml, name_or_path + ".yaml (built in)"));
+    if (name_or_path == map.name) return read_builtin_map(map);
   if (!std::filesystem::exists(name_or_path))
     fail<UsageError>("there is no keypoint map '{}': it is neither a file nor one of those built in, {}", name_or_path,
                      fmt::join(builtin_keypoint_maps(), ", "));

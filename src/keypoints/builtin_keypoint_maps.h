@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <span>
 
 namespace doppel {
 
@@ -9,6 +9,6 @@ struct BuiltinKeypointMap {
   const char* name;
   const char* yaml;
 };
-extern const std::array<BuiltinKeypointMap, 3> kBuiltinKeypointMaps;
+extern const std::span<const BuiltinKeypointMap> kBuiltinKeypointMaps;
 
 }  // namespace doppel

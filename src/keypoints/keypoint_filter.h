@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "doppel/capture/keypoints.h"
+#include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
 

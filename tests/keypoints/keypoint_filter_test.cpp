@@ -1,4 +1,4 @@
-#include "doppel/capture/keypoint_filter.h"
+#include "doppel/keypoints/keypoint_filter.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "doppel/capture/path_pattern.h"
+#include "doppel/core/path_pattern.h"
 
 #include "doppel/core/error.h"
 #include "doppel/core/text_reader.h"

@@ -1,9 +1,9 @@
-#include "doppel/capture/joint_detections.h"
+#include "doppel/keypoints/joint_detections.h"
 
 #include <gmock/gmock.h>
 
-#include "doppel/capture/keypoint_map.h"
 #include "doppel/core/error.h"
+#include "doppel/keypoints/keypoint_map.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/keypoints.h"
+#include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
 

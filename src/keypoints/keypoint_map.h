@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/joint_detections.h"
-#include "doppel/capture/keypoints.h"
 #include "doppel/character/skeleton.h"
+#include "doppel/keypoints/joint_detections.h"
+#include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
 
@@ -19,17 +19,20 @@ struct KeypointMap {
   PointLayout layout;
   std::vector<Entry> entries;
 
+  /// The entry of exactly this landmark, otherwise the first with the same landmark_key. @return null: none
   const Entry* find(const std::string& landmark) const;
 };
 
-/// Reads a map: `body25`, `coco18` or `coco17`, which are built in (configs/keypoints/*.yaml), or a YAML file:
+/// Reads a map: one that is built in (configs/keypoints/*.yaml), or a YAML file:
 ///
-///     layout: coco17            # or `points: [nose, ...]`, the detector's own points in its order
-/// landmarks: # landmark: point, or the points whose mean it is
+///     layout: coco17            # of a built-in map; or `points: [nose, ...]`, the detector's own points in its order
+///     every_point: true         # each point is also a landmark of its own name; default false
+///     landmarks:                # landmark: point, or the points whose mean it is
 ///       nose: nose
 ///       neck: [left_shoulder, right_shoulder]
 ///     absent: [mid_hip]         # landmarks that this detector does not find
 ///
+/// Names may be spelled in any way that landmark_key knows.
 /// @throws FileError (file:line) for unknown layouts and points, listing the known ones; UsageError when `name_or_path`
 ///         is neither a built-in map nor a file
 KeypointMap read_keypoint_map(const std::string& name_or_path);
@@ -39,6 +42,8 @@ KeypointMap map_of_names(const std::vector<Marker>& landmarks);
 
 /// The names of the maps that are built in.
 std::vector<std::string> builtin_keypoint_maps();
+/// Their layouts, in the same order.
+const std::vector<PointLayout>& builtin_layouts();
 
 /// The markers whose names a map contains: the landmarks of a capture without a placement file.
 std::vector<Marker> known_markers(const Skeleton& skeleton, const KeypointMap& map);

@@ -1,4 +1,4 @@
-#include "doppel/capture/keypoint_map.h"
+#include "doppel/keypoints/keypoint_map.h"
 
 #include <gmock/gmock.h>
 
@@ -32,17 +32,56 @@ Person numbered(int count) {
   return person;
 }
 
-TEST(KeypointMaps, BuiltInOnesKnowBothSpellings) {
-  EXPECT_THAT(builtin_keypoint_maps(), ElementsAre("body25", "coco17", "coco18"));
-  const std::map<std::string, int> wrist{{"body25", 4}, {"coco18", 4}, {"coco17", 10}};
-  const std::map<std::string, std::size_t> points{{"body25", 25}, {"coco18", 18}, {"coco17", 17}};
+const std::map<std::string, std::size_t> kNumberOfPoints{
+    {"body25", 25},    {"body25b", 25},       {"coco17", 17},      {"coco18", 18}, {"halpe26", 26},
+    {"halpe136", 136}, {"wholebody133", 133}, {"mediapipe33", 33}, {"h36m17", 17}, {"mhr70", 70}};
+
+TEST(KeypointMaps, BuiltInOnesHaveTheirNumbersOfPoints) {
+  EXPECT_THAT(builtin_keypoint_maps(), ElementsAre("body25", "body25b", "coco17", "coco18", "halpe26", "halpe136",
+                                                   "wholebody133", "mediapipe33", "h36m17", "mhr70"));
+  for (const auto& [name, count] : kNumberOfPoints) {
+    const KeypointMap map = read_keypoint_map(name);
+    EXPECT_EQ(map.layout.name, name);
+    EXPECT_EQ(map.layout.points.size(), count) << name;
+  }
+  EXPECT_EQ(builtin_layouts().size(), kNumberOfPoints.size());
+  EXPECT_EQ(builtin_layouts()[5].name, "halpe136");
+}
+
+TEST(KeypointMaps, BuiltInOnesKnowTheLandmarksOfBody25InAnySpelling) {
+  const PointLayout body25 = read_keypoint_map("body25").layout;
   for (const std::string& name : builtin_keypoint_maps()) {
     const KeypointMap map = read_keypoint_map(name);
-    EXPECT_EQ(map.layout.points.size(), points.at(name));
-    EXPECT_EQ(map.entries.size(), 50u);
-    EXPECT_THAT(map.find("RWrist")->points, ElementsAre(wrist.at(name)));
-    EXPECT_THAT(map.find("right_wrist")->points, ElementsAre(wrist.at(name)));
+    for (const std::string& landmark : body25.points) EXPECT_NE(map.find(landmark), nullptr) << name << " " << landmark;
+    for (const std::string spelling : {"RWrist", "right_wrist", "Right Wrist", "R_WRIST", "rightWrist", "wrist.R"})
+      EXPECT_EQ(map.find(spelling), map.find("RWrist")) << name << " " << spelling;
   }
+}
+
+/// The places of some landmarks, as the makers of the layouts document them.
+TEST(KeypointMaps, BuiltInOnesPutLandmarksInTheirPlaces) {
+  const auto places = [](const char* map, const char* landmark) {
+    return read_keypoint_map(map).find(landmark)->points;
+  };
+  const std::map<std::string, int> right_wrist{
+      {"body25", 4},    {"body25b", 10},      {"coco17", 10},      {"coco18", 4},  {"halpe26", 10},
+      {"halpe136", 10}, {"wholebody133", 10}, {"mediapipe33", 16}, {"h36m17", 16}, {"mhr70", 41}};
+  for (const auto& [map, place] : right_wrist) EXPECT_THAT(places(map.c_str(), "RWrist"), ElementsAre(place)) << map;
+  const std::map<std::string, int> left_ankle{
+      {"body25", 14},   {"body25b", 15},      {"coco17", 15},      {"coco18", 13}, {"halpe26", 15},
+      {"halpe136", 15}, {"wholebody133", 15}, {"mediapipe33", 27}, {"h36m17", 6},  {"mhr70", 13}};
+  for (const auto& [map, place] : left_ankle) EXPECT_THAT(places(map.c_str(), "LAnkle"), ElementsAre(place)) << map;
+  EXPECT_THAT(places("halpe26", "MidHip"), ElementsAre(19));
+  EXPECT_THAT(places("h36m17", "MidHip"), ElementsAre(0));
+  EXPECT_THAT(places("mediapipe33", "MidHip"), ElementsAre(23, 24));
+  EXPECT_THAT(places("halpe26", "RBigToe"), ElementsAre(21));
+  EXPECT_THAT(places("wholebody133", "RBigToe"), ElementsAre(20));
+  EXPECT_THAT(places("mediapipe33", "RBigToe"), ElementsAre(32));
+  EXPECT_THAT(places("mhr70", "LHeel"), ElementsAre(17));
+  EXPECT_THAT(places("mhr70", "right_thumb1"), ElementsAre(24)) << "the third joint from the tip";
+  EXPECT_THAT(places("wholebody133", "right_thumb4"), ElementsAre(116));
+  EXPECT_THAT(places("coco17", "RHeel"), ElementsAre());
+  EXPECT_THAT(places("body25b", "HeadTop"), ElementsAre(18));
 }
 
 TEST(KeypointMaps, EveryPointOfALayoutIsUsed) {
@@ -112,9 +151,25 @@ TEST_F(KeypointMapFile, OfAnotherDetector) {
   EXPECT_EQ(map.find("head"), nullptr);
 }
 
+TEST_F(KeypointMapFile, MayMakeEveryPointALandmark) {
+  const KeypointMap map = read("points: [head, hand_l, hip_l]\nevery_point: true\nlandmarks: {LHip: hand_l}\n");
+  EXPECT_THAT(map.find("head")->points, ElementsAre(0));
+  EXPECT_THAT(map.find("left_hand")->points, ElementsAre(1));
+  EXPECT_THAT(map.find("left_hip")->points, ElementsAre(1)) << "a line under landmarks comes first";
+  EXPECT_EQ(map.entries.size(), 3u);
+}
+
+TEST_F(KeypointMapFile, OfOlderVersionsNamesEachLandmarkTwice) {
+  const KeypointMap map =
+      read("layout: body25\nlandmarks:\n  Nose: Nose\n  nose: Nose\n  right_wrist: RWrist\n  RWrist: RWrist\n");
+  EXPECT_EQ(map.layout.name, "body25");
+  EXPECT_EQ(map.entries.size(), 4u);
+  EXPECT_THAT(map.find("RWrist")->points, ElementsAre(4));
+}
+
 TEST_F(KeypointMapFile, RefusedWithTheLine) {
-  EXPECT_THAT(refusal("layout: coco17\nlandmarks:\n  nose: Nose\n"),
-              AllOf(HasSubstr("map.yaml:3"), HasSubstr("Nose"), HasSubstr("left_eye")));
+  EXPECT_THAT(refusal("layout: coco17\nlandmarks:\n  nose: Snout\n"),
+              AllOf(HasSubstr("map.yaml:3"), HasSubstr("Snout"), HasSubstr("left_eye")));
   EXPECT_THAT(refusal("layout: body26\nlandmarks: {nose: Nose}\n"), HasSubstr("body25"));
   EXPECT_THAT(refusal("landmarks: {nose: Nose}\n"), HasSubstr("points"));
   EXPECT_THAT(refusal("points: [a, a]\nlandmarks: {nose: a}\n"), HasSubstr("once"));

@@ -1,9 +1,10 @@
-#include "doppel/capture/joint_detections.h"
+#include "doppel/keypoints/joint_detections.h"
 
 #include <climits>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/keypoints/landmark_key.h"
 
 namespace doppel {
 
@@ -15,7 +16,7 @@ constexpr double kFarthest = 10.0;
 /// The index of the row's point in the layout.
 std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
   const auto place = as_size(reader.integer(1, "the point's index", 0, static_cast<long>(layout.points.size()) - 1));
-  if (reader.tokens()[2] != layout.points[place])
+  if (landmark_key(std::string(reader.tokens()[2])) != landmark_key(layout.points[place]))
     reader.fail_here("point {} is called '{}', but in '{}' it is '{}'", place, reader.tokens()[2].substr(0, 60),
                      layout.name, layout.points[place]);
   return place;

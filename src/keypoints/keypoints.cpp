@@ -1,0 +1,53 @@
+#include "doppel/keypoints/keypoints.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "doppel/core/as_size.h"
+#include "doppel/keypoints/landmark_key.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kReachPerSide = 0.03;
+
+double total_confidence(const Person& person) {
+  double sum = 0.0;
+  for (const Keypoint& point : person) sum += point.confidence;
+  return sum;
+}
+
+/// The sum of confidences over points on or near the mask.
+double confidence_inside(const Person& person, const cv::Mat& distance, double reach) {
+  double sum = 0.0;
+  for (const Keypoint& point : person) {
+    const int x = static_cast<int>(std::floor(point.x)), y = static_cast<int>(std::floor(point.y));
+    if (x < 0 || y < 0 || x >= distance.cols || y >= distance.rows) continue;
+    if (distance.at<float>(y, x) <= reach) sum += point.confidence;
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::optional<int> PointLayout::find(const std::string& point) const { return find_landmark(points, point); }
+
+std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
+  if (people.empty()) return std::nullopt;
+  if (people.size() == 1) return people[0];
+  std::vector<double> scores(people.size(), 0.0);
+  const cv::Rect box = mask.empty() ? cv::Rect() : cv::boundingRect(mask);
+  if (box.area() > 0) {
+    cv::Mat distance;
+    cv::distanceTransform(~mask, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    const double reach = kReachPerSide * std::max(box.width, box.height);
+    for (std::size_t i = 0; i < people.size(); ++i) scores[i] = confidence_inside(people[i], distance, reach);
+  }
+  if (*std::max_element(scores.begin(), scores.end()) == 0.0)
+    for (std::size_t i = 0; i < people.size(); ++i) scores[i] = total_confidence(people[i]);
+  return people[as_size(std::max_element(scores.begin(), scores.end()) - scores.begin())];
+}
+
+}  // namespace doppel
