@@ -105,7 +105,7 @@ CameraMatch match_at(const Place& place, const std::vector<Place>& places, const
   for (const WordedPath& path : paths) {
     const auto found = place.in(path);
     match.camera.push_back(found ? std::optional(found->camera) : std::nullopt);
-    match.take.push_back(without_cameras(path, same));
+    match.sequence.push_back(without_cameras(path, same));
   }
   return match;
 }
@@ -118,7 +118,7 @@ CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& key
   std::pair<int, int> most{0, 0};
   for (const Place& place : places) {
     CameraMatch match = match_at(place, places, all);
-    const std::pair<int, int> found{match.largest_take(), match.num_matched()};
+    const std::pair<int, int> found{match.largest_sequence(), match.num_matched()};
     if (found <= most) continue;
     most = found;
     best = std::move(match);
@@ -166,7 +166,7 @@ CameraMatch match_groups(const std::vector<std::string>& paths, const std::vecto
   for (std::size_t i = 0; i < paths.size(); ++i) members[groups[i]].push_back(i);
   CameraMatch match;
   match.camera.resize(paths.size());
-  match.take = groups;
+  match.sequence = groups;
   for (auto& [group, files] : members) {
     if (files.size() != camera_order.size()) continue;
     std::sort(files.begin(), files.end(), [&](auto a, auto b) { return natural_less(paths[a], paths[b]); });
@@ -192,7 +192,7 @@ CameraMatch match_by_order(const std::vector<std::string>& paths, const std::vec
     if (CameraMatch match = match_groups(paths, groups, order); match.way == CameraMatch::Way::order) return match;
   CameraMatch nothing;
   nothing.camera.resize(paths.size());
-  nothing.take = paths;
+  nothing.sequence = paths;
   return nothing;
 }
 
@@ -202,10 +202,10 @@ int CameraMatch::num_matched() const {
   return static_cast<int>(std::count_if(camera.begin(), camera.end(), [](const auto& c) { return c.has_value(); }));
 }
 
-int CameraMatch::largest_take() const {
+int CameraMatch::largest_sequence() const {
   std::map<std::string, std::set<int>> cameras;
   for (std::size_t i = 0; i < camera.size(); ++i)
-    if (camera[i]) cameras[take[i]].insert(*camera[i]);
+    if (camera[i]) cameras[sequence[i]].insert(*camera[i]);
   std::size_t most = 0;
   for (const auto& [name, found] : cameras) most = std::max(most, found.size());
   return static_cast<int>(most);

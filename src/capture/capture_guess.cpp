@@ -9,8 +9,8 @@
 #include "doppel/capture/camera_pattern.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/file_roles.h"
-#include "doppel/capture/footage_takes.h"
 #include "doppel/capture/name_words.h"
+#include "doppel/capture/sequence_files.h"
 #include "doppel/core/as_size.h"
 
 namespace doppel {
@@ -100,13 +100,13 @@ class Guesser {
     return chosen;
   }
   /// Videos, or where those have fewer cameras, images.
-  Takes best_takes(const Streams& streams, const std::vector<std::string>& cameras) const {
-    Takes videos = find_takes(of_kind(streams, FileKind::video), cameras);
-    Takes images = find_takes(of_kind(streams, FileKind::image), cameras);
+  SortedFiles best_files(const Streams& streams, const std::vector<std::string>& cameras) const {
+    SortedFiles videos = sort_files(of_kind(streams, FileKind::video), cameras);
+    SortedFiles images = sort_files(of_kind(streams, FileKind::image), cameras);
     return images.most_cameras() > videos.most_cameras() ? images : videos;
   }
-  Takes footage_of(const std::vector<std::string>& cameras) const {
-    return best_takes(hints_.videos.empty() ? with_role(FileRole::footage) : matching(streams_, hints_.videos),
+  SortedFiles footage_of(const std::vector<std::string>& cameras) const {
+    return best_files(hints_.videos.empty() ? with_role(FileRole::footage) : matching(streams_, hints_.videos),
                       cameras);
   }
 
@@ -167,67 +167,67 @@ class Guesser {
   // ---- sequences ----
 
   void find_sequences() {
-    Takes all = footage_of(names_);
+    SortedFiles all = footage_of(names_);
     const std::size_t most = all.most_cameras();
-    for (Take& take : all.takes) {
-      if (2 * take.by_camera.size() < most)
+    for (SequenceFiles& sequence : all.sequences) {
+      if (2 * sequence.by_camera.size() < most)
         found("footage: {} of {} cameras is not used, because other footage has {} cameras",
-              some_of({take.by_camera.begin()->second.path}), take.by_camera.size(), most);
+              some_of({sequence.by_camera.begin()->second.path}), sequence.by_camera.size(), most);
       else
-        takes_.push_back(std::move(take));
+        filmed_.push_back(std::move(sequence));
     }
     if (!all.unmatched.empty())
       found("footage: {} {} no camera of the calibration; not used", some_of(all.unmatched),
             all.unmatched.size() == 1 ? "matches" : "match");
-    if (takes_.empty())
+    if (filmed_.empty())
       missing(
           "no videos, and no folders of images; put one video for each camera into the folder, named like the "
           "camera: {}",
           some_of(names_));
     std::set<std::string> used;
-    for (const Take& take : takes_) add_sequence(take, all.way, used);
+    for (const SequenceFiles& sequence : filmed_) add_sequence(sequence, all.way, used);
   }
 
-  void add_sequence(const Take& take, CameraMatch::Way way, std::set<std::string>& used) {
+  void add_sequence(const SequenceFiles& sequence, CameraMatch::Way way, std::set<std::string>& used) {
     const bool telling =
-        std::any_of(take.name.begin(), take.name.end(), [](unsigned char c) { return std::isalpha(c); });
+        std::any_of(sequence.name.begin(), sequence.name.end(), [](unsigned char c) { return std::isalpha(c); });
     SequenceEntry entry;
-    entry.name = usable_name(telling              ? take.name
-                             : takes_.size() == 1 ? guess_.capture.name
-                                                  : "take_" + take.name,
-                             "take");
-    for (int i = 2; !used.insert(entry.name).second; ++i)
-      entry.name = fmt::format("{}_{}", entry.name.substr(0, 58), i);
+    const std::string name = usable_name(telling               ? sequence.name
+                                         : filmed_.size() == 1 ? guess_.capture.name
+                                                               : "sequence_" + sequence.name,
+                                         "sequence");
+    entry.name = name;
+    for (int i = 2; !used.insert(entry.name).second; ++i) entry.name = fmt::format("{}_{}", name.substr(0, 56), i);
     const auto any_of = [&](std::initializer_list<const char*> words) {
-      return std::any_of(words.begin(), words.end(), [&](const char* word) { return take.words.count(word) > 0; });
+      return std::any_of(words.begin(), words.end(), [&](const char* word) { return sequence.words.count(word) > 0; });
     };
     entry.split = any_of({"test", "testing"})     ? Split::test
                   : any_of({"validation", "val"}) ? Split::validation
                                                   : Split::train;
-    entry.videos = paths_of_cameras(take.paths(), names_);
+    entry.videos = paths_of_cameras(sequence.paths(), names_);
     found("sequence {}: {} of {} cameras, matched {}: {}", entry.name,
-          take.by_camera.begin()->second.per_frame ? "images" : "videos", take.by_camera.size(), to_string(way),
+          sequence.by_camera.begin()->second.per_frame ? "images" : "videos", sequence.by_camera.size(), to_string(way),
           entry.videos.to_string());
-    set_first_frame(take, entry);
+    set_first_frame(sequence, entry);
     guess_.capture.sequences.push_back(std::move(entry));
   }
 
-  void set_first_frame(const Take& take, SequenceEntry& entry) {
+  void set_first_frame(const SequenceFiles& sequence, SequenceEntry& entry) {
     long first = 0;
-    for (const auto& [camera, stream] : take.by_camera) first = std::max(first, stream.first_frame);
+    for (const auto& [camera, stream] : sequence.by_camera) first = std::max(first, stream.first_frame);
     if (first == 0) return;
-    for (const auto& [camera, stream] : take.by_camera)
+    for (const auto& [camera, stream] : sequence.by_camera)
       entry.frame_offset[names_[as_size(camera)]] = static_cast<double>(first);
     found("sequence {}: all cameras have images from number {} on, so `frame_offset` is {}", entry.name, first, first);
   }
 
   /// The cameras of all sequences.
   void choose_cameras() {
-    if (takes_.empty()) return;
+    if (filmed_.empty()) return;
     std::vector<std::string> unfilmed;
     for (std::size_t i = 0; i < names_.size(); ++i) {
-      const bool everywhere = std::all_of(takes_.begin(), takes_.end(), [&](const Take& take) {
-        return take.by_camera.count(static_cast<int>(i)) > 0;
+      const bool everywhere = std::all_of(filmed_.begin(), filmed_.end(), [&](const SequenceFiles& sequence) {
+        return sequence.by_camera.count(static_cast<int>(i)) > 0;
       });
       if (everywhere)
         used_.push_back(static_cast<int>(i));
@@ -255,14 +255,14 @@ class Guesser {
   void find_rates() {
     std::map<double, int> count;
     std::map<int, std::pair<double, long>> rates;  // fps and frames by camera
-    for (const Take& take : takes_)
-      for (const auto& [camera, stream] : take.by_camera)
+    for (const SequenceFiles& sequence : filmed_)
+      for (const auto& [camera, stream] : sequence.by_camera)
         if (const FootageFacts* facts = facts_of(stream); facts && facts->fps > 0.0) {
           ++count[facts->fps];
           rates[camera] = {facts->fps, std::max(rates[camera].second, facts->frames)};
         }
     if (count.empty()) {
-      if (!takes_.empty())
+      if (!filmed_.empty())
         missing("images have no frame rate; `fps: {}` is assumed, state the true one", guess_.capture.fps);
       return;
     }
@@ -283,9 +283,9 @@ class Guesser {
   }
 
   void tell_lengths() {
-    for (std::size_t i = 0; i < takes_.size(); ++i) {
+    for (std::size_t i = 0; i < filmed_.size(); ++i) {
       long shortest = -1, longest = -1;
-      for (const auto& [camera, stream] : takes_[i].by_camera)
+      for (const auto& [camera, stream] : filmed_[i].by_camera)
         if (const FootageFacts* facts = facts_of(stream); facts && facts->frames > 0) {
           shortest = shortest < 0 ? facts->frames : std::min(shortest, facts->frames);
           longest = std::max(longest, facts->frames);
@@ -299,8 +299,8 @@ class Guesser {
   }
 
   void check_sizes() {
-    for (const Take& take : takes_)
-      for (const auto& [camera, stream] : take.by_camera)
+    for (const SequenceFiles& sequence : filmed_)
+      for (const auto& [camera, stream] : sequence.by_camera)
         if (const FootageFacts* facts = facts_of(stream))
           check_size(calibration_->calibration.cameras[as_size(camera)], *facts, stream.path);
   }
@@ -321,37 +321,38 @@ class Guesser {
 
   // ---- masks, keypoints, body ----
 
-  bool has_all(const Take& take) const {
-    return std::all_of(used_.begin(), used_.end(), [&](int camera) { return take.by_camera.count(camera) > 0; });
+  bool has_all(const SequenceFiles& sequence) const {
+    return std::all_of(used_.begin(), used_.end(), [&](int camera) { return sequence.by_camera.count(camera) > 0; });
   }
   /// The paths of the used cameras.
-  CameraPaths paths_of(const Take& take) const {
+  CameraPaths paths_of(const SequenceFiles& sequence) const {
     std::map<int, std::string> paths;
-    for (const int camera : used_) paths[camera] = take.by_camera.at(camera).path;
+    for (const int camera : used_) paths[camera] = sequence.by_camera.at(camera).path;
     return paths_of_cameras(paths, names_);
   }
-  /// The take of a role that belongs to sequence `i` and has all cameras; tells if it lacks some.
-  const Take* take_for(std::size_t i, const Takes& takes, const char* role) {
-    const Take* take = take_of_sequence(takes_[i], takes, takes_.size() == 1);
-    if (!take || has_all(*take)) return take;
-    found("{}: {} has {} of {} cameras; not used", role, take->by_camera.begin()->second.path, take->by_camera.size(),
-          used_.size());
+  /// The sequence of a role that belongs to sequence `i` and has all cameras; tells if it lacks some.
+  const SequenceFiles* files_for(std::size_t i, const SortedFiles& sequences, const char* role) {
+    const SequenceFiles* sequence = files_of_sequence(filmed_[i], sequences, filmed_.size() == 1);
+    if (!sequence || has_all(*sequence)) return sequence;
+    found("{}: {} has {} of {} cameras; not used", role, sequence->by_camera.begin()->second.path,
+          sequence->by_camera.size(), used_.size());
     return nullptr;
   }
 
   void find_masks() {
     if (guess_.capture.sequences.empty()) return;
-    const Takes masks =
-        best_takes(hints_.masks.empty() ? with_role(FileRole::masks) : matching(streams_, hints_.masks), names_);
-    const Takes empty = empty_takes();
+    const SortedFiles masks =
+        best_files(hints_.masks.empty() ? with_role(FileRole::masks) : matching(streams_, hints_.masks), names_);
+    const SortedFiles empty = empty_files();
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
       SequenceEntry& entry = guess_.capture.sequences[i];
-      if (const Take* take = take_for(i, masks, "masks")) {
-        entry.masks = paths_of(*take);
+      if (const SequenceFiles* sequence = files_for(i, masks, "masks")) {
+        entry.masks = paths_of(*sequence);
         entry.mask_threshold = hints_.mask_threshold;
         found("sequence {}: masks, matched {}: {}", entry.name, to_string(masks.way), entry.masks.to_string());
-      } else if (const Take* scene = empty.takes.size() == 1 && has_all(empty.takes[0]) ? &empty.takes[0]
-                                                                                        : take_for(i, empty, "empty")) {
+      } else if (const SequenceFiles* scene = empty.sequences.size() == 1 && has_all(empty.sequences[0])
+                                                  ? &empty.sequences[0]
+                                                  : files_for(i, empty, "empty")) {
         entry.subtraction.emplace().empty = paths_of(*scene);
         found("sequence {}: masks by background subtraction from the empty scene: {}", entry.name,
               entry.subtraction->empty.to_string());
@@ -365,12 +366,12 @@ class Guesser {
   }
 
   /// One image for each camera is as good as a video, and looks like a stream of frames.
-  Takes empty_takes() const {
+  SortedFiles empty_files() const {
     std::vector<std::string> files;
     for (const std::string& file : content_.files)
       if (role_of_file(file) == FileRole::empty) files.push_back(file);
-    Takes streams = find_takes(footage_streams(group_streams(files)), names_);
-    Takes singles = find_takes(footage_streams(group_streams(files, false)), names_);
+    SortedFiles streams = sort_files(footage_streams(group_streams(files)), names_);
+    SortedFiles singles = sort_files(footage_streams(group_streams(files, false)), names_);
     return singles.most_cameras() > streams.most_cameras() ? singles : streams;
   }
   static Streams footage_streams(const Streams& streams) {
@@ -391,33 +392,44 @@ class Guesser {
       else
         files.push_back(stream);
     }
+    std::set<std::string> folders;  // whose files may be one for each camera, and not for each frame
+    for (const FileStream& stream : files)
+      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of_path(stream.path));
     for (const FileStream& stream : group_streams(content_.files, false))
-      for (const FileStream& frames : files)
-        if (frames.per_frame && stream.kind == FileKind::json &&
-            folder_of_path(stream.path) == folder_of_path(frames.path))
-          singles.push_back(stream);
-    Takes takes = find_takes(files, names_);
-    if (Takes by_camera = find_takes(singles, names_); by_camera.most_cameras() > takes.most_cameras())
-      takes = by_camera;
-    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) set_keypoints(i, takes, tables);
+      if (stream.kind == FileKind::json && folders.count(folder_of_path(stream.path)) > 0) singles.push_back(stream);
+    SortedFiles sequences = sort_files(files, names_);
+    if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
+      sequences = by_camera;
+    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) set_keypoints(i, sequences, tables);
     choose_map(files);
   }
 
-  void set_keypoints(std::size_t i, const Takes& takes, const Streams& tables) {
+  void set_keypoints(std::size_t i, const SortedFiles& sequences, const Streams& tables) {
     SequenceEntry& entry = guess_.capture.sequences[i];
-    if (const Take* take = take_for(i, takes, "keypoints"))
-      entry.keypoints = paths_of(*take);
-    else if (takes_.size() == 1 && tables.size() == 1)
+    if (const SequenceFiles* files = files_for(i, sequences, "keypoints")) {
+      entry.keypoints = paths_of(*files);
+      compare_numbers(entry, filmed_[i].by_camera.begin()->second, files->by_camera.begin()->second);
+    } else if (filmed_.size() == 1 && tables.size() == 1) {
       entry.keypoints = tables.front().path;
-    else if (const Takes by_camera = find_takes(tables, names_); !tables.empty())
-      if (const Take* found_take = take_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*found_take);
+    } else if (const SortedFiles by_camera = sort_files(tables, names_); !tables.empty()) {
+      if (const SequenceFiles* files = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*files);
+    }
     if (!entry.keypoints.empty())
-      found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(takes.way), entry.keypoints.to_string());
+      found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(sequences.way),
+            entry.keypoints.to_string());
     else
       missing(
           "sequence {} has no keypoints, which `doppel track` needs; run a detector (OpenPose, MMPose, ...) on each "
           "video and put its files into folders named like the cameras, or name a `detector` (docs/capture.md)",
           entry.name);
+  }
+
+  /// Keypoints have the numbers of the frames that they were found in.
+  void compare_numbers(const SequenceEntry& entry, const FileStream& footage, const FileStream& keypoints) {
+    if (!keypoints.per_frame || keypoints.first_frame == footage.first_frame) return;
+    found(
+        "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame n",
+        entry.name, keypoints.first_frame, footage.first_frame);
   }
 
   void choose_map(const Streams& files) {
@@ -466,10 +478,10 @@ class Guesser {
                                  [&](const std::string& file) { return folders.count(folder_of_path(file)) > 0; }),
                   motions.end());
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
-      const std::set<std::string>& words = takes_[i].words;
+      const std::set<std::string>& words = filmed_[i].words;
       std::vector<std::string> own;
       for (const std::string& file : motions) {
-        const std::set<std::string> there = take_words(file);
+        const std::set<std::string> there = telling_words(file);
         if (std::includes(there.begin(), there.end(), words.begin(), words.end())) own.push_back(file);
       }
       SequenceEntry& entry = guess_.capture.sequences[i];
@@ -484,9 +496,9 @@ class Guesser {
   Streams streams_;
   CaptureGuess guess_;
   const FoundCalibration* calibration_ = nullptr;
-  std::vector<std::string> names_;  ///< of the calibration's cameras
-  std::vector<Take> takes_;         ///< [sequences]
-  std::vector<int> used_;           ///< indices of the cameras
+  std::vector<std::string> names_;     ///< of the calibration's cameras
+  std::vector<SequenceFiles> filmed_;  ///< [sequences]
+  std::vector<int> used_;              ///< indices of the cameras
 };
 
 }  // namespace

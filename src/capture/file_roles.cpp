@@ -29,7 +29,7 @@ bool has_word(const std::vector<NameWord>& words, const Words& wanted) {
   return std::any_of(words.begin(), words.end(), [&](const NameWord& word) { return wanted.count(word.text) > 0; });
 }
 
-std::vector<std::string> telling_words(const std::string& path) {
+std::vector<std::string> words_in_order(const std::string& path) {
   std::vector<std::string> telling;
   for (const NameWord& word : words_of(path))
     if (!kMaskWords.count(word.text) && !kEmptyWords.count(word.text) && !kKindWords.count(word.text))
@@ -46,14 +46,14 @@ FileRole role_of_file(const std::string& path) {
   return has_word(words, kMaskWords) ? FileRole::masks : FileRole::footage;
 }
 
-std::set<std::string> take_words(const std::string& path) {
-  const std::vector<std::string> words = telling_words(path);
+std::set<std::string> telling_words(const std::string& path) {
+  const std::vector<std::string> words = words_in_order(path);
   return {words.begin(), words.end()};
 }
 
-std::string take_name(const std::string& path) {
+std::string telling_name(const std::string& path) {
   std::string name;
-  for (const std::string& word : telling_words(path)) name += (name.empty() ? "" : "_") + word;
+  for (const std::string& word : words_in_order(path)) name += (name.empty() ? "" : "_") + word;
   return name;
 }
 

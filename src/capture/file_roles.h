@@ -14,10 +14,10 @@ enum class FileRole {
 };
 FileRole role_of_file(const std::string& path);
 
-/// The words of a path, or of a take (`CameraMatch::take`), that tell one take from another: without the words of roles
-/// and kinds (videos, masks, cam, openpose, ...).
-std::set<std::string> take_words(const std::string& path);
+/// The words of a path, or of a sequence (`CameraMatch::sequence`), that tell one sequence from another: without the
+/// words of roles and kinds (videos, masks, cam, openpose, ...).
+std::set<std::string> telling_words(const std::string& path);
 /// The same words in their order, joined by "_".
-std::string take_name(const std::string& path);
+std::string telling_name(const std::string& path);
 
 }  // namespace doppel

@@ -9,7 +9,7 @@ enum class FileKind { video, image, json, table, other };
 /// By the extension. Other images and videos than OpenCV reads are `other`.
 FileKind kind_of_file(const std::string& path);
 
-/// Files that belong together: those of one camera in one take. Either one file, or a file per frame.
+/// Files that belong together: those of one camera in one sequence. Either one file, or a file per frame.
 struct FileStream {
   FileKind kind = FileKind::other;
   std::string path;        ///< of the file, or with `{frame}` in its name (path_pattern.h)
@@ -18,7 +18,7 @@ struct FileStream {
   long first_frame = 0;  ///< frame number of the first file
   bool per_frame = false;
 
-  /// The path without extension and frame, in which the names of the camera and of the take stand.
+  /// The path without extension and frame, in which the names of the camera and of the sequence stand.
   std::string stem() const;
 };
 

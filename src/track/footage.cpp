@@ -263,6 +263,10 @@ class CaptureFootage : public Footage {
     long expected = entry.last_frame.value_or(-1) + 1;
     for (std::size_t c = 0; c < filmed_.size(); ++c) {
       const View seen = view(entry, c);
+      if (entry.masks.empty() && entry.last_frame && !seen.has_images()) {  // keypoints alone
+        frames = std::min(frames, *entry.last_frame + 1);
+        continue;
+      }
       const auto reader =
           entry.masks.empty() ? seen.open_images() : open_frames(seen.source(entry.masks), PixelFormat::grey);
       const long found = reader->num_frames(expected);

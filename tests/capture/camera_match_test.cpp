@@ -70,7 +70,7 @@ TEST(CameraMatchReference, FindsTheCamerasOfFiles) {
     CameraMatch match = match_cameras(test.paths, test.cameras);
     EXPECT_EQ(match.way, test.way) << test.what << ": " << to_string(match.way);
     if (std::string(test.what) == "a folder of any name for each camera") {
-      // p and q are folders with two files each, so either folder could be a take; the folders come first.
+      // p and q are folders with two files each, so either folder could be a sequence; the folders come first.
       EXPECT_EQ(match.num_matched(), 4);
       continue;
     }
@@ -81,10 +81,10 @@ TEST(CameraMatchReference, FindsTheCamerasOfFiles) {
 TEST(CameraMatchReference, FilesThatDifferInTheCameraAreOneTake) {
   const CameraMatch match =
       match_cameras({"walk/cam1/cam1_a", "walk/cam2/cam2_a", "run/cam1/cam1_a", "run/cam2/cam2_a"}, {"cam1", "cam2"});
-  EXPECT_EQ(match.take[0], match.take[1]) << "the camera stands in the folder and in the file";
-  EXPECT_EQ(match.take[2], match.take[3]);
-  EXPECT_NE(match.take[0], match.take[2]);
-  EXPECT_EQ(match.largest_take(), 2);
+  EXPECT_EQ(match.sequence[0], match.sequence[1]) << "the camera stands in the folder and in the file";
+  EXPECT_EQ(match.sequence[2], match.sequence[3]);
+  EXPECT_NE(match.sequence[0], match.sequence[2]);
+  EXPECT_EQ(match.largest_sequence(), 2);
   EXPECT_EQ(match.num_matched(), 4);
 }
 
@@ -94,7 +94,7 @@ TEST(CameraMatchReference, AnyNamesAreTaken) {
     for (const Names& cameras : {Names{}, Names{""}, Names{"a", "a"}, Names{"1", "01"}}) {
       const CameraMatch match = match_cameras(odd, cameras);
       EXPECT_EQ(match.camera.size(), odd.size());
-      EXPECT_EQ(match.take.size(), odd.size());
+      EXPECT_EQ(match.sequence.size(), odd.size());
       for (const auto& camera : match.camera)
         if (camera) EXPECT_LT(static_cast<std::size_t>(*camera), cameras.size());
     }

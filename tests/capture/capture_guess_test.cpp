@@ -92,10 +92,10 @@ TEST(CaptureGuess, MasksKeypointsMotionAndCharacter) {
 
 TEST(CaptureGuess, SeveralTakes) {
   std::vector<std::string> files;
-  for (const std::string take : {"walk", "test_run"})
+  for (const std::string sequence : {"walk", "test_run"})
     for (const std::string camera : {"0", "1", "2"}) {
-      files.push_back(take + "/stream00" + camera + ".mp4");
-      files.push_back("fg/" + take + "/" + camera + ".mkv");
+      files.push_back(sequence + "/stream00" + camera + ".mp4");
+      files.push_back("fg/" + sequence + "/" + camera + ".mkv");
     }
   const CaptureGuess guess = guess_capture(folder_of(files, {calibration_of({"0", "1", "2"})}));
   ASSERT_EQ(guess.capture.sequences.size(), 2u);
