@@ -412,7 +412,7 @@ class Guesser {
     } else if (filmed_.size() == 1 && tables.size() == 1) {
       entry.keypoints = tables.front().path;
     } else if (const SortedFiles by_camera = sort_files(tables, names_); !tables.empty()) {
-      if (const SequenceFiles* files = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*files);
+      if (const SequenceFiles* own = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*own);
     }
     if (!entry.keypoints.empty())
       found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(sequences.way),

@@ -2,20 +2,10 @@
 
 #include <filesystem>
 #include <optional>
-#include <string>
-#include <vector>
 
-#include "doppel/capture/capture.h"
+#include "doppel/capture/recognised_capture.h"
 
 namespace doppel {
-
-/// A capture folder of a public dataset, recognised without a capture.yaml.
-struct RecognisedCapture {
-  Capture capture;
-  std::string layout;                     ///< "DynaCap", "ASH/TriHuman", or one of `dataset_names`
-  std::vector<std::string> notes;         ///< which files were recognised as what, in sentences
-  std::vector<std::string> missing = {};  ///< what the dataset does not have, and what to do about it
-};
 
 /// Recognises the folder layouts of the public releases (docs/capture.md):
 /// - DynaCap: `training|testing/img/c_<cam>.avi`, masks in `fg/c_<cam>.avi`;

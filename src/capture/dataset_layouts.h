@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "doppel/capture/capture_guess.h"
-#include "doppel/capture/capture_layouts.h"
+#include "doppel/capture/recognised_capture.h"
 
 namespace doppel {
 

@@ -30,8 +30,8 @@ struct SortedFiles {
 
 SortedFiles sort_files(const std::vector<FileStream>& streams, const std::vector<std::string>& cameras);
 
-/// Of files in another role (masks, keypoints), those of a sequence: their words include the words of the sequence, with
-/// fewest others. Null when there are none, or two such.
+/// Of files in another role (masks, keypoints), those of a sequence: their words include the words of the sequence,
+/// with fewest others. Null when there are none, or two such.
 /// @param only whether there is one sequence: then files that are sorted into one sequence belong to it
 const SequenceFiles* files_of_sequence(const SequenceFiles& sequence, const SortedFiles& files, bool only);
 

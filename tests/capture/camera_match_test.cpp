@@ -95,8 +95,7 @@ TEST(CameraMatchReference, AnyNamesAreTaken) {
       const CameraMatch match = match_cameras(odd, cameras);
       EXPECT_EQ(match.camera.size(), odd.size());
       EXPECT_EQ(match.sequence.size(), odd.size());
-      for (const auto& camera : match.camera)
-        if (camera) EXPECT_LT(static_cast<std::size_t>(*camera), cameras.size());
+      for (const auto& camera : match.camera) EXPECT_LT(camera.value_or(-1), static_cast<int>(cameras.size()));
     }
 }
 

@@ -90,7 +90,7 @@ TEST(CaptureGuess, MasksKeypointsMotionAndCharacter) {
   EXPECT_TRUE(guess.missing.empty()) << all_of(guess.missing);
 }
 
-TEST(CaptureGuess, SeveralTakes) {
+TEST(CaptureGuess, SeveralSequences) {
   std::vector<std::string> files;
   for (const std::string sequence : {"walk", "test_run"})
     for (const std::string camera : {"0", "1", "2"}) {
@@ -99,12 +99,12 @@ TEST(CaptureGuess, SeveralTakes) {
     }
   const CaptureGuess guess = guess_capture(folder_of(files, {calibration_of({"0", "1", "2"})}));
   ASSERT_EQ(guess.capture.sequences.size(), 2u);
-  EXPECT_EQ(guess.capture.sequences[0].name, "walk");
-  EXPECT_EQ(guess.capture.sequences[0].videos, "walk/stream{camera:03}.mp4");
-  EXPECT_EQ(guess.capture.sequences[0].masks, "fg/walk/{name}.mkv");
-  EXPECT_EQ(guess.capture.sequences[1].name, "test_run");
-  EXPECT_EQ(guess.capture.sequences[1].split, Split::test);
-  EXPECT_EQ(guess.capture.sequences[1].masks, "fg/test_run/{name}.mkv");
+  EXPECT_EQ(guess.capture.sequences[1].name, "walk");
+  EXPECT_EQ(guess.capture.sequences[1].videos, "walk/stream{camera:03}.mp4");
+  EXPECT_EQ(guess.capture.sequences[1].masks, "fg/walk/{name}.mkv");
+  EXPECT_EQ(guess.capture.sequences[0].name, "test_run");
+  EXPECT_EQ(guess.capture.sequences[0].split, Split::test);
+  EXPECT_EQ(guess.capture.sequences[0].masks, "fg/test_run/{name}.mkv");
 }
 
 TEST(CaptureGuess, FoldersOfImages) {
@@ -243,6 +243,29 @@ TEST(CaptureGuessOnDisk, LinksInCirclesAndCapturesInsideAreLeftOut) {
   EXPECT_THAT(support::message_of([&] { read_folder(folder / "nowhere"); }), HasSubstr("not a folder"));
 }
 
+TEST(CaptureGuessOnDisk, HostileFilesAreLeftOut) {
+  const TemporaryFolder folder;
+  std::string points;
+  for (int i = 0; i < 25; ++i) points += (i > 0 ? ",30,40,0.5" : "30,40,0.5");
+  const std::string people = "{\"people\":[{\"pose_keypoints_2d\":[" + points + "]}]}";
+  const std::string calibration =
+      "[cam_01]\nname = \"cam_01\"\nsize = [16.0, 16.0]\nmatrix = [[20.0, 0.0, 8.0], [0.0, 20.0, 8.0], [0.0, 0.0, "
+      "1.0]]\n"
+      "distortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.1, 0.2, 0.3]\ntranslation = [0.0, 1.0, 3.0]\n";
+  const auto guess_with = [&](const std::string& keypoints, const std::string& cameras, const std::string& image) {
+    support::write_bytes(folder / "cam01_0.json", keypoints);
+    support::write_bytes(folder / "cam01_1.json", keypoints);
+    support::write_bytes(folder / "calibration.toml", cameras);
+    for (const char* name : {"cam01_0.png", "cam01_1.png", "cam01.mp4"}) support::write_bytes(folder / name, image);
+    return guess_capture(read_folder(folder.path()));
+  };
+  EXPECT_EQ(guess_with(people, calibration, "").capture.keypoint_map, "body25");
+  for (const auto& hostile : support::hostile_variants(people, 8))
+    support::expect_rejects_or_reads(hostile.what, [&] { guess_with(hostile.content, calibration, hostile.content); });
+  for (const auto& hostile : support::hostile_variants(calibration, 8))
+    support::expect_rejects_or_reads(hostile.what, [&] { guess_with(people, hostile.content, ""); });
+}
+
 class RealCaptureGuess : public support::SharedFolderTest {
  protected:
   fs::path p2s(const std::string& name) const { return shared_ / "captures/p2s" / name; }
@@ -268,9 +291,9 @@ TEST_F(RealCaptureGuess, AFolderOfVideosAndACalibration) {
       const std::string number = std::to_string(c + 1), name = "cam_0" + number;
       EXPECT_EQ(chosen.cameras[static_cast<std::size_t>(c)].name, name);
       EXPECT_EQ(capture.source(entry.videos, c, name), (capture.root / ("videos/cam0" + number + ".mp4")).string());
-      if (keypoints)
-        EXPECT_EQ(capture.source(entry.keypoints, c, name),
-                  (capture.root / ("openpose/cam0" + number + "/cam0" + number + ".{frame:04}.json")).string());
+      if (!keypoints) continue;
+      EXPECT_EQ(capture.source(entry.keypoints, c, name),
+                (capture.root / ("openpose/cam0" + number + "/cam0" + number + ".{frame:04}.json")).string());
     }
     EXPECT_EQ(entry.keypoints.empty(), !keypoints);
     EXPECT_THAT(all_of(guess.found),

@@ -8,6 +8,7 @@
 
 #include "capture/capture_fixture.h"
 #include "doppel/capture/capture_cameras.h"
+#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/atomic_file.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
