@@ -118,13 +118,14 @@ class Guesser {
     return names;
   }
 
-  /// More matched cameras are better, then cameras with sizes, then the upper folder.
+  /// More matched cameras are better, then names that match, then cameras with sizes, then the upper folder.
   auto rank(const FoundCalibration& candidate) const {
     const auto& cameras = candidate.calibration.cameras;
     const bool sized =
         std::all_of(cameras.begin(), cameras.end(), [](const Camera& camera) { return camera.width > 0; });
     const auto depth = -static_cast<long>(path_parts(candidate.path).size());
-    return std::make_tuple(footage_of(names_of(candidate)).most_cameras(), sized, depth);
+    const SortedFiles files = footage_of(names_of(candidate));
+    return std::make_tuple(files.most_cameras(), -static_cast<int>(files.way), sized, depth);
   }
 
   void choose_calibration() {

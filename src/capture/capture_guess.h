@@ -26,7 +26,7 @@ struct CaptureGuess {
 };
 
 /// Guesses a capture. Reads no file.
-/// - The calibration is the one whose cameras match most files (`match_cameras`).
+/// - The calibration is the one whose cameras match most files (`match_cameras`), by name rather than by order.
 /// - Files whose paths differ in the camera alone are one sequence; masks, keypoints, motions and the empty scene
 /// belong
 ///   to the sequence whose words their paths hold, or to the only one.

@@ -136,6 +136,10 @@ TEST(CaptureGuess, TheCalibrationWhoseCamerasWereFilmed) {
   EXPECT_EQ(guess.capture.calibration, "z/b.yml");
   EXPECT_EQ(guess.capture.sequences.at(0).videos, "{name}.mp4");
   EXPECT_THAT(all_of(guess.found), HasSubstr("a.toml (toml, 3 cameras) is not used"));
+  const CaptureGuess named =
+      guess_capture(folder_of({"cam1.mp4", "cam2.mp4"}, {calibration_of({"x26", "x27"}, "a.toml"),
+                                                         calibration_of({"cam_1", "cam_2"}, "b.toml")}));
+  EXPECT_EQ(named.capture.calibration, "b.toml") << "both have two cameras; a name says more than an order";
 }
 
 TEST(CaptureGuess, CamerasWithoutVideoAreLeftOut) {

@@ -29,9 +29,11 @@ class NoMasks : public TrackCapture {
     TrackOptions options;
     options.out = root() / out;
     options.sheet_frames = sheet_frames;
+    const auto footage = Footage::open(root(), options.config.fit.outline_pixels);
     ::testing::internal::CaptureStderr();
-    track_capture(*Footage::open(root(), options.config.fit.outline_pixels), options);
-    log_ = ::testing::internal::GetCapturedStderr();
+    ::testing::internal::CaptureStdout();
+    track_capture(*footage, options);
+    log_ = ::testing::internal::GetCapturedStderr() + ::testing::internal::GetCapturedStdout();
     return read_motion(options.out / "walk.motion", character_.num_dofs());
   }
   double distance(const Motion& a, const Motion& b, int frame) const {
