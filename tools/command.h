@@ -22,6 +22,7 @@ struct Command {
 
 Command add_synth(CLI::App& program);
 Command add_calibrate(CLI::App& program);
+Command add_capture(CLI::App& program);
 Command add_character(CLI::App& program);
 Command add_prepare(CLI::App& program);
 Command add_track(CLI::App& program);

@@ -331,11 +331,12 @@ Json describe_sequence(const Capture& capture, const SequenceEntry& sequence) {
     json["used"] = fmt::format("{} to {}", sequence.first_frame, last);
   }
   json["segments"] = sequence.cuts.size() + 1;
-  json["masks"] = sequence.chroma_key    ? "by chroma key"
-                  : sequence.subtraction ? "by background subtraction"
-                                         : sequence.masks;
-  json["videos"] = sequence.videos;
-  if (!sequence.keypoints.empty()) json["keypoints"] = sequence.keypoints;
+  json["masks"] = sequence.chroma_key      ? "by chroma key"
+                  : sequence.subtraction   ? "by background subtraction"
+                  : sequence.masks.empty() ? "none"
+                                           : sequence.masks.to_string();
+  json["videos"] = sequence.videos.to_string();
+  if (!sequence.keypoints.empty()) json["keypoints"] = sequence.keypoints.to_string();
   if (!sequence.joints3d.empty()) json["joints3d"] = sequence.joints3d;
   return json;
 }
@@ -348,7 +349,7 @@ Json describe_capture(const Capture& capture) {
   json["recognised"] = capture.file.empty() ? "by its folders" : "by " + capture.file.string();
   json["prepared"] = !capture.file.empty() && fs::is_directory(capture.file.parent_path() / "store");
   json["fps"] = capture.fps;
-  json["character"] = capture.character_path().string();
+  json["character"] = capture.character.empty() ? "none" : capture.character_path().string();
   json["cameras_in_file"] = calibrated_cameras(capture).size();
   if (!capture.cameras.empty()) json["cameras_used"] = capture.cameras;
   for (const SequenceEntry& sequence : capture.sequences)

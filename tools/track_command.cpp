@@ -30,9 +30,9 @@ constexpr char kTrackExample[] =
     "  doppel track recordings/street --method livecap --vertices\n"
     "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
     "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
-    "CAPTURE needs a calibration, a character, and keypoints and masks (docs/tracking.md); multiview needs at least "
-    "two\n"
-    "cameras. Sequences need no motion. The capture.yaml in the output folder names the tracked motions.";
+    "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
+    "(docs/tracking.md). multiview needs at least two cameras. Sequences need no motion. The capture.yaml in the "
+    "output folder names the tracked motions.";
 
 struct TrackArguments {
   std::string capture, method = "multiview", config, camera;
@@ -61,9 +61,10 @@ void print_live(const LiveFigures& live) {
       live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
 }
 
-void print_livecap(const LivecapSummary& livecap) {
-  fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
-             livecap.overlap);
+void print_livecap(const LivecapSummary& livecap, bool has_overlaps) {
+  if (has_overlaps)
+    fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
+               livecap.overlap);
   fmt::print("  {:.1f} frames/s with reading; milliseconds per frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
              livecap.frames_per_second, livecap.read_ms, livecap.pose_ms, livecap.surface_ms);
 }
@@ -85,7 +86,7 @@ void print_table(const TrackReport& report) {
       fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",
                  surface.posed_overlap, surface.overlap, surface.frames_per_second);
     }
-    if (sequence.livecap) print_livecap(summarise_livecap(sequence));
+    if (sequence.livecap) print_livecap(summarise_livecap(sequence), !sequence.livecap->empty());
     if (sequence.live) print_live(*sequence.live);
     if (!lost.empty()) fmt::print("  lost frames (bridged from their neighbours): {}\n", fmt::join(lost, ", "));
   }

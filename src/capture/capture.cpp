@@ -44,6 +44,16 @@ std::string read_pattern(const ConfigReader& reader, const std::string& key) {
   return pattern;
 }
 
+/// A path for all cameras, or a mapping from camera names to paths.
+CameraPaths read_paths(const ConfigReader& reader, const std::string& key) {
+  if (!reader.has_section(key)) return read_pattern(reader, key);
+  const ConfigReader section = reader.section(key);
+  std::map<std::string, std::string> paths;
+  for (const std::string& camera : section.keys()) paths[camera] = read_pattern(section, camera);
+  if (paths.empty()) reader.fail_at_key(key, "is an empty mapping; name the path of each camera");
+  return CameraPaths(std::move(paths));
+}
+
 ChromaKey read_chroma_key(const ConfigReader& reader, bool has_background) {
   ChromaKey key;
   key.space =
@@ -65,7 +75,7 @@ ChromaKey read_chroma_key(const ConfigReader& reader, bool has_background) {
 
 BackgroundSubtraction read_subtraction(const ConfigReader& reader) {
   BackgroundSubtraction subtraction;
-  if (reader.has("empty")) subtraction.empty = read_pattern(reader, "empty");
+  if (reader.has("empty")) subtraction.empty = read_paths(reader, "empty");
   if (reader.has("frames")) {
     const std::vector<long> frames = reader.list<long>("frames");
     if (frames.size() != 2 || frames[0] < 0 || frames[1] < frames[0] || frames[1] > kMaxFrame)
@@ -86,10 +96,10 @@ BackgroundSubtraction read_subtraction(const ConfigReader& reader) {
 
 void read_masks(const ConfigReader& reader, bool has_background, SequenceEntry& sequence) {
   const int ways = reader.has("masks") + reader.has("chroma_key") + reader.has("background_subtraction");
-  if (ways != 1)
-    reader.fail_at_key("masks", "a sequence needs either `masks`, a `chroma_key` or a `background_subtraction`, {}",
-                       ways > 1 ? "only one of them" : "and has none");
-  if (reader.has("masks")) sequence.masks = read_pattern(reader, "masks");
+  if (ways > 1)
+    reader.fail_at_key("masks",
+                       "a sequence has either `masks`, a `chroma_key` or a `background_subtraction`, only one of them");
+  if (reader.has("masks")) sequence.masks = read_paths(reader, "masks");
   if (reader.has("chroma_key")) sequence.chroma_key = read_chroma_key(reader.section("chroma_key"), has_background);
   if (reader.has("background_subtraction"))
     sequence.subtraction = read_subtraction(reader.section("background_subtraction"));
@@ -100,7 +110,8 @@ void read_masks(const ConfigReader& reader, bool has_background, SequenceEntry& 
 void read_range(const ConfigReader& reader, SequenceEntry& sequence) {
   const ConfigReader offsets = reader.section("frame_offset");
   for (const std::string& camera : offsets.keys())
-    sequence.frame_offset[camera] = offsets.get<long>(camera, between(-kMaxFrame, kMaxFrame));
+    sequence.frame_offset[camera] =
+        offsets.get<double>(camera, between<double>(static_cast<double>(-kMaxFrame), static_cast<double>(kMaxFrame)));
   sequence.first_frame = reader.get("first_frame", 0L, between(0L, kMaxFrame));
   if (reader.has("last_frame")) sequence.last_frame = reader.get<long>("last_frame", between(0L, kMaxFrame));
   if (sequence.last_frame && *sequence.last_frame < sequence.first_frame)
@@ -117,9 +128,9 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.name = reader.get<std::string>("name");
   check_name(reader, "name", sequence.name);
   sequence.split = parse_split(reader.choice("split", split_words()));
-  sequence.videos = read_pattern(reader, "videos");
+  sequence.videos = read_paths(reader, "videos");
   read_masks(reader, has_background, sequence);
-  if (reader.has("keypoints")) sequence.keypoints = read_pattern(reader, "keypoints");
+  if (reader.has("keypoints")) sequence.keypoints = read_paths(reader, "keypoints");
   if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
   sequence.motion = reader.get("motion", "");
   read_range(reader, sequence);
@@ -152,6 +163,13 @@ void read_evidence(const ConfigReader& reader, Capture& capture) {
   options.sigma = filter.get("sigma", options.sigma, between(0.0, 1000.0));
 }
 
+void read_rates(const ConfigReader& reader, Capture& capture) {
+  const Range<double> rates = between(1e-3, 1e5);
+  capture.fps = reader.get("fps", 25.0, rates);
+  const ConfigReader own = reader.section("camera_fps");
+  for (const std::string& camera : own.keys()) capture.camera_fps[camera] = own.get<double>(camera, rates);
+}
+
 void read_sequences(const ConfigReader& reader, Capture& capture) {
   std::set<std::string> names;
   for (const ConfigReader& section : reader.sections("sequences")) {
@@ -169,6 +187,13 @@ fs::path read_root(const ConfigReader& reader, const fs::path& folder) {
   return root;
 }
 
+YAML::Node paths_node(const CameraPaths& paths) {
+  if (paths.by_camera().empty()) return YAML::Node(paths.sample());
+  YAML::Node node;
+  for (const auto& [camera, path] : paths.by_camera()) node[camera] = path;
+  return node;
+}
+
 YAML::Node chroma_key_node(const ChromaKey& key) {
   YAML::Node node;
   node["space"] = key.space == ChromaKey::Space::hsv ? "hsv" : "ycrcb";
@@ -183,7 +208,7 @@ YAML::Node chroma_key_node(const ChromaKey& key) {
 
 YAML::Node subtraction_node(const BackgroundSubtraction& subtraction) {
   YAML::Node node;
-  if (!subtraction.empty.empty()) node["empty"] = subtraction.empty;
+  if (!subtraction.empty.empty()) node["empty"] = paths_node(subtraction.empty);
   if (subtraction.last_frame) {
     node["frames"] = std::vector<long>{subtraction.first_frame, *subtraction.last_frame};
     node["frames"].SetStyle(YAML::EmitterStyle::Flow);
@@ -219,16 +244,18 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
   YAML::Node node;
   node["name"] = sequence.name;
   node["split"] = to_string(sequence.split);
-  node["videos"] = sequence.videos;
+  node["videos"] = paths_node(sequence.videos);
   if (sequence.chroma_key)
     node["chroma_key"] = chroma_key_node(*sequence.chroma_key);
   else if (sequence.subtraction)
     node["background_subtraction"] = subtraction_node(*sequence.subtraction);
-  else
-    node["masks"] = sequence.masks;
-  node["mask_threshold"] = sequence.mask_threshold;
-  node["largest_component"] = sequence.largest_component;
-  if (!sequence.keypoints.empty()) node["keypoints"] = sequence.keypoints;
+  else if (!sequence.masks.empty())
+    node["masks"] = paths_node(sequence.masks);
+  if (sequence.has_masks()) {
+    node["mask_threshold"] = sequence.mask_threshold;
+    node["largest_component"] = sequence.largest_component;
+  }
+  if (!sequence.keypoints.empty()) node["keypoints"] = paths_node(sequence.keypoints);
   if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
   if (!sequence.motion.empty()) node["motion"] = sequence.motion;
   for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
@@ -264,9 +291,12 @@ Split parse_split(const std::string& word) {
 
 std::string to_string(Split split) { return split_words()[as_size(split)]; }
 
-long SequenceEntry::offset(const std::string& camera) const {
-  const auto found = frame_offset.find(camera);
-  return found == frame_offset.end() ? 0 : found->second;
+void SequenceEntry::require_masks(const std::string& command) const {
+  if (has_masks()) return;
+  fail(
+      "sequence {} has no masks, which {} needs; name `masks`, or let them be computed by a `chroma_key`, or by a "
+      "`background_subtraction` with images of the empty scene (docs/capture.md)",
+      name, command);
 }
 
 fs::path Capture::resolve(const std::string& written) const {
@@ -274,8 +304,24 @@ fs::path Capture::resolve(const std::string& written) const {
   return (path.is_absolute() ? path : root / path).lexically_normal();
 }
 
-std::string Capture::source(const std::string& pattern, int file_index, const std::string& camera) const {
-  return resolve(expand_camera(pattern, file_index, camera)).string();
+std::string Capture::source(const CameraPaths& paths, int file_index, const std::string& camera) const {
+  return resolve(expand_camera(paths.of(camera), file_index, camera)).string();
+}
+
+FrameClock Capture::clock(const SequenceEntry& sequence, const std::string& camera) const {
+  const auto own_fps = camera_fps.find(camera);
+  const auto offset = sequence.frame_offset.find(camera);
+  return {own_fps == camera_fps.end() ? 1.0 : own_fps->second / fps,
+          offset == sequence.frame_offset.end() ? 0.0 : offset->second};
+}
+
+fs::path Capture::character_path() const {
+  if (character.empty())
+    fail(
+        "{} names no character, which this command needs; make one (`doppel character build`, docs/character.md) and "
+        "add `character: PATH` to {}",
+        name, file.empty() ? "its capture.yaml" : file.string());
+  return resolve(character);
 }
 
 bool Capture::has_keypoints() const {
@@ -298,12 +344,12 @@ Capture read_capture(const fs::path& file_or_folder) {
   capture.root = read_root(reader, capture.file.parent_path());
   capture.name = reader.get("name", capture.root.filename().string());
   check_name(reader, "name", capture.name);
-  capture.character = reader.get<std::string>("character");
+  capture.character = reader.get("character", "");
   capture.calibration = reader.get<std::string>("calibration");
   if (reader.has("unit")) capture.calibration_options.unit = reader.choice("unit", {"m", "cm", "mm"}, "m");
   if (reader.has("up"))
     capture.calibration_options.up = reader.choice("up", {"+x", "-x", "+y", "-y", "+z", "-z"}, "+y");
-  capture.fps = reader.get("fps", 25.0, between(1e-3, 1e5));
+  read_rates(reader, capture);
   capture.cameras = reader.list<std::string>("cameras");
   for (const std::string& camera : capture.cameras) check_name(reader, "cameras", camera);
   if (std::set<std::string>(capture.cameras.begin(), capture.cameras.end()).size() != capture.cameras.size())
@@ -315,16 +361,17 @@ Capture read_capture(const fs::path& file_or_folder) {
   return capture;
 }
 
-void write_capture(const fs::path& path, const Capture& capture) {
+void write_capture(const fs::path& path, const Capture& capture, const std::vector<std::string>& comments) {
   YAML::Node node;
   node["doppel_capture"] = kSchemaVersion;
   node["name"] = capture.name;
   node["root"] = portable_root(capture.root, fs::absolute(path).parent_path()).string();
-  node["character"] = capture.character;
+  if (!capture.character.empty()) node["character"] = capture.character;
   node["calibration"] = capture.calibration;
   if (!capture.calibration_options.unit.empty()) node["unit"] = capture.calibration_options.unit;
   if (!capture.calibration_options.up.empty()) node["up"] = capture.calibration_options.up;
   node["fps"] = capture.fps;
+  for (const auto& [camera, fps] : capture.camera_fps) node["camera_fps"][camera] = fps;
   if (!capture.cameras.empty()) {
     node["cameras"] = capture.cameras;
     node["cameras"].SetStyle(YAML::EmitterStyle::Flow);
@@ -337,7 +384,12 @@ void write_capture(const fs::path& path, const Capture& capture) {
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
   YAML::Emitter emitter;
   emitter << node;
-  write_atomically(path, std::string(emitter.c_str()) + "\n");
+  std::string text;
+  for (std::string comment : comments) {
+    std::replace(comment.begin(), comment.end(), '\n', ' ');
+    text += "# " + comment + "\n";
+  }
+  write_atomically(path, text + emitter.c_str() + "\n");
 }
 
 }  // namespace doppel

@@ -12,10 +12,33 @@ namespace doppel {
 
 namespace {
 
+constexpr double kExactAspect = 0.002;  // a pixel of rounding in an image 500 wide
+
 std::string joined_names(const std::vector<Camera>& cameras) {
   std::string names;
   for (const Camera& camera : cameras) names += (names.empty() ? "" : ", ") + camera.name;
   return names;
+}
+
+/// Names of cameras that stand as keys in a capture.
+template <typename Value>
+void check_keys(const std::map<std::string, Value>& by_camera, const std::string& key, const Capture& capture,
+                const std::vector<Camera>& all) {
+  for (const auto& entry : by_camera)
+    if (std::none_of(all.begin(), all.end(), [&](const Camera& camera) { return camera.name == entry.first; }))
+      fail("{}: `{}` names camera '{}', but {} has {}", capture.name, key, entry.first, capture.calibration,
+           joined_names(all));
+}
+
+void check_all_keys(const Capture& capture, const std::vector<Camera>& all) {
+  check_keys(capture.camera_fps, "camera_fps", capture, all);
+  for (const SequenceEntry& sequence : capture.sequences) {
+    check_keys(sequence.frame_offset, "frame_offset", capture, all);
+    check_keys(sequence.videos.by_camera(), "videos", capture, all);
+    check_keys(sequence.masks.by_camera(), "masks", capture, all);
+    check_keys(sequence.keypoints.by_camera(), "keypoints", capture, all);
+    if (sequence.subtraction) check_keys(sequence.subtraction->empty.by_camera(), "empty", capture, all);
+  }
 }
 
 }  // namespace
@@ -26,6 +49,7 @@ std::vector<Camera> calibrated_cameras(const Capture& capture) {
 
 CaptureCameras choose_cameras(const Capture& capture) {
   const std::vector<Camera> all = calibrated_cameras(capture);
+  check_all_keys(capture, all);
   std::vector<std::string> wanted = capture.cameras;
   if (wanted.empty())
     for (const Camera& camera : all) wanted.push_back(camera.name);
@@ -45,13 +69,22 @@ Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& s
   if (camera.width == 0) return with_image_size(camera, images.width, images.height);
   const double calibrated = static_cast<double>(camera.width) / camera.height;
   const double seen = static_cast<double>(images.width) / images.height;
-  if (std::abs(seen / calibrated - 1.0) > 0.01)
+  const double stretch = seen / calibrated - 1.0;
+  if (std::abs(stretch) > kMaxStretch)
     fail(
         "camera {}: {} shows {}x{} pixels, but the calibration is for {}x{}, another aspect ratio; the images were "
         "cropped or turned, or this is the calibration of other cameras",
         camera.name, source, images.width, images.height, camera.width, camera.height);
-  log::info("camera {}: calibration for {}x{} scaled to the video's {}x{}", camera.name, camera.width, camera.height,
-            images.width, images.height);
+  if (std::abs(stretch) > kExactAspect)
+    log::warn(
+        "camera {}: {} shows {}x{} pixels, the calibration is for {}x{}; its aspect ratio differs by {:.2f} %. The "
+        "calibration is scaled by {:.4f} along x and {:.4f} along y; if the images were cropped instead, state the "
+        "calibration of the cropped images",
+        camera.name, source, images.width, images.height, camera.width, camera.height, 100.0 * std::abs(stretch),
+        static_cast<double>(images.width) / camera.width, static_cast<double>(images.height) / camera.height);
+  else
+    log::info("camera {}: calibration for {}x{} scaled to the video's {}x{}", camera.name, camera.width, camera.height,
+              images.width, images.height);
   return camera.scaled_to(images.width, images.height);
 }
 

@@ -15,18 +15,22 @@ struct CaptureCameras {
   std::vector<int> file_index;  ///< [C] position in the calibration
 };
 
+/// The largest difference of the aspect ratios of calibration and images that is put down to a rounded size.
+inline constexpr double kMaxStretch = 0.01;
+
 /// All cameras of the capture's calibration. Their width and height are 0 if the calibration does not state them.
 /// @throws FileError as load_calibration, and when the calibration has no poses
 std::vector<Camera> calibrated_cameras(const Capture& capture);
 
 /// The cameras that the capture names, in its order; all cameras of the calibration when it names none.
-/// @throws Error naming a camera that the calibration does not have; FileError as calibrated_cameras
+/// @throws Error naming a camera that the calibration does not have, also as a key of `videos`, `frame_offset` and
+/// such; FileError as calibrated_cameras
 CaptureCameras choose_cameras(const Capture& capture);
 
 /// The camera scaled to the resolution of its images, or with that resolution if it has none. Logs a line when this
-/// resolution differs from the calibration.
+/// resolution differs from the calibration, as a warning when the aspect ratio differs too.
 /// @param source path of the images, for messages
-/// @throws Error when the aspect ratios differ by more than 1 %
+/// @throws Error when the aspect ratios differ by more than kMaxStretch
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source);
 
 }  // namespace doppel

@@ -1,5 +1,7 @@
 #include "doppel/capture/capture_layouts.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cctype>
 #include <climits>
@@ -9,6 +11,8 @@
 #include <set>
 
 #include "doppel/calibration/read_calibration.h"
+#include "doppel/capture/dataset_layouts.h"
+#include "doppel/capture/name_words.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
@@ -90,15 +94,16 @@ std::vector<fs::path> find_files(const fs::path& folder, int depth,
 }
 
 /// The one file of a kind; `usual` decides between several.
-fs::path find_only(const fs::path& folder, const std::string& kind, const std::string& extension,
+fs::path find_only(const fs::path& folder, const std::string& kind, const std::vector<std::string>& extensions,
                    const std::vector<std::string>& usual) {
-  const std::vector<fs::path> found =
-      find_files(folder, 2, [&](const fs::path& path) { return path.extension() == extension; });
+  const std::vector<fs::path> found = find_files(folder, 2, [&](const fs::path& path) {
+    return std::find(extensions.begin(), extensions.end(), path.extension()) != extensions.end();
+  });
   if (found.empty())
     fail(
         "{} looks like a capture, but no {} (*{}) lies in it or up to two folders below; put it there, or write a "
         "capture.yaml that names it (docs/capture.md)",
-        folder.string(), kind, extension);
+        folder.string(), kind, fmt::join(extensions, ", *"));
   for (const std::string& name : usual)
     for (const fs::path& path : found)
       if (path.filename() == name) return path;
@@ -226,16 +231,7 @@ std::vector<std::string> common_cameras(const std::vector<FoundSequence>& sequen
   return names.size() == all.size() ? std::vector<std::string>() : names;
 }
 
-std::string usable_name(const fs::path& folder) {
-  std::string name = fs::weakly_canonical(folder).filename().string();
-  for (char& c : name)
-    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-' && c != '.') c = '_';
-  return name.empty() ? "capture" : name.substr(0, 64);
-}
-
-}  // namespace
-
-std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
+std::optional<RecognisedCapture> recognise_studio(const fs::path& folder) {
   std::vector<FoundSequence> sequences;
   for (const std::string split : {"training", "testing"})
     if (const auto found = find_sequence(folder, split)) sequences.push_back(*found);
@@ -246,29 +242,36 @@ std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
   Capture& capture = result.capture;
   capture.root = fs::absolute(folder).lexically_normal();
   if (!capture.root.has_filename()) capture.root = capture.root.parent_path();
-  capture.name = usable_name(folder);
-  const fs::path calibration =
-      find_only(capture.root, "calibration", ".calibration", {"cameras.calibration", "cameras_corrected.calibration"});
+  capture.name = usable_name(fs::weakly_canonical(folder).filename().string(), "capture");
+  const fs::path calibration = find_only(capture.root, "calibration", {".calibration", ".calib"},
+                                         {"cameras.calibration", "cameras_corrected.calibration", "cameras.calib"});
   capture.calibration = relative_to(calibration, capture.root);
   capture.character = relative_to(
-      find_only(capture.root, "character", ".character", {"ddc.character", "actor.character"}), capture.root);
+      find_only(capture.root, "character", {".character"}, {"ddc.character", "actor.character"}), capture.root);
   capture.background = find_background(capture.root);
   if (fs::is_regular_file(capture.root / "landmarks.csv")) capture.landmarks = "landmarks.csv";
   for (FoundSequence& sequence : sequences) {
     sequence.entry.motion = relative_to(find_motion(capture.root, sequence.entry.name), capture.root);
     capture.sequences.push_back(sequence.entry);
-    result.notes.push_back(fmt::format("{}: {} cameras, videos {}, masks {}, poses {}, {} cuts", sequence.entry.name,
-                                       sequence.cameras.size(), sequence.entry.videos, sequence.entry.masks,
-                                       sequence.entry.motion.empty() ? "none" : sequence.entry.motion,
-                                       sequence.entry.cuts.size()));
+    result.notes.push_back(
+        fmt::format("{}: {} cameras, videos {}, masks {}, poses {}, {} cuts", sequence.entry.name,
+                    sequence.cameras.size(), sequence.entry.videos.to_string(), sequence.entry.masks.to_string(),
+                    sequence.entry.motion.empty() ? "none" : sequence.entry.motion, sequence.entry.cuts.size()));
   }
-  const std::vector<Camera> cameras = read_calibration(calibration);
+  const std::vector<Camera> cameras = read_posed_cameras(calibration);
   capture.cameras = common_cameras(sequences, cameras);
   if (capture.cameras.empty() && sequences[0].cameras.size() < cameras.size())
     fail("{}: none of the {} cameras of {} has a video in every sequence", folder.string(), cameras.size(),
          capture.calibration);
   result.notes.push_back("calibration " + capture.calibration + ", character " + capture.character);
   return result;
+}
+
+}  // namespace
+
+std::optional<RecognisedCapture> recognise_capture(const fs::path& folder) {
+  if (auto studio = recognise_studio(folder)) return studio;
+  return recognise_dataset(folder);
 }
 
 Capture find_capture(const fs::path& file_or_folder) {
@@ -279,11 +282,12 @@ Capture find_capture(const fs::path& file_or_folder) {
   if (!recognised)
     fail(
         "{} has no capture.yaml and is not laid out like a public dataset (DynaCap: training/img/c_<camera>.avi with "
-        "training/fg/; ASH and TriHuman: training/videos/streamNNN.mp4 with training/foregroundSegmentation/); write a "
-        "capture.yaml as docs/capture.md shows",
-        file_or_folder.string());
+        "training/fg/; ASH and TriHuman: training/videos/streamNNN.mp4 with training/foregroundSegmentation/; {}); let "
+        "`doppel capture init {}` write a capture.yaml, or write one as docs/capture.md shows",
+        file_or_folder.string(), fmt::join(dataset_names(), ", "), file_or_folder.string());
   log::info("{}: recognised the {} layout", file_or_folder.string(), recognised->layout);
   for (const std::string& note : recognised->notes) log::info("  {}", note);
+  for (const std::string& note : recognised->missing) log::info("  missing: {}", note);
   return recognised->capture;
 }
 

@@ -2,28 +2,20 @@
 
 #include <filesystem>
 #include <optional>
-#include <string>
-#include <vector>
 
-#include "doppel/capture/capture.h"
+#include "doppel/capture/recognised_capture.h"
 
 namespace doppel {
-
-/// A capture folder of a public dataset, recognised without a capture.yaml.
-struct RecognisedCapture {
-  Capture capture;
-  std::string layout;              ///< "DynaCap" or "ASH/TriHuman"
-  std::vector<std::string> notes;  ///< which files were recognised as what, in sentences
-};
 
 /// Recognises the folder layouts of the public releases (docs/capture.md):
 /// - DynaCap: `training|testing/img/c_<cam>.avi`, masks in `fg/c_<cam>.avi`;
 /// - ASH / TriHuman / UMA: `training|testing/{videos|images|.}/streamNNN.<ext>`, masks in `foregroundSegmentation/`.
 ///   The calibration, the character and the poses are searched for in the folder and up to two levels below it. Cuts
-///   are read from `<split>/frames.csv` (columns frame,segment) if it exists.
+///   are read from `<split>/frames.csv` (columns frame,segment) if it exists;
+/// - the datasets of dataset_layouts.h, which have neither character nor, some of them, masks.
 /// @return nothing when no sequence is found
-/// @throws Error when a sequence is found but calibration, character or masks are missing, or when one of them or the
-/// poses are ambiguous
+/// @throws Error when a sequence of the first two is found but calibration, character or masks are missing, or when one
+/// of them or the poses are ambiguous
 std::optional<RecognisedCapture> recognise_capture(const std::filesystem::path& folder);
 
 /// `read_capture` when the folder has a capture.yaml (or the path is a file), `recognise_capture` otherwise.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/capture/capture_cameras.h"
+#include "doppel/capture/fractional_frames.h"
 #include "doppel/capture/mask.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/log.h"
@@ -42,7 +43,7 @@ std::string chosen_map(const Capture& capture) {
   if (capture.detector) return kDefaultMap;
   const bool tables =
       std::all_of(capture.sequences.begin(), capture.sequences.end(), [](const SequenceEntry& sequence) {
-        return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints).extension() == ".csv";
+        return sequence.keypoints.empty() || std::filesystem::path(sequence.keypoints.sample()).extension() == ".csv";
       });
   return detected_layout(capture).value_or(tables ? kNamesMap : kDefaultMap);
 }
@@ -85,6 +86,39 @@ void undistort(const Undistorter& undistorter, People& people) {
       point.y = static_cast<float>(pixel.y());
     }
 }
+
+/// The person in the frames around the present row. Each frame is read once; the rows ascend.
+class RecentFrames {
+ public:
+  struct Frame {
+    std::optional<People> people;
+    std::vector<Keypoint> landmarks;
+  };
+  RecentFrames(const PeopleOfFrame& people, const LandmarkPicker& picker, const Undistorter& undistorter)
+      : people_(people), picker_(picker), undistorter_(undistorter) {}
+
+  /// The landmarks at a time, in frames.
+  std::vector<Keypoint> at(double time, const std::function<cv::Mat()>& mask) {
+    const double before = std::floor(time);
+    const auto first = static_cast<long>(before);
+    frames_.erase(frames_.begin(), frames_.lower_bound(first));
+    const std::vector<Keypoint> landmarks = frame(first, mask).landmarks;
+    return time == before ? landmarks : keypoints_between(landmarks, frame(first + 1, mask).landmarks, time - before);
+  }
+  const Frame& frame(long number, const std::function<cv::Mat()>& mask) {
+    const auto [found, is_new] = frames_.try_emplace(number);
+    if (!is_new) return found->second;
+    found->second.people = people_(number);
+    found->second.landmarks = pick_person(found->second.people, mask, picker_, undistorter_);
+    return found->second;
+  }
+
+ private:
+  const PeopleOfFrame& people_;
+  const LandmarkPicker& picker_;
+  const Undistorter& undistorter_;
+  std::map<long, Frame> frames_;
+};
 
 }  // namespace
 
@@ -130,22 +164,21 @@ PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
   return PoseDetector(options, layout);
 }
 
-KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
-                            const Camera& camera, long first, long last, const std::vector<long>& cuts,
-                            const KeypointFilter& filter) {
+KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfRow& mask, const LandmarkPicker& picker,
+                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter) {
   const Undistorter undistorter(camera);
+  RecentFrames recent(people, picker, undistorter);
   KeypointTrack track;
-  for (long frame = first; frame <= last; ++frame) {
-    const std::optional<People> found = people(frame);
-    track.frames.push_back(pick_person(
-        found, [&] { return mask(frame); }, picker, undistorter));
-    count_frame(found, track.frames.back(), track.facts);
+  for (long row = rows.first; row <= rows.last; ++row) {
+    const auto mask_of_row = [&] { return mask(row); };
+    track.frames.push_back(recent.at(rows.clock.time(row), mask_of_row));
+    count_frame(recent.frame(rows.clock.frame(row), mask_of_row).people, track.frames.back(), track.facts);
   }
   if (track.facts.frames > 0) track.facts.seen /= static_cast<double>(track.facts.frames);
   check_pixels(track.frames);
   std::vector<long> segments;
-  segments.reserve(cuts.size());
-  for (const long cut : cuts) segments.push_back(cut - first);
+  segments.reserve(rows.cuts.size());
+  for (const long cut : rows.cuts) segments.push_back(cut - rows.first);
   filter_keypoints(track.frames, segments, filter, std::max(camera.width, camera.height));
   return track;
 }

@@ -39,24 +39,30 @@ struct KeypointFacts {
   double seen = 0.0;       ///< share of landmarks, over all frames, of at least kSeenConfidence
 };
 
-/// The keypoints of one camera in consecutive frames, one per landmark, in pixels of the image without distortion.
+/// The keypoints of one camera in consecutive rows, one per landmark, in pixels of the image without distortion.
 struct KeypointTrack {
   std::vector<std::vector<Keypoint>> frames;  ///< [F] of [M]
   KeypointFacts facts;
 };
 
-/// Functions that return the people in a video frame, and the mask of a video frame (empty: none).
+/// Functions that return the people in a video frame, and the mask of a motion row (empty: none).
 using PeopleOfFrame = std::function<std::optional<People>(long frame)>;
-using MaskOfFrame = std::function<cv::Mat(long frame)>;
+using MaskOfRow = std::function<cv::Mat(long row)>;
 
-/// Follows one person through the frames `first` to `last` of a video: chooses the person, removes the lens distortion,
-/// picks the landmarks and filters them.
+/// Consecutive rows of a motion, as one camera filmed them.
+struct FilmedRows {
+  long first = 0, last = 0;
+  std::vector<long> cuts;  ///< rows that begin a new segment
+  FrameClock clock;
+};
+
+/// Follows one person through the rows of a motion: chooses the person, removes the lens distortion, picks the
+/// landmarks and filters them. Between two video frames the landmarks are interpolated (fractional_frames.h).
+/// @param mask is called for ascending rows, and only when several people were detected
 /// @param camera with its distortion, at the resolution of the images in which the points were detected
-/// @param cuts video frames that begin a new segment
 /// @throws Error when the points are not in pixels (all of them are fractions of the image size)
-KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfFrame& mask, const LandmarkPicker& picker,
-                            const Camera& camera, long first, long last, const std::vector<long>& cuts,
-                            const KeypointFilter& filter);
+KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfRow& mask, const LandmarkPicker& picker,
+                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter);
 
 /// Keypoints of one person in an image, [M]: chooses the person, removes the lens distortion and picks the landmarks.
 /// @param people of the image as filmed, with distortion

@@ -1,5 +1,6 @@
 #include "doppel/capture/mask.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>

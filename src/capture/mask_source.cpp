@@ -41,7 +41,7 @@ BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std:
 
 MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
     : sequence_(sequence), undistort_(camera) {
-  const auto source = [&](const std::string& pattern) { return capture.source(pattern, file_index, camera.name); };
+  const auto source = [&](const CameraPaths& paths) { return capture.source(paths, file_index, camera.name); };
   if (const auto& subtraction = sequence.subtraction)
     model_ = learn_scene(*subtraction, source(subtraction->empty.empty() ? sequence.videos : subtraction->empty));
   else if (!sequence.chroma_key)

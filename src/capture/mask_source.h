@@ -15,7 +15,7 @@ namespace doppel {
 /// or from background subtraction. Masks are thresholded (0 or 255), of the image's size and without lens distortion.
 class MaskSource {
  public:
-  /// Opens the mask files or the image of the empty studio, or learns the empty scene.
+  /// Opens the mask files or the image of the empty studio, or learns the empty scene. @pre sequence.has_masks()
   /// @param camera with its distortion, at the resolution of the images
   /// @param file_index index of the camera in the calibration file
   /// @throws FileError when one of them cannot be read

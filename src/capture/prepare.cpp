@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -56,17 +57,18 @@ class RecordMaker {
       : options_(options),
         sequence_(plan.sequences[job.sequence].entry),
         undistort_(plan.cameras[job.camera]),
-        offset_(sequence_.offset(plan.cameras[job.camera].name)),
+        clock_(plan.capture.clock(sequence_, plan.cameras[job.camera].name)),
         videos_(open_frames(plan.source(sequence_.videos, job.camera), PixelFormat::colour)),
         masks_(plan.capture, sequence_, plan.cameras[job.camera], plan.file_index[job.camera]) {}
 
   FrameRecord make(long row) {
-    const cv::Mat raw = videos_->read(row + offset_);
+    const long frame = clock_.frame(row);
+    const cv::Mat raw = videos_->read(frame);
     const Camera& camera = undistort_.pinhole();
     if (raw.cols != camera.width || raw.rows != camera.height)
-      fail("{}: frame {} is {}x{} pixels, the ones before {}x{}", videos_->source(), row + offset_, raw.cols, raw.rows,
+      fail("{}: frame {} is {}x{} pixels, the ones before {}x{}", videos_->source(), frame, raw.cols, raw.rows,
            camera.width, camera.height);
-    const cv::Mat mask = masks_.read(row + offset_, raw);
+    const cv::Mat mask = masks_.read(frame, raw);
     FrameRecord record;
     record.width = mask.cols;
     record.height = mask.rows;
@@ -86,7 +88,7 @@ class RecordMaker {
   const PrepareOptions& options_;
   const SequenceEntry& sequence_;
   Undistorter undistort_;
-  long offset_;
+  FrameClock clock_;
   std::unique_ptr<FrameReader> videos_;
   MaskSource masks_;
 };
@@ -304,6 +306,17 @@ class Preparation {
     return expand_camera(PreparePlan::detected_table(planned, options_.out), 0, seen.name);
   }
 
+  /// The frames before and after each row, as far as the video has them.
+  static std::set<long> frames_around(const PlannedSequence& rows, const FrameClock& clock, FrameReader& videos) {
+    const auto after_last = static_cast<long>(std::ceil(clock.time(rows.last_frame))) + 1;
+    const long end = clock.is_whole() ? after_last : videos.num_frames(after_last);
+    std::set<long> frames;
+    for (long row = rows.first_frame; row <= rows.last_frame; ++row)
+      for (const double time : {std::floor(clock.time(row)), std::ceil(clock.time(row))})
+        if (time >= 0 && time < static_cast<double>(end)) frames.insert(static_cast<long>(time));
+    return frames;
+  }
+
   /// Runs the capture's detector where no keypoints are given, and saves its points as a table. @return false: stopped
   bool detect(const Job& job) const {
     const PlannedSequence& rows = sequence(job);
@@ -311,12 +324,12 @@ class Preparation {
     if (!plan_.detects(rows) || fs::exists(table)) return true;
     PoseDetector detector = open_detector(plan_.capture, plan_.evidence.map.layout);
     const auto videos = open_frames(plan_.source(rows.entry.videos, job.camera), PixelFormat::colour);
-    const long offset = rows.entry.offset(camera(job).name);
+    const std::set<long> needed = frames_around(rows, plan_.capture.clock(rows.entry, camera(job).name), *videos);
     std::map<long, People> frames;
-    Progress progress("detect", rows.num_frames(), 0);
-    for (long row = rows.first_frame; row <= rows.last_frame; ++row) {
+    Progress progress("detect", static_cast<long>(needed.size()), 0);
+    for (const long frame : needed) {
       if (stop_requested()) return false;
-      frames[row + offset] = detector.detect(videos->read(row + offset));
+      frames[frame] = detector.detect(videos->read(frame));
       progress.advance(1, title(job));
     }
     write_keypoint_table(table, plan_.evidence.map.layout, camera(job).name, frames);
@@ -327,14 +340,13 @@ class Preparation {
   KeypointFacts store_keypoints(const Job& job) {
     const PlannedSequence& rows = sequence(job);
     const Camera& filmed = plan_.cameras[job.camera];
-    const long offset = rows.entry.offset(filmed.name);
-    std::vector<long> cuts;
-    for (const long cut : rows.entry.cuts) cuts.push_back(cut + offset);
-    const auto mask = [&](long frame) { return stored_mask(job, frame - offset); };
+    const FilmedRows filmed_rows{rows.first_frame, rows.last_frame, rows.entry.cuts,
+                                 plan_.capture.clock(rows.entry, filmed.name)};
+    const auto mask = [&](long row) { return stored_mask(job, row); };
     KeypointTrack track;
     try {
       track = follow_person(people_of(job), mask, LandmarkPicker(plan_.evidence.map, plan_.evidence.landmarks), filmed,
-                            rows.first_frame + offset, rows.last_frame + offset, cuts, plan_.capture.keypoint_filter);
+                            filmed_rows, plan_.capture.keypoint_filter);
     } catch (const FileError&) {
       throw;
     } catch (const Error& e) {
@@ -350,7 +362,7 @@ class Preparation {
   }
 
   void tell_doubts(const Job& job, const KeypointFacts& facts) const {
-    const std::string& written = sequence(job).entry.keypoints;
+    const CameraPaths& written = sequence(job).entry.keypoints;
     if (written.empty() && !plan_.detects(sequence(job))) return;  // this sequence has no keypoints
     const std::vector<std::string> doubts = keypoint_doubts(facts);
     if (facts.missing_files == facts.frames)
@@ -360,7 +372,7 @@ class Preparation {
   }
 
   PeopleOfFrame people_of(const Job& job) const {
-    std::string written = sequence(job).entry.keypoints;
+    CameraPaths written = sequence(job).entry.keypoints;
     if (plan_.detects(sequence(job))) written = PreparePlan::detected_table(sequence(job), options_.out);
     if (written.empty()) return [](long) { return std::optional<People>(); };
     const auto source =

@@ -28,7 +28,7 @@ long count_frames(const PreparePlan& plan, const SequenceEntry& entry) {
   for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
     const auto videos = open_frames(plan.source(entry.videos, static_cast<int>(c)), PixelFormat::colour);
     const long frames = videos->num_frames(expected);
-    rows = std::min(rows, frames - entry.offset(plan.cameras[c].name));
+    rows = std::min(rows, plan.capture.clock(entry, plan.cameras[c].name).num_rows(frames));
     if (!entry.last_frame) expected = frames;
   }
   return rows;
@@ -64,16 +64,22 @@ void plan_sequences(PreparePlan& plan, const PrepareOptions& options) {
   }
 }
 
-/// The frame count of one source. @param expected frame count for which the header is believed
-void check_count(const PlannedSequence& sequence, const std::string& camera, const char* what, FrameReader& reader) {
-  const long offset = sequence.entry.offset(camera);
+std::string describe_clock(const FrameClock& clock) {
+  if (clock.rate != 1.0) return fmt::format(" ({:.6g} frames per row, frame_offset {})", clock.rate, clock.offset);
+  return clock.offset == 0.0 ? "" : fmt::format(" (frame_offset {})", clock.offset);
+}
+
+/// The frame count of one source.
+void check_count(const PlannedSequence& sequence, const FrameClock& clock, const std::string& camera, const char* what,
+                 FrameReader& reader) {
   const long rows = sequence.has_motion() ? sequence.motion.num_frames() : sequence.last_frame + 1;
   const long frames = reader.num_frames(rows);
-  const long first = sequence.first_frame + offset, last = sequence.last_frame + offset;
-  const std::string shift = offset == 0 ? "" : fmt::format(" (frame_offset {})", offset);
+  const long first = clock.frame(sequence.first_frame), last = clock.frame(sequence.last_frame);
+  const std::string shift = describe_clock(clock);
   if (first < 0)
     fail("sequence {}, camera {}: row {} would be frame {} of the {}{}; set first_frame to {} or more",
-         sequence.entry.name, camera, sequence.first_frame, first, what, shift, -offset);
+         sequence.entry.name, camera, sequence.first_frame, first, what, shift,
+         static_cast<long>(std::ceil((-0.5 - clock.offset) / clock.rate)));
   if (last >= frames)
     fail(
         "sequence {}, camera {}: the {} {} has {} frames, but rows {} to {} need frames up to {}{}; if only a "
@@ -81,12 +87,17 @@ void check_count(const PlannedSequence& sequence, const std::string& camera, con
         "belongs together, say so with first_frame and last_frame",
         sequence.entry.name, camera, what, reader.source(), frames, sequence.first_frame, sequence.last_frame, last,
         shift);
-  if (sequence.has_motion() && !sequence.entry.last_frame && frames != rows && frames - offset != rows)
+  // Where rows lie between frames, the last frames may have no row of their own.
+  const long surplus = std::abs(clock.num_rows(frames) - rows);
+  const bool agrees =
+      surplus == 0 || (!clock.is_whole() && static_cast<double>(surplus) <= std::ceil(1.0 / clock.rate));
+  if (sequence.has_motion() && !sequence.entry.last_frame && frames != rows && !agrees)
     fail(
         "sequence {}, camera {}: the {} {} has {} frames, the motion {} rows{}; they must agree. If the surplus does "
         "not "
         "belong to it, set last_frame: {}",
-        sequence.entry.name, camera, what, reader.source(), frames, rows, shift, std::min(rows, frames - offset) - 1);
+        sequence.entry.name, camera, what, reader.source(), frames, rows, shift,
+        std::min(rows, clock.num_rows(frames)) - 1);
 }
 
 void check_mask_size(const PlannedSequence& sequence, const Camera& camera, FrameReader& masks) {
@@ -104,8 +115,9 @@ void inspect_sources(PreparePlan& plan) {
     for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
       const int index = static_cast<int>(c);
       Camera& camera = plan.cameras[c];
+      const FrameClock clock = plan.capture.clock(sequence.entry, camera.name);
       const auto videos = open_frames(plan.source(sequence.entry.videos, index), PixelFormat::colour);
-      check_count(sequence, camera.name, "video", *videos);
+      check_count(sequence, clock, camera.name, "video", *videos);
       const Camera fitted = fit_to_images(camera, videos->size(), videos->source());
       if (sized[c] && (fitted.width != camera.width || fitted.height != camera.height))
         fail("camera {}: the video {} has another resolution than the sequences before; use one resolution",
@@ -114,7 +126,7 @@ void inspect_sources(PreparePlan& plan) {
       sized[c] = true;
       if (sequence.entry.masks_from_images()) continue;
       const auto masks = open_frames(plan.source(sequence.entry.masks, index), PixelFormat::grey);
-      check_count(sequence, camera.name, "mask video", *masks);
+      check_count(sequence, clock, camera.name, "mask video", *masks);
       check_mask_size(sequence, camera, *masks);
     }
 }
@@ -199,9 +211,10 @@ std::string describe_sequence(const PlannedSequence& sequence) {
   // Empty without subtraction, so that captures prepared by versions without it still match.
   std::string subtracted;
   if (const auto& subtraction = entry.subtraction)
-    subtracted = fmt::format(", empty scene {} {} to {}, threshold {}, shadow {}, refine {}", subtraction->empty,
-                             subtraction->first_frame, subtraction->last_frame.value_or(-1),
-                             subtraction->model.threshold, subtraction->model.shadow, subtraction->model.refine);
+    subtracted =
+        fmt::format(", empty scene {} {} to {}, threshold {}, shadow {}, refine {}", subtraction->empty.to_string(),
+                    subtraction->first_frame, subtraction->last_frame.value_or(-1), subtraction->model.threshold,
+                    subtraction->model.shadow, subtraction->model.refine);
   return fmt::format("sequence {}: rows {} to {}, mask threshold {}, largest component {}, chroma key {}{}\n",
                      entry.name, sequence.first_frame, sequence.last_frame, entry.mask_threshold,
                      entry.largest_component, key, subtracted);
@@ -235,9 +248,10 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
     text += describe_sequence(sequence);
     for (std::size_t c = 0; c < plan.cameras.size(); ++c) {
       const int index = static_cast<int>(c);
+      const FrameClock clock = plan.capture.clock(sequence.entry, plan.cameras[c].name);
       text += fmt::format("sequence {}, camera {}: offset {}, video {}", sequence.entry.name, plan.cameras[c].name,
-                          sequence.entry.offset(plan.cameras[c].name),
-                          describe_source(plan.source(sequence.entry.videos, index)));
+                          clock.offset, describe_source(plan.source(sequence.entry.videos, index)));
+      if (clock.rate != 1.0) text += fmt::format(", {} frames per row", clock.rate);
       if (!sequence.entry.masks_from_images())
         text += ", masks " + describe_source(plan.source(sequence.entry.masks, index));
       text += "\n";
@@ -258,6 +272,10 @@ std::string describe_detector(const Capture& capture) {
                      fmt::join(detector.mean, " "), detector.rgb, detector.threshold);
 }
 
+std::string describe_paths(const Capture& capture, const CameraPaths& paths) {
+  return paths.by_camera().empty() ? capture.resolve(paths.sample()).string() : paths.to_string();
+}
+
 /// Empty without keypoints, so that captures prepared by versions without them still match.
 std::string describe_evidence(const PreparePlan& plan) {
   std::string text;
@@ -272,7 +290,7 @@ std::string describe_evidence(const PreparePlan& plan) {
   for (const PlannedSequence& sequence : plan.sequences)
     text += fmt::format("sequence {}: keypoints {}, cuts {}\n", sequence.entry.name,
                         plan.detects(sequence) ? describe_detector(plan.capture)
-                                               : plan.capture.resolve(sequence.entry.keypoints).string(),
+                                               : describe_paths(plan.capture, sequence.entry.keypoints),
                         fmt::join(sequence.entry.cuts, " "));
   return text;
 }
@@ -291,8 +309,8 @@ StoreLayout make_layout(const PreparePlan& plan, const PrepareOptions& options) 
 
 }  // namespace
 
-std::string PreparePlan::source(const std::string& pattern, int camera) const {
-  return capture.source(pattern, file_index.at(camera), cameras.at(camera).name);
+std::string PreparePlan::source(const CameraPaths& paths, int camera) const {
+  return capture.source(paths, file_index.at(camera), cameras.at(camera).name);
 }
 
 std::string PreparePlan::detected_table(const PlannedSequence& sequence, const fs::path& out) {
@@ -307,6 +325,7 @@ void stop_or_warn(const PrepareOptions& options, const std::string& sentence) {
 PreparePlan plan_preparation(const Capture& capture, const PrepareOptions& options) {
   PreparePlan plan;
   plan.capture = capture;
+  for (const SequenceEntry& sequence : capture.sequences) sequence.require_masks("`doppel prepare`");
   plan.character = load_character(capture.character_path());
   check_character(plan, options);
   CaptureCameras chosen = choose_cameras(capture);

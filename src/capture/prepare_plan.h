@@ -35,7 +35,7 @@ struct PreparePlan {
   StoreLayout layout;  ///< the description of the store
 
   /// The absolute path or image pattern of one camera.
-  std::string source(const std::string& pattern, int camera) const;
+  std::string source(const CameraPaths& paths, int camera) const;
   /// Whether the capture's detector must find the keypoints of a sequence.
   bool detects(const PlannedSequence& sequence) const {
     return capture.detector && sequence.entry.keypoints.empty() && !evidence.landmarks.empty();

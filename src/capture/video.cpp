@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -49,6 +50,7 @@ class VideoReader : public FrameReader {
   }
 
   cv::Mat read(long frame) override {
+    if (frame == next_ - 1 && !last_.empty()) return last_;
     if (frame < next_) fail("internal: frame {} of {} requested after frame {}", frame, source_, next_ - 1);
     while (next_ < frame) {
       if (!video_.grab()) fail_missing(frame);
@@ -57,12 +59,20 @@ class VideoReader : public FrameReader {
     cv::Mat image;
     if (!video_.read(image) || image.empty()) fail_missing(frame);
     ++next_;
-    return convert(image, format_, source_, frame);
+    last_ = convert(image, format_, source_, frame);
+    return last_;
   }
 
   cv::Size size() override {
     return {static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
             static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))};
+  }
+
+  FootageFacts facts() {
+    const double fps = video_.get(cv::CAP_PROP_FPS);
+    const cv::Size pixels = size();
+    return {pixels.width, pixels.height, std::isfinite(fps) && fps > 0.0 ? fps : 0.0,
+            static_cast<long>(video_.get(cv::CAP_PROP_FRAME_COUNT))};
   }
 
   long num_frames(long expected) override {
@@ -97,6 +107,7 @@ class VideoReader : public FrameReader {
   std::string source_;
   PixelFormat format_;
   cv::VideoCapture video_;
+  cv::Mat last_;  ///< image of frame next_ - 1
   long next_ = 0;
 };
 
@@ -155,7 +166,24 @@ class ImageReader : public FrameReader {
   std::vector<long> frames_;
 };
 
+FootageFacts inspect_image(const std::string& path) {
+  cv::Mat image;
+  try {
+    image = cv::imread(path, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    image.release();
+  }
+  if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
+  return {image.cols, image.rows, 0.0, 1};
+}
+
 }  // namespace
+
+FootageFacts inspect_footage(const std::string& path) {
+  if (fs::is_regular_file(path) && cv::haveImageReader(path)) return inspect_image(path);
+  VideoReader video(path, PixelFormat::colour);
+  return video.facts();
+}
 
 std::unique_ptr<FrameReader> open_frames(const std::string& source, PixelFormat format) {
   if (has_frame_placeholder(source)) return std::make_unique<ImageReader>(source, format);

@@ -12,8 +12,9 @@ namespace doppel {
 class FrameReader {
  public:
   virtual ~FrameReader() = default;
-  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be read in ascending order;
-  /// frames in between are skipped. The result may share memory with the reader until the next call.
+  /// The image of `frame`, 8-bit: BGR, or one channel for a reader of masks. Frames must be read in ascending order,
+  /// where the same frame may be read again; frames in between are skipped. The result may share memory with the reader
+  /// until the next call.
   /// @throws FileError naming the frame when it is missing or cannot be decoded
   virtual cv::Mat read(long frame) = 0;
   /// Size of the images.
@@ -24,6 +25,15 @@ class FrameReader {
   virtual long num_frames(long expected) = 0;
   virtual const std::string& source() const = 0;
 };
+
+/// What a file of footage says of itself.
+struct FootageFacts {
+  int width = 0, height = 0;
+  double fps = 0.0;  ///< frames per second; 0: not stated, as in images
+  long frames = 0;   ///< as the header says, which may be an estimate
+};
+/// @param path of a video, or of one image @throws FileError when the file is missing, or neither of both
+FootageFacts inspect_footage(const std::string& path);
 
 enum class PixelFormat { colour, grey };
 

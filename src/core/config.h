@@ -98,6 +98,8 @@ class ConfigReader {
   /// override, at the working folder.
   std::filesystem::path path(const std::string& key, const std::optional<std::string>& fallback = std::nullopt) const;
 
+  /// Whether the value of a key is a mapping.
+  bool has_section(const std::string& key) const { return has(key) && node_[key].IsMap(); }
   /// A nested mapping. A missing mapping reads as empty, so all its keys take their defaults.
   ConfigReader section(const std::string& key) const;
   /// A sequence of mappings; empty when the key is missing.

@@ -38,15 +38,15 @@ void WholeFrames::open(const std::string& sequence) {
   const std::string& camera = undistorter_.pinhole().name;
   reader_ = open_frames(capture_.source(entry->videos, file_index_, camera), PixelFormat::colour);
   sequence_ = sequence;
-  offset_ = entry->offset(camera);
+  clock_ = capture_.clock(*entry, camera);
   last_ = -1;
 }
 
 cv::Mat WholeFrames::read(const std::string& sequence, long frame) {
   // A video is decoded strictly forward, so an earlier frame needs a reader at the start.
-  if (!reader_ || sequence != sequence_ || frame + offset_ <= last_) open(sequence);
-  const cv::Mat image = reader_->read(frame + offset_);
-  last_ = frame + offset_;
+  if (!reader_ || sequence != sequence_ || clock_.frame(frame) < last_) open(sequence);
+  const cv::Mat image = reader_->read(clock_.frame(frame));
+  last_ = clock_.frame(frame);
   const PinholeCamera& camera = undistorter_.pinhole();
   if (image.cols != camera.width || image.rows != camera.height)
     fail(

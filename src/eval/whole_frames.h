@@ -37,7 +37,7 @@ class WholeFrames {
   int file_index_;  ///< position of the camera in the calibration file
   Undistorter undistorter_;
   std::string sequence_;  ///< of `reader_`
-  long offset_ = 0;       ///< video frame - row of the motion in this sequence
+  FrameClock clock_;      ///< of this sequence
   long last_ = 0;         ///< the video frame that was read last
   std::unique_ptr<FrameReader> reader_;
 };

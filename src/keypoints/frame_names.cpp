@@ -14,7 +14,7 @@ namespace {
 bool is_digit_of_name(char c) { return c >= '0' && c <= '9'; }
 
 /// The digits from `i` on, without leading zeros; moves `i` behind them.
-std::string take_digits(const std::string& name, std::size_t& i) {
+std::string take_digits(std::string_view name, std::size_t& i) {
   std::string digits;
   for (; i < name.size() && is_digit_of_name(name[i]); ++i)
     if (name[i] != '0' || !digits.empty()) digits += name[i];
@@ -33,7 +33,7 @@ std::optional<long> number_in_name(const std::string& name) {
   return std::stol(stem.substr(begin, end - begin));
 }
 
-bool natural_less(const std::string& a, const std::string& b) {
+bool natural_less(std::string_view a, std::string_view b) {
   std::size_t i = 0, j = 0;
   while (i < a.size() && j < b.size()) {
     if (is_digit_of_name(a[i]) && is_digit_of_name(b[j])) {

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace doppel {
@@ -11,7 +12,7 @@ namespace doppel {
 std::optional<long> number_in_name(const std::string& name);
 
 /// Order of names in which numbers count as numbers: `frame_9` comes before `frame_10`.
-bool natural_less(const std::string& a, const std::string& b);
+bool natural_less(std::string_view a, std::string_view b);
 
 /// The frames of files or images. They are the numbers in the names if every name has one and no two are equal,
 /// otherwise the positions of the names in natural order, from 0.

@@ -18,6 +18,17 @@
 
 namespace doppel::synth {
 
+/// How a camera is drawn. The rasterizer knows no lenses: it draws an image without distortion that covers the whole
+/// image of the camera, and each sample of the camera's image is looked up there.
+struct CameraDrawing {
+  Camera pinhole;                    ///< at the resolution of the samples
+  std::vector<std::int32_t> sample;  ///< [samples of the camera's image] index in the drawn image; empty: the same
+
+  std::size_t drawn(std::size_t of_camera) const {
+    return sample.empty() ? of_camera : static_cast<std::size_t>(sample[of_camera]);
+  }
+};
+
 namespace {
 
 using Eigen::Array3f;
@@ -64,17 +75,6 @@ std::array<float, 256> linear_table() {
   return table;
 }
 
-/// How a camera is drawn. The rasterizer knows no lenses: it draws an image without distortion that covers the whole
-/// image of the camera, and each sample of the camera's image is looked up there.
-struct Drawing {
-  Camera pinhole;                    ///< at the resolution of the samples
-  std::vector<std::int32_t> sample;  ///< [samples of the camera's image] index in the drawn image; empty: the same
-
-  std::size_t drawn(std::size_t of_camera) const {
-    return sample.empty() ? of_camera : static_cast<std::size_t>(sample[of_camera]);
-  }
-};
-
 /// The ray of a pixel, at depth 1 in camera space.
 Vector3d ray_of(const Camera& camera, const Vector2d& pixel) {
   const Vector2d seen = (camera.K.inverse() * pixel.homogeneous()).head<2>();
@@ -92,8 +92,8 @@ Camera enlarged(const Camera& camera, int scale) {
 }
 
 /// @param supersampling samples per pixel along each axis
-Drawing drawing_of(const Camera& camera, int supersampling) {
-  Drawing drawing{enlarged(camera, supersampling), {}};
+CameraDrawing drawing_of(const Camera& camera, int supersampling) {
+  CameraDrawing drawing{enlarged(camera, supersampling), {}};
   if (!camera.has_distortion()) return drawing;
   const Camera samples = drawing.pinhole;
   std::vector<Vector2d> points;
@@ -154,7 +154,7 @@ struct Studio::State {
   std::array<float, 256> to_linear;
   Camera shadow_camera;
   std::vector<Backdrop> backdrops;
-  std::vector<Drawing> drawings;
+  std::vector<CameraDrawing> drawings;
 
   // Of the current surface.
   Points vertices;
@@ -269,7 +269,7 @@ bool Studio::State::light_sample(std::size_t sample, Light& sum) const {
 void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int begin, int end) const {
   const int size_x = cameras[camera].width, s = options.supersampling;
   const Backdrop& backdrop = backdrops[camera];
-  const Drawing& drawing = drawings[as_size(camera)];
+  const CameraDrawing& drawing = drawings[as_size(camera)];
   const float noise = static_cast<float>(options.noise);
   for (int y = begin; y < end; ++y)
     for (int x = 0; x < size_x; ++x) {

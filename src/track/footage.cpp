@@ -101,9 +101,18 @@ struct View {
   Camera camera;  ///< with its distortion
   int file_index;
 
-  std::string source(const std::string& pattern) const { return capture.source(pattern, file_index, camera.name); }
+  std::string source(const CameraPaths& paths) const { return capture.source(paths, file_index, camera.name); }
   std::unique_ptr<FrameReader> open_images() const { return open_frames(source(entry.videos), PixelFormat::colour); }
-  MaskSource open_masks() const { return MaskSource(capture, entry, camera, file_index); }
+  /// Nothing for a sequence without masks.
+  std::optional<MaskSource> open_masks() const {
+    if (!entry.has_masks()) return std::nullopt;
+    return MaskSource(capture, entry, camera, file_index);
+  }
+  FrameClock clock() const { return capture.clock(entry, camera.name); }
+  bool has_images() const {
+    const std::string path = source(entry.videos);
+    return has_frame_placeholder(path) || fs::exists(path);
+  }
 };
 
 /// Reads keypoints and masks of one camera, frame by frame.
@@ -111,31 +120,34 @@ class ViewReader {
  public:
   ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
       : first_frame_(sequence.first_frame),
-        offset_(view.entry.offset(view.camera.name)),
+        clock_(view.clock()),
         undistort_(view.camera),
         masks_(view.open_masks()),
         picker_(plan.map, plan.landmarks) {
     if (!view.entry.joints3d.empty())
       joints_ = read_joint_detections(view.source(view.entry.joints3d), plan.map.layout);
-    if (fs::exists(view.source(view.entry.videos)) || has_frame_placeholder(view.entry.videos) || masks_.needs_image())
-      videos_ = view.open_images();
+    if (view.has_images() || needs_image()) videos_ = view.open_images();
     follow(view, plan, sequence);
   }
 
   void read(long frame, bool images, int outline_pixels, FootageFrame& result) {
-    const cv::Mat filmed = images || masks_.needs_image() ? filmed_image(frame) : cv::Mat();
-    const cv::Mat mask = masks_.read(frame + offset_, filmed);
+    const cv::Mat filmed = images || needs_image() ? filmed_image(frame) : cv::Mat();
+    const cv::Mat mask = masks_ ? masks_->read(clock_.frame(frame), filmed) : cv::Mat();
     const auto row = as_size(frame - first_frame_);
-    result.evidence.push_back({track_.frames.at(row), OutlineField(mask, outline_pixels)});
+    result.evidence.push_back({track_.frames.at(row), outline_of(mask, outline_pixels)});
     result.masks.push_back(mask);
     if (images) result.images.push_back(undistorted(filmed));
-    const auto joints = joints_.find(frame + offset_);
+    const auto joints = joints_.find(clock_.frame(frame));
     result.joints.push_back(joints == joints_.end() ? std::vector<JointDetection>{} : picker_.pick(joints->second));
   }
   cv::Mat image(long frame) { return undistorted(filmed_image(frame)); }
 
  private:
-  cv::Mat filmed_image(long frame) { return videos_ ? videos_->read(frame + offset_) : cv::Mat(); }
+  static OutlineField outline_of(const cv::Mat& mask, int pixels) {
+    return mask.empty() ? OutlineField() : OutlineField(mask, pixels);
+  }
+  bool needs_image() const { return masks_ && masks_->needs_image(); }
+  cv::Mat filmed_image(long frame) { return videos_ ? videos_->read(clock_.frame(frame)) : cv::Mat(); }
   cv::Mat undistorted(const cv::Mat& filmed) { return filmed.empty() ? filmed : undistort_.apply(filmed); }
 
   /// The mask selects one of several people in an image. These masks are read separately.
@@ -144,26 +156,27 @@ class ViewReader {
                                 keypoint_camera(view.camera, view.file_index));
     std::optional<MaskSource> masks;
     std::unique_ptr<FrameReader> images;
-    const auto mask_of = [&](long frame) {
+    const auto mask_of = [&](long row) {
+      if (!view.entry.has_masks()) return cv::Mat();
       if (!masks) {
         masks = view.open_masks();
         if (masks->needs_image()) images = view.open_images();
       }
+      const long frame = clock_.frame(row);
       return masks->read(frame, images ? images->read(frame) : cv::Mat());
     };
-    std::vector<long> cuts;
-    for (const long cut : sequence.cuts) cuts.push_back(cut + offset_);
-    track_ = follow_person([&](long frame) { return source.people(frame); }, mask_of, picker_, view.camera,
-                           sequence.first_frame + offset_, sequence.last_frame + offset_, cuts,
-                           view.capture.keypoint_filter);
+    track_ =
+        follow_person([&](long frame) { return source.people(frame); }, mask_of, picker_, view.camera,
+                      {sequence.first_frame, sequence.last_frame, sequence.cuts, clock_}, view.capture.keypoint_filter);
     for (const std::string& doubt : keypoint_doubts(track_.facts))
       log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
   }
 
-  long first_frame_, offset_;
+  long first_frame_;
+  FrameClock clock_;
   Undistorter undistort_;
   std::unique_ptr<FrameReader> videos_;
-  MaskSource masks_;
+  std::optional<MaskSource> masks_;
   LandmarkPicker picker_;
   KeypointTrack track_;
   std::map<long, std::vector<JointDetection>> joints_;  ///< by video frame, in the layout's order
@@ -236,8 +249,7 @@ class CaptureFootage : public Footage {
   /// unchanged.
   static Camera as_filmed(const View& view) {
     const std::string source = view.source(view.entry.videos);
-    if (has_frame_placeholder(source) || fs::exists(source))
-      return fit_to_images(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
+    if (view.has_images()) return fit_to_images(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
     log::info(
         "camera {}: there is no video {}; its calibration is assumed to be at the resolution of the keypoints' images",
         view.camera.name, source);
@@ -253,14 +265,23 @@ class CaptureFootage : public Footage {
     long expected = entry.last_frame.value_or(-1) + 1;
     for (std::size_t c = 0; c < filmed_.size(); ++c) {
       const View seen = view(entry, c);
-      const bool cut = entry.masks_from_images();
-      const auto reader = cut ? seen.open_images() : open_frames(seen.source(entry.masks), PixelFormat::grey);
+      if (entry.masks.empty() && entry.last_frame && !seen.has_images()) {  // keypoints alone
+        frames = std::min(frames, *entry.last_frame + 1);
+        continue;
+      }
+      const auto reader =
+          entry.masks.empty() ? seen.open_images() : open_frames(seen.source(entry.masks), PixelFormat::grey);
       const long found = reader->num_frames(expected);
-      frames = std::min(frames, found - entry.offset(seen.camera.name));
+      frames = std::min(frames, seen.clock().num_rows(found));
       if (!entry.last_frame) expected = found;
     }
-    FootageSequence sequence{static_cast<int>(sequences_.size()),   entry.name, entry.first_frame,
-                             entry.last_frame.value_or(frames - 1), {},         {}};
+    FootageSequence sequence{static_cast<int>(sequences_.size()),
+                             entry.name,
+                             entry.first_frame,
+                             entry.last_frame.value_or(frames - 1),
+                             {},
+                             {},
+                             entry.has_masks()};
     if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
       fail("sequence {}: frames {} to {} are requested, but all cameras together have frames 0 to {}", entry.name,
            sequence.first_frame, sequence.last_frame, frames - 1);

@@ -20,6 +20,7 @@ struct FootageSequence {
   long first_frame = 0, last_frame = 0;
   std::vector<long> cuts;  ///< frames that begin a new segment
   std::string motion;      ///< path of the motion that the capture already names; empty: none
+  bool has_masks = true;
 
   long num_frames() const { return last_frame - first_frame + 1; }
   bool begins_segment(long frame) const;
@@ -27,10 +28,10 @@ struct FootageSequence {
   std::vector<long> cuts_from_first() const;
 };
 
-/// One frame: the evidence, and the masks and images behind it.
+/// One frame: the evidence, and the masks and images behind it. Without masks the outlines are empty.
 struct FootageFrame {
   FrameEvidence evidence;       ///< [C]
-  std::vector<cv::Mat> masks;   ///< [C] 0 or 255, without lens distortion
+  std::vector<cv::Mat> masks;   ///< [C] 0 or 255, without lens distortion; empty where the sequence has no masks
   std::vector<cv::Mat> images;  ///< [C] BGR, without lens distortion; only if requested, and empty where there are none
   /// [C][M] 3D joints; empty for a camera without a table of joints
   std::vector<std::vector<JointDetection>> joints;
@@ -55,7 +56,8 @@ class Footage {
   /// @param capture_or_prepared a capture's folder or capture.yaml, or a prepared capture
   /// @param outline_pixels side of the windows of the outline fields
   /// @param camera name of the only camera to use; empty: those that the capture uses
-  /// @throws Error as `find_capture`, `Dataset::open` and `plan_evidence`; Error when the capture has no keypoints
+  /// @throws Error as `find_capture`, `Dataset::open` and `plan_evidence`; Error when the capture has no character or
+  /// no keypoints
   static std::unique_ptr<Footage> open(const std::filesystem::path& capture_or_prepared, int outline_pixels,
                                        const std::string& camera = "");
 

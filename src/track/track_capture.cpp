@@ -123,6 +123,9 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   TrackOptions options = wanted;
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
+  if (options.surface) require_masks(footage, chosen, "`doppel track --surface`");
+  if (options.config.template_frames > 0) require_masks(footage, chosen, "the template fit (`template_fit.frames`)");
+  warn_without_masks(chosen);
   const bool twice = options.config.template_frames > 0 || !options.config.shared_dofs.empty();
   const long bent = options.config.template_frames * static_cast<long>(chosen.size());
   Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);

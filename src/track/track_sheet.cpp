@@ -20,8 +20,9 @@ class Cell {
  public:
   Cell(const cv::Mat& image, const cv::Mat& mask, const CropBox& box) : box_(box) {
     const cv::Mat from = image.empty() ? mask : image;
-    image_ = crop_image(from, box, kCell);
+    image_ = from.empty() ? cv::Mat(kCell, kCell, CV_8UC3, cv::Scalar::all(0)) : crop_image(from, box, kCell);
     if (image_.channels() == 1) cv::cvtColor(0.4 * image_, image_, cv::COLOR_GRAY2BGR);
+    if (mask.empty()) return;
     std::vector<std::vector<cv::Point>> contours;
     cv::findContours(crop_mask(mask, box, kCell), contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
     cv::drawContours(image_, contours, -1, kMaskColour, 1, cv::LINE_8);

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/core/process.h"
 
 namespace doppel {
@@ -41,6 +43,22 @@ std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
     if (frames.empty() || frame != frames.back()) frames.push_back(frame);
   }
   return frames;
+}
+
+void require_masks(const Footage& footage, const std::vector<FootageSequence>& sequences, const std::string& method) {
+  for (const FootageSequence& sequence : sequences)
+    if (!sequence.has_masks) footage.capture().sequences[as_size(sequence.index)].require_masks(method);
+}
+
+void warn_without_masks(const std::vector<FootageSequence>& sequences) {
+  std::vector<std::string> names;
+  for (const FootageSequence& sequence : sequences)
+    if (!sequence.has_masks) names.push_back(sequence.name);
+  if (!names.empty())
+    log::warn(
+        "no masks in {}: the pose is fitted to the keypoints alone, without silhouette and contour terms; name "
+        "`masks`, or a way to compute them (docs/capture.md), for a pose that follows the outline too",
+        fmt::join(names, ", "));
 }
 
 void open_out_folder(const Footage& footage, const fs::path& out) {

@@ -24,6 +24,11 @@ long count_frames(const std::vector<FootageSequence>& sequences);
 /// `count` frames, evenly spread over a sequence.
 std::vector<long> spread_frames(const FootageSequence& sequence, int count);
 
+/// @throws Error when a sequence has no masks @param method that needs them, for the message
+void require_masks(const Footage& footage, const std::vector<FootageSequence>& sequences, const std::string& method);
+/// Warns once when sequences have no masks: the terms of silhouettes and contours are then off.
+void warn_without_masks(const std::vector<FootageSequence>& sequences);
+
 /// Makes the output folder. @throws UsageError when it holds the capture itself, or `out` is empty
 void open_out_folder(const Footage& footage, const std::filesystem::path& out);
 /// @throws UsageError unless `footage` has one camera

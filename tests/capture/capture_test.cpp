@@ -6,15 +6,18 @@
 #include <fstream>
 
 #include "capture/capture_fixture.h"
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/path_pattern.h"
 #include "support/hostile_files.h"
+#include "support/message_of.h"
 
 namespace doppel::capture_test {
 namespace {
 
 namespace fs = std::filesystem;
+using support::message_of;
 using ::testing::HasSubstr;
 
 constexpr char kFull[] = R"(doppel_capture: 1
@@ -23,6 +26,7 @@ root: footage
 character: character/anna.character
 calibration: calibration/cameras.yml
 fps: 50
+camera_fps: {left: 59.94}
 cameras: [0, left]
 background: background/{camera:03}.png
 sequences:
@@ -34,13 +38,15 @@ sequences:
     largest_component: true
     keypoints: walk/{camera}_{frame:012}_keypoints.json
     motion: walk/poses.motion
-    frame_offset: {"0": 2, left: -1}
+    frame_offset: {"0": 2, left: -1.5}
     first_frame: 10
     last_frame: 99
     cuts: [40, 60]
   - name: dance
     split: test
-    videos: dance/{name}.mp4
+    videos:
+      "0": dance/front.mp4
+      left: dance/side of {name}.mp4
     chroma_key: {space: hsv, against: background, tolerance: 25, min_saturation: 0.3, smooth: 5}
     motion: dance/poses.motion
   - name: street
@@ -97,9 +103,11 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_EQ(walk.split, Split::train);
   EXPECT_EQ(walk.mask_threshold, 100);
   EXPECT_TRUE(walk.largest_component);
-  EXPECT_EQ(walk.offset("0"), 2);
-  EXPECT_EQ(walk.offset("left"), -1);
-  EXPECT_EQ(walk.offset("right"), 0);
+  EXPECT_EQ(capture.clock(walk, "0").offset, 2.0);
+  EXPECT_EQ(capture.clock(walk, "left").offset, -1.5);
+  EXPECT_EQ(capture.clock(walk, "right").offset, 0.0);
+  EXPECT_DOUBLE_EQ(capture.clock(walk, "left").rate, 59.94 / 50.0);
+  EXPECT_EQ(capture.clock(walk, "0").rate, 1.0);
   EXPECT_EQ(walk.first_frame, 10);
   EXPECT_EQ(walk.last_frame, 99);
   EXPECT_EQ(walk.cuts, (std::vector<long>{40, 60}));
@@ -140,6 +148,8 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.root, capture.root);
   EXPECT_EQ(again.calibration_options.up, "-z");
   EXPECT_EQ(again.sequences[0].frame_offset, capture.sequences[0].frame_offset);
+  EXPECT_EQ(again.camera_fps, capture.camera_fps);
+  EXPECT_EQ(again.sequences[1].videos, capture.sequences[1].videos);
   EXPECT_EQ(again.sequences[0].cuts, capture.sequences[0].cuts);
   EXPECT_EQ(again.sequences[1].chroma_key->tolerance, 25.0);
   EXPECT_EQ(again.sequences[2].subtraction->last_frame, 19);
@@ -152,6 +162,51 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   write_capture(second, again);
   write_capture(first, read_capture(second));
   EXPECT_EQ(read_capture(first).sequences[0].keypoints, capture.sequences[0].keypoints);
+}
+
+TEST(CaptureReference, FilesMayBeNamedByCamera) {
+  const Capture capture = CaptureFile(kFull).read();
+  const CameraPaths& videos = capture.sequences[1].videos;
+  EXPECT_EQ(videos.by_camera().size(), 2u);
+  EXPECT_EQ(capture.source(videos, 7, "0"), (capture.root / "dance/front.mp4").string());
+  EXPECT_EQ(capture.source(videos, 7, "left"), (capture.root / "dance/side of left.mp4").string());
+  const std::string error = message_of<Error>([&] { capture.source(videos, 7, "right"); });
+  EXPECT_THAT(error, HasSubstr("'right'"));
+  EXPECT_THAT(error, HasSubstr("dance/front.mp4"));
+  EXPECT_THAT(CaptureFile(changed("dance/front.mp4", "dance/{front}.mp4")).error(), HasSubstr("{front}"));
+  EXPECT_THAT(CaptureFile(changed("      \"0\": dance/front.mp4\n      left: dance/side of {name}.mp4\n", "")).error(),
+              HasSubstr("videos"));
+}
+
+TEST(CaptureReference, MasksAndCharacterMayBeMissing) {
+  const CaptureFile file(
+      "doppel_capture: 1\nname: bare\ncalibration: b\nsequences: [{name: c, split: test, videos: d}]\n");
+  const Capture capture = file.read();
+  EXPECT_FALSE(capture.sequences[0].has_masks());
+  const std::string no_masks = message_of<Error>([&] { capture.sequences[0].require_masks("`doppel prepare`"); });
+  for (const char* part : {"sequence c", "`doppel prepare`", "masks", "chroma_key", "background_subtraction"})
+    EXPECT_THAT(no_masks, HasSubstr(part));
+  const std::string no_body = message_of<Error>([&] { capture.character_path(); });
+  for (const char* part : {"bare", "doppel character build", "capture.yaml"}) EXPECT_THAT(no_body, HasSubstr(part));
+  write_capture(file.path(), capture, {"first line\nof two", "second"});
+  EXPECT_EQ(read_file(file.path()).rfind("# first line of two\n# second\ndoppel_capture: 1\n", 0), 0u);
+  const Capture again = file.read();
+  EXPECT_FALSE(again.sequences[0].has_masks());
+  EXPECT_EQ(again.character, "");
+}
+
+TEST(CaptureRejects, NamesOfCamerasThatTheCalibrationLacks) {
+  const support::TemporaryFolder folder;
+  write_calibration(folder / "cameras.yml", {test_capture::ring_camera(0, 2), test_capture::ring_camera(1, 2)});
+  const auto error = [&](const std::string& extra, const std::string& videos) {
+    write_atomically(folder / "capture.yaml", "doppel_capture: 1\ncalibration: cameras.yml\n" + extra +
+                                                  "sequences: [{name: c, split: test, videos: " + videos + "}]\n");
+    return message_of([&] { choose_cameras(read_capture(folder.path())); });
+  };
+  EXPECT_EQ(error("", "{'0': a, '1': b}"), "nothing was thrown");
+  EXPECT_THAT(error("", "{'0': a, '2': b}"), HasSubstr("`videos` names camera '2'"));
+  EXPECT_THAT(error("camera_fps: {x: 30}\n", "a"), HasSubstr("`camera_fps` names camera 'x'"));
+  EXPECT_THAT(error("", "a, frame_offset: {y: 0.5}"), HasSubstr("`frame_offset` names camera 'y'"));
 }
 
 TEST(CaptureReference, IsNamedAfterItsFolderUnlessItSays) {
@@ -179,7 +234,7 @@ TEST(CaptureRejects, BadPatterns) {
 }
 
 TEST(CaptureRejects, NamesFileLineAndKey) {
-  EXPECT_THAT(CaptureFile(changed("split: train", "split: training")).error(), HasSubstr("capture.yaml:11"));
+  EXPECT_THAT(CaptureFile(changed("split: train", "split: training")).error(), HasSubstr("capture.yaml:12"));
   EXPECT_THAT(CaptureFile(changed("mask_threshold: 100", "mask_treshold: 100")).error(), HasSubstr("mask_threshold"));
   EXPECT_THAT(CaptureFile(changed("doppel_capture: 1", "doppel_capture: 2")).error(), HasSubstr("version 2"));
   EXPECT_THAT(CaptureFile(changed("doppel_capture: 1\n", "")).error(), HasSubstr("doppel_capture"));
@@ -192,8 +247,6 @@ TEST(CaptureRejects, NamesFileLineAndKey) {
   EXPECT_THAT(CaptureFile(changed("smooth: 5", "smooth: 4")).error(), HasSubstr("odd"));
   EXPECT_THAT(CaptureFile(changed("background: background/{camera:03}.png\n", "")).error(), HasSubstr("background"));
   EXPECT_THAT(CaptureFile(changed("{name}.mp4", "{nome}.mp4")).error(), HasSubstr("{nome}"));
-  EXPECT_THAT(CaptureFile(changed("    masks: walk/masks/{name}/{frame:06}.png\n", "")).error(),
-              HasSubstr("chroma_key"));
   EXPECT_THAT(CaptureFile(changed("{frames: [0, 19], ", "{")).error(), HasSubstr("frames"));
   EXPECT_THAT(CaptureFile(changed("[104, 117, 123]", "[104, 117]")).error(), HasSubstr("three numbers"));
   EXPECT_THAT(CaptureFile(changed("model: pose.prototxt, ", "")).error(), HasSubstr("model"));

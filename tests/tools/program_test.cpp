@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <regex>
 #include <sstream>
 
@@ -46,8 +47,8 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"synth",    "calibrate", "character", "prepare", "train",
-                                         "evaluate", "compare",   "animate",   "export",  "info"};
+const std::vector<std::string> kCommands{"synth",    "calibrate", "capture", "character", "prepare", "train",
+                                         "evaluate", "compare",   "animate", "export",    "info"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);
@@ -86,6 +87,40 @@ TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
   EXPECT_EQ(run("calibrate convert " + yml + " " + model + " --to colmap").code, 2) << "the folder exists";
   EXPECT_EQ(run("calibrate convert " + yml + " x --to qualisys").code, 2) << "only read";
   EXPECT_NE(run("info " + yml).out.find("left"), std::string::npos);
+}
+
+TEST(ProgramReference, AFolderOfImagesBecomesACapture) {
+  const support::TemporaryFolder folder;
+  write_atomically(folder / "cameras.yml",
+                   "%YAML:1.0\n---\ncam0:\n   name: cam_1\n   width: 16\n   height: 16\n"
+                   "   K: [ 20, 0, 8, 0, 20, 8, 0, 0, 1 ]\n   dist: [ 0, 0, 0, 0 ]\n"
+                   "   R: [ 1, 0, 0, 0, -1, 0, 0, 0, -1 ]\n   t: [ 0, 1, 4 ]\n");
+  const std::string init = "capture init " + folder.path().string();
+  const Outcome nothing = run(init);
+  EXPECT_EQ(nothing.code, 1);
+  EXPECT_NE(nothing.out.find("missing: no videos"), std::string::npos) << nothing.out;
+  EXPECT_NE(nothing.err.find("no capture.yaml was written"), std::string::npos) << nothing.err;
+  std::filesystem::create_directories(folder / "images/Cam01");
+  for (const char* name : {"0.png", "1.png"})
+    cv::imwrite((folder / "images/Cam01" / name).string(), cv::Mat(16, 16, CV_8UC3, cv::Scalar::all(90)));
+  const Outcome written = run(init + " --json");
+  ASSERT_EQ(written.code, 0) << written.err;
+  const nlohmann::json report = nlohmann::json::parse(written.out);
+  EXPECT_EQ(report["cameras"], 1);
+  EXPECT_EQ(report["sequences"].size(), 1u);
+  EXPECT_EQ(report["missing"].size(), 4u) << "rate, masks, keypoints, character: " << written.out;
+  const std::string yaml = (folder / "capture.yaml").string();
+  EXPECT_EQ(read_file(yaml).rfind("# Written by `doppel capture init`", 0), 0u);
+  const Outcome described = run("info " + yaml + " --json");
+  ASSERT_EQ(described.code, 0) << described.err;
+  EXPECT_EQ(nlohmann::json::parse(described.out)["character"], "none");
+  EXPECT_EQ(run(init).code, 2) << "the file exists";
+  EXPECT_EQ(run(init + " --force").code, 0);
+  EXPECT_EQ(run(init + " --out " + (folder / "other.yaml").string()).code, 0);
+  EXPECT_EQ(run("capture init missing_folder").code, 1);
+  const Outcome prepared = run("prepare " + folder.path().string() + " --out " + (folder / "x").string());
+  EXPECT_EQ(prepared.code, 1);
+  EXPECT_NE(prepared.err.find("has no masks, which `doppel prepare` needs"), std::string::npos) << prepared.err;
 }
 
 TEST(ProgramReference, EveryCommandHelpsWithAnExample) {

@@ -88,6 +88,7 @@ void LiveView::open_masks(long frame) {
         "nothing cuts the person out of these images: name `background_subtraction` with images of the `empty` "
         "scene in {}, or film the empty scene first (--empty-frames 25)",
         capture_.name);
+  entry_.require_masks("live tracking");
   masks_.emplace(capture_, entry_, filmed_.cameras.front(), filmed_.file_index.front());
 }
 

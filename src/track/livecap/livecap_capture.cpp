@@ -94,6 +94,7 @@ TrackReport track_livecap(const Footage& footage, const LivecapCaptureOptions& o
   check_one_camera(footage);
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
+  warn_without_masks(chosen);
   const OneThreadFewer while_reading;
   Progress progress("track", count_frames(chosen));
   TrackReport report;

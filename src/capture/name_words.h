@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace doppel {
+
+/// A run of letters or of digits in a name: lower case, without the leading zeros of a number.
+struct NameWord {
+  std::string text;
+  bool is_number = false;
+};
+
+/// The words of a name. Every other character separates words, and so does a capital after a small letter: "Cam_01b" is
+/// cam, 1, b.
+std::vector<NameWord> words_of(std::string_view name);
+
+/// The words `begin` to `end` (excluded) as one text. Two numbers are kept apart by "_".
+std::string joined_words(const std::vector<NameWord>& words, std::size_t begin, std::size_t end);
+
+/// A name by the one rule that compares names of cameras and files: letters lowered, separators dropped, leading zeros
+/// dropped. "cam_01", "Cam-1" and "cam1" are all "cam1".
+std::string normalised_name(std::string_view name);
+
+/// A text as the name of a capture or of a sequence: what is not allowed there becomes "_".
+std::string usable_name(std::string text, const std::string& fallback);
+
+/// The parts of a path between the slashes.
+std::vector<std::string> path_parts(std::string_view path);
+
+}  // namespace doppel
