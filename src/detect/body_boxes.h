@@ -10,7 +10,7 @@ namespace doppel {
 
 /// A person as the detector network sees it. Pixels of the image; points may lie outside of it.
 struct BodyBox {
-  double score = 0.0;                                                                 ///< probability of a person
+  double score = 0.0;                                                                ///< probability of a person
   Eigen::Vector2d corner = Eigen::Vector2d::Zero(), size = Eigen::Vector2d::Zero();  ///< of the head and shoulders
   /// The middle of the hips, a point on the circle around it that holds the person; the same two for the upper body.
   std::array<Eigen::Vector2d, 4> keypoints;

@@ -17,9 +17,10 @@ enum LandmarkOutput : std::size_t { kPoints, kPresence, kMaskLogits, kHeatmaps, 
 
 void require_image(const cv::Mat& image) {
   if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
-    fail<UsageError>("detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
-                     "BGR with at least one pixel",
-                     image.cols, image.rows, image.channels(), image.elemSize1());
+    fail<UsageError>(
+        "detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
+        "BGR with at least one pixel",
+        image.cols, image.rows, image.channels(), image.elemSize1());
 }
 
 Network open_network(const ModelFile& file, const std::filesystem::path& folder,

@@ -48,39 +48,62 @@ Eigen::Vector2d pixel_of(const LandmarkOutputs& outputs, std::size_t point, cons
   return roi.image_from_roi(refined(place, outputs.heatmaps, point));
 }
 
-/// The network's mask, sampled at (0, 0) to (256, 256); pixels beyond its border repeat it.
-float sample_mask(const std::array<float, kRoiPixels * kRoiPixels>& mask, float u, float v) {
-  constexpr float kLast = kRoiPixels - 1;
-  const float x = std::clamp(u - 0.5f, 0.0f, kLast), y = std::clamp(v - 0.5f, 0.0f, kLast);
-  const int left = static_cast<int>(x), top = static_cast<int>(y);
-  const int right = std::min(left + 1, kRoiPixels - 1), bottom = std::min(top + 1, kRoiPixels - 1);
-  const float a = x - static_cast<float>(left), b = y - static_cast<float>(top);
-  const float *above = &mask[as_size(top * kRoiPixels)], *below = &mask[as_size(bottom * kRoiPixels)];
-  const float high = above[left] + a * (above[right] - above[left]);
-  const float low = below[left] + a * (below[right] - below[left]);
-  return high + b * (low - high);
-}
+/// The network's mask, [256, 256], as values that are rounded to the image's mask.
+struct RoiMask {
+  static constexpr float kLast = kRoiPixels - 1;
+  std::array<float, kRoiPixels * kRoiPixels> values;
+  /// The rectangle outside of which the rounded mask is 0, in pixels of the region.
+  Eigen::Array2d low = Eigen::Array2d::Constant(kRoiPixels), high = Eigen::Array2d::Zero();
 
-/// The columns of one row of the image whose coordinate start + column * step lies in [0, 256]: [first, last).
-std::pair<int, int> columns_inside(double start, double step, std::pair<int, int> columns) {
-  if (std::abs(step) < 1e-12) return start >= 0.0 && start <= kRoiPixels ? columns : std::pair(0, 0);
-  double low = -start / step, high = (kRoiPixels - start) / step;
-  if (low > high) std::swap(low, high);
+  explicit RoiMask(std::span<const float> logits) {
+    for (int y = 0, i = 0; y < kRoiPixels; ++y) {
+      for (int x = 0; x < kRoiPixels; ++x, ++i) {
+        values[as_size(i)] = 255.0f / (1.0f + std::exp(-logits[as_size(i)]));
+        if (values[as_size(i)] < 0.5f) continue;
+        low = low.min(Eigen::Array2d(x, y) - 0.5).max(0.0);
+        high = high.max(Eigen::Array2d(x, y) + 1.5).min(kRoiPixels);
+      }
+    }
+  }
+
+  /// Bilinear; pixels beyond the border repeat it. @param u, v (0, 0) to (256, 256)
+  float at(float u, float v) const {
+    const float x = std::clamp(u - 0.5f, 0.0f, kLast), y = std::clamp(v - 0.5f, 0.0f, kLast);
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    const int right = std::min(left + 1, kRoiPixels - 1), bottom = std::min(top + 1, kRoiPixels - 1);
+    const float a = x - static_cast<float>(left), b = y - static_cast<float>(top);
+    const float *above = &values[as_size(top * kRoiPixels)], *below = &values[as_size(bottom * kRoiPixels)];
+    const float upper = above[left] + a * (above[right] - above[left]);
+    const float lower = below[left] + a * (below[right] - below[left]);
+    return upper + b * (lower - upper);
+  }
+};
+
+/// A range of columns, without the last one.
+struct Columns {
+  int first = 0, last = 0;
+};
+
+/// The columns of one row of the image whose coordinate start + column * step lies in [low, high].
+Columns columns_between(double start, double step, double low, double high, Columns columns) {
+  if (std::abs(step) < 1e-12) return start >= low && start <= high ? columns : Columns();
+  const auto [first, last] = std::minmax({(low - start) / step, (high - start) / step});
   const auto clamped = [&](double column) {
-    return static_cast<int>(std::clamp<double>(column, columns.first, columns.second));
+    return static_cast<int>(std::clamp<double>(column, columns.first, columns.last));
   };
-  return {clamped(std::ceil(low)), clamped(std::floor(high) + 1.0)};
+  return {clamped(std::ceil(first)), clamped(std::floor(last) + 1.0)};
 }
 
 }  // namespace
 
 const std::array<const char*, kNumBodyLandmarks> kBodyLandmarkNames = {
-    "nose",          "left_eye_inner", "left_eye",         "left_eye_outer", "right_eye_inner", "right_eye",
-    "right_eye_outer", "left_ear",     "right_ear",        "mouth_left",     "mouth_right",     "left_shoulder",
-    "right_shoulder", "left_elbow",    "right_elbow",      "left_wrist",     "right_wrist",     "left_pinky",
-    "right_pinky",   "left_index",     "right_index",      "left_thumb",     "right_thumb",     "left_hip",
-    "right_hip",     "left_knee",      "right_knee",       "left_ankle",     "right_ankle",     "left_heel",
-    "right_heel",    "left_foot_index", "right_foot_index"};
+    "nose",        "left_eye_inner",  "left_eye",        "left_eye_outer", "right_eye_inner",
+    "right_eye",   "right_eye_outer", "left_ear",        "right_ear",      "mouth_left",
+    "mouth_right", "left_shoulder",   "right_shoulder",  "left_elbow",     "right_elbow",
+    "left_wrist",  "right_wrist",     "left_pinky",      "right_pinky",    "left_index",
+    "right_index", "left_thumb",      "right_thumb",     "left_hip",       "right_hip",
+    "left_knee",   "right_knee",      "left_ankle",      "right_ankle",    "left_heel",
+    "right_heel",  "left_foot_index", "right_foot_index"};
 
 BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi) {
   BodyPose pose;
@@ -100,21 +123,21 @@ BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi) {
 }
 
 cv::Mat draw_person_mask(std::span<const float> logits, const BodyRoi& roi, cv::Size image) {
-  std::array<float, kRoiPixels * kRoiPixels> mask;
-  std::transform(logits.begin(), logits.end(), mask.begin(), [](float logit) { return 255.0f / (1.0f + std::exp(-logit)); });
+  const RoiMask mask(logits);
   cv::Mat result(image, CV_8U, cv::Scalar(0));
   const Eigen::Vector2d origin = roi.roi_from_image({0, 0}) * kRoiPixels;
   const Eigen::Vector2d right = roi.roi_from_image({1, 0}) * kRoiPixels - origin;
   const Eigen::Vector2d down = roi.roi_from_image({0, 1}) * kRoiPixels - origin;
   for (int row = 0; row < image.height; ++row) {
     const Eigen::Vector2d start = origin + (row + 0.5) * down + 0.5 * right;
-    const auto inside = columns_inside(start.x(), right.x(), {0, image.width});
-    const auto [first, last] = columns_inside(start.y(), right.y(), inside);
+    Columns columns{0, image.width};
+    for (const int axis : {0, 1})
+      columns = columns_between(start[axis], right[axis], mask.low[axis], mask.high[axis], columns);
     std::uint8_t* pixels = result.ptr(row);
-    for (int column = first; column < last; ++column) {
+    for (int column = columns.first; column < columns.last; ++column) {
       const auto u = static_cast<float>(start.x() + column * right.x());
       const auto v = static_cast<float>(start.y() + column * right.y());
-      pixels[column] = static_cast<std::uint8_t>(sample_mask(mask, u, v) + 0.5f);
+      pixels[column] = static_cast<std::uint8_t>(mask.at(u, v) + 0.5f);
     }
   }
   return result;

@@ -32,9 +32,9 @@ struct BodyPose {
   cv::Mat mask;        ///< 8-bit, size of the image: probability of the person times 255; empty if not asked for
 };
 
-inline constexpr int kRoiPixels = 256;      ///< side of the landmark network's input and of its mask
-inline constexpr int kHeatmapPixels = 64;   ///< side of its heat maps
-inline constexpr int kNetworkPoints = 39;   ///< the landmarks, two points for `next_roi`, four unused points
+inline constexpr int kRoiPixels = 256;     ///< side of the landmark network's input and of its mask
+inline constexpr int kHeatmapPixels = 64;  ///< side of its heat maps
+inline constexpr int kNetworkPoints = 39;  ///< the landmarks, two points for `next_roi`, four unused points
 
 /// What the landmark network computes.
 struct LandmarkOutputs {

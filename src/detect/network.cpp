@@ -19,9 +19,7 @@ struct SubgraphDeleter {
   void operator()(xnn_subgraph_t graph) const { xnn_delete_subgraph(graph); }
 };
 
-std::vector<std::size_t> sizes_of(const TensorShape& shape) {
-  return {shape.begin(), shape.end()};
-}
+std::vector<std::size_t> sizes_of(const TensorShape& shape) { return {shape.begin(), shape.end()}; }
 
 /// Zeros on the four sides of an image.
 struct Borders {
@@ -36,7 +34,8 @@ class GraphBuilder {
       : model_(model), constants_(constants), ids_(model.tensors.size(), XNN_INVALID_VALUE_ID) {
     xnn_subgraph_t graph = nullptr;
     const auto externals = static_cast<std::uint32_t>(model.inputs.size() + model.outputs.size());
-    if (xnn_initialize(nullptr) != xnn_status_success || xnn_create_subgraph(externals, 0, &graph) != xnn_status_success)
+    if (xnn_initialize(nullptr) != xnn_status_success ||
+        xnn_create_subgraph(externals, 0, &graph) != xnn_status_success)
       fail_at({model.source, 0}, "setting up XNNPACK failed: this processor may be too old, or memory has run out");
     graph_.reset(graph);
   }
@@ -123,7 +122,8 @@ class GraphBuilder {
   Borders borders_of(const NetworkOperator& step, std::int64_t height, std::int64_t width) const {
     if (!step.same_padding) return {};
     const TensorShape& image = shape_of(step.inputs[0]);
-    const SamePadding y = same_padding(image[1], height, step.stride_y), x = same_padding(image[2], width, step.stride_x);
+    const SamePadding y = same_padding(image[1], height, step.stride_y),
+                      x = same_padding(image[2], width, step.stride_x);
     return {static_cast<std::uint32_t>(y.before), static_cast<std::uint32_t>(x.after),
             static_cast<std::uint32_t>(y.after), static_cast<std::uint32_t>(x.before)};
   }
@@ -215,8 +215,8 @@ struct Network::Impl {
   };
   std::shared_ptr<NetworkThreads> threads;
   std::string source;
-  std::vector<TensorShape> shapes;           ///< of the input and the outputs
-  std::vector<std::vector<float>> buffers;   ///< the same
+  std::vector<TensorShape> shapes;          ///< of the input and the outputs
+  std::vector<std::vector<float>> buffers;  ///< the same
   std::vector<std::vector<float>> constants;
   std::unique_ptr<xnn_runtime, RuntimeDeleter> runtime;
 };
@@ -253,9 +253,7 @@ const TensorShape& Network::input_shape() const { return impl_->shapes[0]; }
 std::size_t Network::num_outputs() const { return impl_->shapes.size() - 1; }
 const TensorShape& Network::output_shape(std::size_t index) const { return impl_->shapes.at(index + 1); }
 
-std::span<float> Network::input() {
-  return {impl_->buffers[0].data(), as_size(num_elements(impl_->shapes[0]))};
-}
+std::span<float> Network::input() { return {impl_->buffers[0].data(), as_size(num_elements(impl_->shapes[0]))}; }
 
 void Network::run() {
   if (xnn_invoke_runtime(impl_->runtime.get()) != xnn_status_success)

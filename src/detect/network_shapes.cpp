@@ -30,17 +30,9 @@ class ShapeCheck {
         fail_at({model_.source, 0}, "the network's input {} is a constant, or an input twice", name(input));
       known_[as_size(input)] = true;
     }
-    std::vector<bool> results(known_.size(), false);
-    for (number_ = 0; number_ < model_.operators.size(); ++number_) {
-      check(model_.operators[number_]);
-      results[as_size(model_.operators[number_].output)] = true;
-    }
-    for (const int output : model_.outputs) {
-      if (!results[as_size(output)])
-        fail_at({model_.source, 0}, "the network's output {} is not computed by any operator, or an output twice",
-                name(output));
-      results[as_size(output)] = false;
-    }
+    for (number_ = 0; number_ < model_.operators.size(); ++number_) check(model_.operators[number_]);
+    check_outputs();
+    check_uses();
   }
 
  private:
@@ -64,6 +56,31 @@ class ShapeCheck {
     if (shape_of(step.output) != expected)
       fail_here("the file says {}, but its inputs give {}", to_string(shape_of(step.output)), to_string(expected));
     known_[as_size(step.output)] = true;
+  }
+
+  void check_outputs() const {
+    std::vector<bool> results(known_.size(), false);
+    for (const NetworkOperator& step : model_.operators) results[as_size(step.output)] = true;
+    for (const int output : model_.outputs) {
+      if (!results[as_size(output)])
+        fail_at({model_.source, 0}, "the network's output {} is not computed by any operator, or an output twice",
+                name(output));
+      results[as_size(output)] = false;
+    }
+  }
+
+  /// XNNPACK ends the program when it meets a result that nothing uses.
+  void check_uses() const {
+    std::vector<bool> used(known_.size(), false);
+    for (const int output : model_.outputs) used[as_size(output)] = true;
+    for (const NetworkOperator& step : model_.operators) {
+      for (const int input : step.inputs) used[as_size(input)] = true;
+    }
+    std::vector<int> computed = model_.inputs;
+    for (const NetworkOperator& step : model_.operators) computed.push_back(step.output);
+    for (const int tensor : computed) {
+      if (!used[as_size(tensor)]) fail_at({model_.source, 0}, "the network does not use the tensor {}", name(tensor));
+    }
   }
 
   void require_inputs(const NetworkOperator& step, std::size_t count) const {
@@ -153,7 +170,8 @@ class ShapeCheck {
   TensorShape shape_of_pooling(const NetworkOperator& step) const {
     require_inputs(step, 1);
     const bool large = step.window_width * step.window_height > 1;
-    if (step.window_width < 1 || step.window_height < 1 || step.window_width > 1024 || step.window_height > 1024 || !large)
+    if (step.window_width < 1 || step.window_height < 1 || step.window_width > 1024 || step.window_height > 1024 ||
+        !large)
       fail_here("has windows of {}x{}, expected 2 pixels or more and sides of 1 to 1024", step.window_width,
                 step.window_height);
     return windows_of(step, step.window_height, step.window_width, image_shape(step)[3]);

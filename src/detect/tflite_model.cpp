@@ -54,17 +54,16 @@ std::string operator_name(const tflite::OperatorCode& code) {
 }
 
 const std::map<std::string, NetworkOp>& tflite_operators() {
-  static const std::map<std::string, NetworkOp> operators = {
-      {"ADD", NetworkOp::add},
-      {"CONCATENATION", NetworkOp::concatenation},
-      {"CONV_2D", NetworkOp::conv_2d},
-      {"DEPTHWISE_CONV_2D", NetworkOp::depthwise_conv_2d},
-      {"DEPTH_TO_SPACE", NetworkOp::depth_to_space},
-      {"LOGISTIC", NetworkOp::logistic},
-      {"MAX_POOL_2D", NetworkOp::max_pool_2d},
-      {"PAD", NetworkOp::pad},
-      {"RESHAPE", NetworkOp::reshape},
-      {"RESIZE_BILINEAR", NetworkOp::resize_bilinear}};
+  static const std::map<std::string, NetworkOp> operators = {{"ADD", NetworkOp::add},
+                                                             {"CONCATENATION", NetworkOp::concatenation},
+                                                             {"CONV_2D", NetworkOp::conv_2d},
+                                                             {"DEPTHWISE_CONV_2D", NetworkOp::depthwise_conv_2d},
+                                                             {"DEPTH_TO_SPACE", NetworkOp::depth_to_space},
+                                                             {"LOGISTIC", NetworkOp::logistic},
+                                                             {"MAX_POOL_2D", NetworkOp::max_pool_2d},
+                                                             {"PAD", NetworkOp::pad},
+                                                             {"RESHAPE", NetworkOp::reshape},
+                                                             {"RESIZE_BILINEAR", NetworkOp::resize_bilinear}};
   return operators;
 }
 
@@ -184,8 +183,8 @@ class TfliteReader {
                               const NetworkTensor& tensor) const {
     const std::size_t axes = tensor.shape.size();
     const std::vector<std::int64_t> order = widened(sparsity.traversal_order());
-    bool known = axes > 0 && order.size() == axes && count(sparsity.block_map()) == 0 &&
-                 count(sparsity.dim_metadata()) == axes;
+    bool known =
+        axes > 0 && order.size() == axes && count(sparsity.block_map()) == 0 && count(sparsity.dim_metadata()) == axes;
     for (std::size_t i = 0; known && i < axes; ++i) {
       const tflite::DimensionMetadata& axis = *sparsity.dim_metadata()->Get(static_cast<flatbuffers::uoffset_t>(i));
       const bool sparse = axis.format() == tflite::DimensionType::SPARSE_CSR;
@@ -195,7 +194,8 @@ class TfliteReader {
     if (!known)
       fail_read("the sparse constant {} has another form than dense axes in order and one sparse axis at the end",
                 tensor.name);
-    const tflite::DimensionMetadata& last = *sparsity.dim_metadata()->Get(static_cast<flatbuffers::uoffset_t>(axes - 1));
+    const tflite::DimensionMetadata& last =
+        *sparsity.dim_metadata()->Get(static_cast<flatbuffers::uoffset_t>(axes - 1));
     const SparseRows rows{sparse_numbers(last.array_segments_type(), last.array_segments()),
                           sparse_numbers(last.array_indices_type(), last.array_indices())};
     const auto dense = expand_rows(rows, stored, tensor.shape);
@@ -231,9 +231,10 @@ class TfliteReader {
     if (name_ == "DEQUANTIZE" || name_ == "DENSIFY") return pass_constant(result, what);
     const auto known = tflite_operators().find(name_);
     if (known == tflite_operators().end())
-      fail_read("{}: this operator is not known; known are ADD, CONCATENATION, CONV_2D, DENSIFY, DEPTHWISE_CONV_2D, "
-                "DEPTH_TO_SPACE, DEQUANTIZE, LOGISTIC, MAX_POOL_2D, PAD, RESHAPE and RESIZE_BILINEAR",
-                what);
+      fail_read(
+          "{}: this operator is not known; known are ADD, CONCATENATION, CONV_2D, DENSIFY, DEPTHWISE_CONV_2D, "
+          "DEPTH_TO_SPACE, DEQUANTIZE, LOGISTIC, MAX_POOL_2D, PAD, RESHAPE and RESIZE_BILINEAR",
+          what);
     result.op = known->second;
     read_options(stored, result, what);
     drop_integer_inputs(result);
@@ -254,8 +255,8 @@ class TfliteReader {
 
   /// Sizes of RESIZE_BILINEAR and RESHAPE follow from the output; those of PAD are read with the options.
   void drop_integer_inputs(NetworkOperator& step) const {
-    const bool has_numbers = step.op == NetworkOp::pad || step.op == NetworkOp::reshape ||
-                             step.op == NetworkOp::resize_bilinear;
+    const bool has_numbers =
+        step.op == NetworkOp::pad || step.op == NetworkOp::reshape || step.op == NetworkOp::resize_bilinear;
     if (has_numbers && step.inputs.size() == 2 && integers_.contains(step.inputs[1])) step.inputs.pop_back();
   }
 
@@ -372,7 +373,9 @@ std::int64_t num_elements(const TensorShape& shape) {
   return count;
 }
 
-std::string to_string(const TensorShape& shape) { return shape.empty() ? "1" : fmt::format("{}", fmt::join(shape, "x")); }
+std::string to_string(const TensorShape& shape) {
+  return shape.empty() ? "1" : fmt::format("{}", fmt::join(shape, "x"));
+}
 
 std::string to_string(NetworkOp op) {
   for (const auto& [name, known] : tflite_operators()) {

@@ -50,8 +50,8 @@ struct NetworkOperator {
   int window_width = 1, window_height = 1;  ///< of pooling
   /// The fused activation: results are clamped to this range. RELU6 is [0, 6].
   float least = -std::numeric_limits<float>::infinity(), most = std::numeric_limits<float>::infinity();
-  int axis = 0;                                      ///< of a concatenation
-  int block_size = 0;                                ///< of depth_to_space
+  int axis = 0;                                     ///< of a concatenation
+  int block_size = 0;                               ///< of depth_to_space
   std::vector<std::int64_t> pad_before, pad_after;  ///< zeros before and after each axis
 };
 

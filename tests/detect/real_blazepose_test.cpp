@@ -8,6 +8,7 @@
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/detect/body_detector.h"
 #include "doppel/detect/network.h"
@@ -76,8 +77,8 @@ void fill_with_sines(std::span<float> input, int side, double scale, double offs
   for (int y = 0, i = 0; y < side; ++y)
     for (int x = 0; x < side; ++x)
       for (int c = 0; c < 3; ++c, ++i)
-        input[static_cast<std::size_t>(i)] = static_cast<float>(
-            scale * (0.5 + 0.5 * std::sin(0.05 * x * (c + 1) + 0.083 * y + 0.7 * c)) + offset);
+        input[static_cast<std::size_t>(i)] =
+            static_cast<float>(scale * (0.5 + 0.5 * std::sin(0.05 * x * (c + 1) + 0.083 * y + 0.7 * c)) + offset);
 }
 
 /// The tolerances are those that TensorFlow Lite and an independent float32 implementation reach.
@@ -86,7 +87,7 @@ class RealBlazePoseNetworks : public RealBlazePose {
   void check_landmarks(Network& network, const std::string& prefix) const {
     network.run();
     EXPECT_LT(largest_difference(network.output(0), vector_of(prefix + "_landmarks")), 5e-3) << prefix;
-    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_presence")), 2e-5) << prefix;
+    EXPECT_LT(largest_difference(network.output(1), vector_of(prefix + "_presence")), 3e-5) << prefix;
     EXPECT_LT(largest_probability_difference(network.output(2), vector_of(prefix + "_segmentation_logits")), 2e-3)
         << prefix;
     EXPECT_LT(largest_difference(network.output(3), vector_of(prefix + "_heatmap_logits")), 1e-3) << prefix;
@@ -157,13 +158,12 @@ struct Differences {
     std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
     return sorted[sorted.size() / 2];
   }
-  std::string text() const {
-    return fmt::format("median {:.3g}, largest {:.3g}", median(), largest());
-  }
+  std::string text() const { return fmt::format("median {:.3g}, largest {:.3g}", median(), largest()); }
 };
 
 struct PoseDifferences {
-  Differences pixels, depth, visibility, world, next_centre, next_side, next_rotation, mask_mean, mask_largest, mask_iou;
+  Differences pixels, depth, visibility, world, next_centre, next_side, next_rotation, mask_mean, mask_largest,
+      mask_iou;
 
   void add_points(const BodyPose& pose, const Json& expected, const Json& result) {
     for (std::size_t i = 0; i < 33; ++i) {
@@ -209,7 +209,8 @@ class RealBlazePoseChain : public RealBlazePose {
         if (!pose) continue;
         const Json& expected = result[to_string(model)];
         all.add_points(*pose, expected, result);
-        all.add_mask(pose->mask, cv::imread((folder() / expected["mask"].get<std::string>()).string(), cv::IMREAD_GRAYSCALE));
+        all.add_mask(pose->mask,
+                     cv::imread((folder() / expected["mask"].get<std::string>()).string(), cv::IMREAD_GRAYSCALE));
       }
     }
     return all;
@@ -282,6 +283,84 @@ TEST_F(RealBlazePoseChain, NobodyIsFoundInAnEmptyScene) {
     }
     EXPECT_GT(empty_scenes, 0);
   }
+}
+
+TEST_F(RealBlazePoseChain, OddImagesAreSearchedOrRefused) {
+  BodyDetector detector({.model = BlazePoseModel::lite});
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(1, 3000), cv::Size(9000, 2), cv::Size(6000, 5000)}) {
+    for (const int grey : {0, 128, 255}) {
+      const cv::Mat image(size, CV_8UC3, cv::Scalar::all(grey));
+      EXPECT_TRUE(detector.detect_all(image).empty()) << size.width << "x" << size.height;
+      for (const double side : {1.0, 1e5}) detector.read_pose(image, {{0.5, 0.5}, side, 1});
+    }
+  }
+  const cv::Mat colour(40, 40, CV_8UC3, cv::Scalar::all(9));
+  EXPECT_FALSE(detector.read_pose(colour, {{0, 0}, 0, 0}));
+  EXPECT_FALSE(detector.read_pose(colour, {{std::nan(""), 0}, 5, 0}));
+  for (const int type : {CV_8UC1, CV_8UC4, CV_16UC3, CV_32FC3})
+    EXPECT_THROW(detector.detect(cv::Mat(40, 40, type, cv::Scalar::all(0))), UsageError) << type;
+  EXPECT_THROW(detector.detect(cv::Mat()), UsageError);
+}
+
+TEST_F(RealBlazePoseChain, MasksAreMadeOnlyWhenAskedFor) {
+  BodyDetector detector({.model = BlazePoseModel::lite, .masks = false});
+  const Json result = results().at(0);
+  const auto pose = detector.detect(image_of(result));
+  ASSERT_TRUE(pose);
+  EXPECT_TRUE(pose->mask.empty());
+}
+
+/// The picture with two people: each can be followed.
+class RealBlazePoseTracker : public RealBlazePose {
+ protected:
+  cv::Mat pair() const { return cv::imread((folder() / "pictures" / "realx_pair_a.png").string()); }
+  static Eigen::Vector2d hips(const BodyPose& pose) {
+    const BodyLandmark &left = pose.landmarks[23], &right = pose.landmarks[24];
+    return {0.5 * (left.x + right.x), 0.5 * (left.y + right.y)};
+  }
+  BodyDetector detector_{{.model = BlazePoseModel::lite}};
+};
+
+TEST_F(RealBlazePoseTracker, FindsBothPeople) {
+  const cv::Mat image = pair();
+  const std::vector<BodyPose> people = detector_.detect_all(image);
+  ASSERT_EQ(people.size(), 2u);
+  EXPECT_NE(hips(people[0]).x() < image.cols / 2.0, hips(people[1]).x() < image.cols / 2.0);
+}
+
+TEST_F(RealBlazePoseTracker, FollowsThePersonNearestToTheHint) {
+  const cv::Mat image = pair();
+  for (const BodyPose& person : detector_.detect_all(image)) {
+    BodyTracker tracker(detector_, hips(person) + Eigen::Vector2d(15, -10));
+    for (int frame = 0; frame < 5; ++frame) {
+      const auto pose = tracker.track(image);
+      ASSERT_TRUE(pose);
+      EXPECT_LT((hips(*pose) - hips(person)).norm(), 15) << "frame " << frame;
+    }
+  }
+}
+
+TEST_F(RealBlazePoseTracker, FindsThePersonAgain) {
+  const cv::Mat image = pair();
+  const cv::Mat empty(image.size(), CV_8UC3, cv::Scalar::all(90));
+  const std::vector<BodyPose> people = detector_.detect_all(image);
+  ASSERT_EQ(people.size(), 2u);
+  BodyTracker tracker(detector_, hips(people[1]));
+  ASSERT_TRUE(tracker.track(image));
+  EXPECT_FALSE(tracker.track(empty));
+  EXPECT_FALSE(tracker.track(empty));
+  const auto again = tracker.track(image);
+  ASSERT_TRUE(again);
+  EXPECT_LT((hips(*again) - hips(people[1])).norm(), 15) << "the second best, because the tracker followed it";
+}
+
+TEST_F(RealBlazePoseTracker, StartsWithTheBestBoxAndLooksAroundItsLandmarks) {
+  const cv::Mat image = pair();
+  const auto first = detector_.detect(image);
+  ASSERT_TRUE(first);
+  BodyTracker tracker(detector_);
+  EXPECT_EQ(tracker.track(image)->roi.centre, first->roi.centre);
+  EXPECT_EQ(tracker.track(image)->roi.centre, first->next_roi.centre);
 }
 
 }  // namespace
