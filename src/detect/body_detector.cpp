@@ -1,0 +1,140 @@
+#include "doppel/detect/body_detector.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/detect/network.h"
+#include "doppel/detect/network_input.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr float kMinPresence = 0.5f;
+
+/// The outputs of the landmark network, in the order of its file.
+enum LandmarkOutput : std::size_t { kPoints, kPresence, kMaskLogits, kHeatmaps, kWorld, kNumLandmarkOutputs };
+
+void require_image(const cv::Mat& image) {
+  if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
+    fail<UsageError>(
+        "detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
+        "BGR with at least one pixel",
+        image.cols, image.rows, image.channels(), image.elemSize1());
+}
+
+Network open_network(const ModelFile& file, const std::filesystem::path& folder,
+                     const std::shared_ptr<NetworkThreads>& threads, const std::vector<TensorShape>& expected) {
+  const std::filesystem::path path = find_model(file, folder);
+  Network network(read_tflite(path), threads);
+  std::vector<TensorShape> found{network.input_shape()};
+  for (std::size_t i = 0; i < network.num_outputs(); ++i) found.push_back(network.output_shape(i));
+  if (found != expected) fail_at({path.string(), 0}, "has other inputs or outputs than the networks of BlazePose");
+  return network;
+}
+
+std::vector<TensorShape> detector_shapes() {
+  return {{1, kDetectorPixels, kDetectorPixels, 3}, {1, kDetectorAnchors, kDetectorValues}, {1, kDetectorAnchors, 1}};
+}
+
+std::vector<TensorShape> landmark_shapes() {
+  return {{1, kRoiPixels, kRoiPixels, 3},
+          {1, 5 * kNetworkPoints},
+          {1, 1},
+          {1, kRoiPixels, kRoiPixels, 1},
+          {1, kHeatmapPixels, kHeatmapPixels, kNetworkPoints},
+          {1, 3 * kNetworkPoints}};
+}
+
+bool all_finite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
+}
+
+}  // namespace
+
+struct BodyDetector::Impl {
+  Impl(const BodyDetectorOptions& options, const std::filesystem::path& folder)
+      : masks(options.masks),
+        threads(std::make_shared<NetworkThreads>(options.threads)),
+        boxes(open_network(kDetectorFile, folder, threads, detector_shapes())),
+        landmarks(open_network(landmark_file(options.model), folder, threads, landmark_shapes())) {}
+
+  bool masks;
+  std::shared_ptr<NetworkThreads> threads;
+  Network boxes, landmarks;
+};
+
+BodyDetector::BodyDetector(const BodyDetectorOptions& options)
+    : impl_(std::make_unique<Impl>(options, options.models.empty() ? models_folder() : options.models)) {}
+BodyDetector::~BodyDetector() = default;
+BodyDetector::BodyDetector(BodyDetector&&) noexcept = default;
+BodyDetector& BodyDetector::operator=(BodyDetector&&) noexcept = default;
+
+std::vector<BodyBox> BodyDetector::find_boxes(const cv::Mat& image) {
+  require_image(image);
+  Network& network = impl_->boxes;
+  sample_letterbox(image, kDetectorPixels, network.input());
+  network.run();
+  std::vector<BodyBox> boxes = merge_boxes(decode_boxes(network.output(0), network.output(1)));
+  for (BodyBox& box : boxes) box = box_in_image(box, image.size());
+  return boxes;
+}
+
+std::optional<BodyPose> BodyDetector::read_pose(const cv::Mat& image, const BodyRoi& roi) {
+  require_image(image);
+  if (!roi.valid()) return std::nullopt;
+  Network& network = impl_->landmarks;
+  sample_roi(image, roi, kRoiPixels, network.input());
+  network.run();
+  const LandmarkOutputs outputs{network.output(kPoints), network.output(kHeatmaps), network.output(kWorld),
+                                network.output(kPresence)[0]};
+  if (!(outputs.presence > kMinPresence) || !all_finite(outputs.points) || !all_finite(outputs.world))
+    return std::nullopt;
+  BodyPose pose = decode_pose(outputs, roi);
+  if (impl_->masks) pose.mask = draw_person_mask(network.output(kMaskLogits), roi, image.size());
+  return pose;
+}
+
+std::optional<BodyPose> BodyDetector::detect(const cv::Mat& image) {
+  const std::vector<BodyBox> boxes = find_boxes(image);
+  return boxes.empty() ? std::nullopt : read_pose(image, roi_of_box(boxes[0]));
+}
+
+std::vector<BodyPose> BodyDetector::detect_all(const cv::Mat& image) {
+  std::vector<BodyPose> people;
+  for (const BodyBox& box : find_boxes(image)) {
+    if (auto pose = read_pose(image, roi_of_box(box))) people.push_back(std::move(*pose));
+  }
+  return people;
+}
+
+BodyRoi roi_of_box(const BodyBox& box) { return body_roi(box.keypoints[0], box.keypoints[1]); }
+
+BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
+    : detector_(&detector), position_(hint) {}
+
+std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
+  std::optional<BodyPose> pose;
+  if (roi_) pose = detector_->read_pose(image, *roi_);
+  if (!pose) pose = find_again(image);
+  roi_.reset();
+  if (!pose) return pose;
+  roi_ = pose->next_roi;
+  position_ = pose->next_roi.centre;
+  return pose;
+}
+
+std::optional<BodyPose> BodyTracker::find_again(const cv::Mat& image) {
+  std::vector<BodyBox> boxes = detector_->find_boxes(image);
+  const auto distance = [&](const BodyBox& box) { return (box.keypoints[0] - *position_).norm(); };
+  if (position_) {
+    std::stable_sort(boxes.begin(), boxes.end(),
+                     [&](const BodyBox& a, const BodyBox& b) { return distance(a) < distance(b); });
+  }
+  for (const BodyBox& box : boxes) {
+    if (auto pose = detector_->read_pose(image, roi_of_box(box))) return pose;
+  }
+  return std::nullopt;
+}
+
+}  // namespace doppel

@@ -1,0 +1,146 @@
+#include "doppel/detect/body_pose.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/as_size.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kValuesPerPoint = 5;
+constexpr int kWindowReach = 3;
+constexpr double kMinPeak = 0.5;
+constexpr std::size_t kRoiCentrePoint = 33, kRoiRimPoint = 34;
+
+double sigmoid(double logit) { return 1.0 / (1.0 + std::exp(-logit)); }
+
+double heat(std::span<const float> heatmaps, int row, int column, std::size_t point) {
+  return sigmoid(heatmaps[as_size(row * kHeatmapPixels + column) * as_size(kNetworkPoints) + point]);
+}
+
+/// @param place (0, 0) to (1, 1) over the region
+Eigen::Vector2d refined(const Eigen::Vector2d& place, std::span<const float> heatmaps, std::size_t point) {
+  const Eigen::Vector2d cell = place * kHeatmapPixels;
+  const bool inside = (cell.array() > -1.0).all() && (cell.array() < kHeatmapPixels).all();  // false for NaN, too
+  if (!inside) return place;
+  const int column = static_cast<int>(cell.x()), row = static_cast<int>(cell.y());
+  const auto low = [](int centre) { return std::max(0, centre - kWindowReach); };
+  const auto high = [](int centre) { return std::min(kHeatmapPixels - 1, centre + kWindowReach); };
+  double total = 0.0, peak = 0.0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (int y = low(row); y <= high(row); ++y) {
+    for (int x = low(column); x <= high(column); ++x) {
+      const double weight = heat(heatmaps, y, x, point);
+      total += weight;
+      peak = std::max(peak, weight);
+      sum += weight * Eigen::Vector2d(x, y);
+    }
+  }
+  return peak >= kMinPeak ? Eigen::Vector2d(sum / total / kHeatmapPixels) : place;
+}
+
+/// The pixel of a network's point.
+Eigen::Vector2d pixel_of(const LandmarkOutputs& outputs, std::size_t point, const BodyRoi& roi) {
+  const float* values = &outputs.points[kValuesPerPoint * point];
+  const Eigen::Vector2d place = Eigen::Vector2d(values[0], values[1]) / kRoiPixels;
+  return roi.image_from_roi(refined(place, outputs.heatmaps, point));
+}
+
+/// The network's mask, [256, 256], as values that are rounded to the image's mask.
+struct RoiMask {
+  static constexpr float kLast = kRoiPixels - 1;
+  std::array<float, kRoiPixels * kRoiPixels> values;
+  /// The rectangle outside of which the rounded mask is 0, in pixels of the region.
+  Eigen::Array2d low = Eigen::Array2d::Constant(kRoiPixels), high = Eigen::Array2d::Zero();
+
+  explicit RoiMask(std::span<const float> logits) {
+    for (int y = 0, i = 0; y < kRoiPixels; ++y) {
+      for (int x = 0; x < kRoiPixels; ++x, ++i) {
+        values[as_size(i)] = 255.0f / (1.0f + std::exp(-logits[as_size(i)]));
+        if (values[as_size(i)] < 0.5f) continue;
+        low = low.min(Eigen::Array2d(x, y) - 0.5).max(0.0);
+        high = high.max(Eigen::Array2d(x, y) + 1.5).min(kRoiPixels);
+      }
+    }
+  }
+
+  /// Bilinear; pixels beyond the border repeat it. @param u, v (0, 0) to (256, 256)
+  float at(float u, float v) const {
+    const float x = std::clamp(u - 0.5f, 0.0f, kLast), y = std::clamp(v - 0.5f, 0.0f, kLast);
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    const int right = std::min(left + 1, kRoiPixels - 1), bottom = std::min(top + 1, kRoiPixels - 1);
+    const float a = x - static_cast<float>(left), b = y - static_cast<float>(top);
+    const float *above = &values[as_size(top * kRoiPixels)], *below = &values[as_size(bottom * kRoiPixels)];
+    const float upper = above[left] + a * (above[right] - above[left]);
+    const float lower = below[left] + a * (below[right] - below[left]);
+    return upper + b * (lower - upper);
+  }
+};
+
+/// A range of columns, without the last one.
+struct Columns {
+  int first = 0, last = 0;
+};
+
+/// The columns of one row of the image whose coordinate start + column * step lies in [low, high].
+Columns columns_between(double start, double step, double low, double high, Columns columns) {
+  if (std::abs(step) < 1e-12) return start >= low && start <= high ? columns : Columns();
+  const auto [first, last] = std::minmax({(low - start) / step, (high - start) / step});
+  const auto clamped = [&](double column) {
+    return static_cast<int>(std::clamp<double>(column, columns.first, columns.last));
+  };
+  return {clamped(std::ceil(first)), clamped(std::floor(last) + 1.0)};
+}
+
+}  // namespace
+
+const std::array<const char*, kNumBodyLandmarks> kBodyLandmarkNames = {
+    "nose",        "left_eye_inner",  "left_eye",        "left_eye_outer", "right_eye_inner",
+    "right_eye",   "right_eye_outer", "left_ear",        "right_ear",      "mouth_left",
+    "mouth_right", "left_shoulder",   "right_shoulder",  "left_elbow",     "right_elbow",
+    "left_wrist",  "right_wrist",     "left_pinky",      "right_pinky",    "left_index",
+    "right_index", "left_thumb",      "right_thumb",     "left_hip",       "right_hip",
+    "left_knee",   "right_knee",      "left_ankle",      "right_ankle",    "left_heel",
+    "right_heel",  "left_foot_index", "right_foot_index"};
+
+BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi) {
+  BodyPose pose;
+  pose.score = outputs.presence;
+  pose.roi = roi;
+  const Eigen::Matrix2d turn = roi.turn();
+  for (std::size_t i = 0; i < as_size(kNumBodyLandmarks); ++i) {
+    const float* values = &outputs.points[kValuesPerPoint * i];
+    const Eigen::Vector2d pixel = pixel_of(outputs, i, roi);
+    pose.landmarks[i] = {pixel.x(), pixel.y(), values[2] / kRoiPixels * roi.side, sigmoid(values[3]),
+                         sigmoid(values[4])};
+    const float* metres = &outputs.world[3 * i];
+    pose.world[i] << turn * Eigen::Vector2d(metres[0], metres[1]), metres[2];
+  }
+  pose.next_roi = body_roi(pixel_of(outputs, kRoiCentrePoint, roi), pixel_of(outputs, kRoiRimPoint, roi));
+  return pose;
+}
+
+cv::Mat draw_person_mask(std::span<const float> logits, const BodyRoi& roi, cv::Size image) {
+  const RoiMask mask(logits);
+  cv::Mat result(image, CV_8U, cv::Scalar(0));
+  const Eigen::Vector2d origin = roi.roi_from_image({0, 0}) * kRoiPixels;
+  const Eigen::Vector2d right = roi.roi_from_image({1, 0}) * kRoiPixels - origin;
+  const Eigen::Vector2d down = roi.roi_from_image({0, 1}) * kRoiPixels - origin;
+  for (int row = 0; row < image.height; ++row) {
+    const Eigen::Vector2d start = origin + (row + 0.5) * down + 0.5 * right;
+    Columns columns{0, image.width};
+    for (const int axis : {0, 1})
+      columns = columns_between(start[axis], right[axis], mask.low[axis], mask.high[axis], columns);
+    std::uint8_t* pixels = result.ptr(row);
+    for (int column = columns.first; column < columns.last; ++column) {
+      const auto u = static_cast<float>(start.x() + column * right.x());
+      const auto v = static_cast<float>(start.y() + column * right.y());
+      pixels[column] = static_cast<std::uint8_t>(mask.at(u, v) + 0.5f);
+    }
+  }
+  return result;
+}
+
+}  // namespace doppel

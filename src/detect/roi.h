@@ -1,0 +1,26 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace doppel {
+
+/// A square, turned region of an image that holds one person: what the landmark network sees.
+struct BodyRoi {
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< pixels, first pixel centre at (0.5, 0.5)
+  double side = 0.0;                                 ///< pixels
+  double rotation = 0.0;                             ///< radians, -pi to pi; positive turns x towards y (down)
+
+  /// Whether all values are finite, and the side is 1e-3 to 1e6 pixels.
+  bool valid() const;
+  Eigen::Matrix2d turn() const;
+  /// The pixel of a point of the region; (0, 0) to (1, 1) are its corners: centre + turn * (point - 0.5) * side.
+  Eigen::Vector2d image_from_roi(const Eigen::Vector2d& point) const;
+  Eigen::Vector2d roi_from_image(const Eigen::Vector2d& pixel) const;
+};
+
+/// The region around a person whose middle of the hips is `centre`. The circle through `rim` around `centre` holds the
+/// whole person, and `rim` is above the head: the side is 2.5 times the distance, and the region's upper side faces
+/// `rim`. rotation = pi/2 - atan2(-(rim.y - centre.y), rim.x - centre.x).
+BodyRoi body_roi(const Eigen::Vector2d& centre, const Eigen::Vector2d& rim);
+
+}  // namespace doppel
