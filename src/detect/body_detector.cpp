@@ -5,6 +5,7 @@
 #include "doppel/core/error.h"
 #include "doppel/detect/network.h"
 #include "doppel/detect/network_input.h"
+#include "doppel/detect/tflite_model.h"
 
 namespace doppel {
 
