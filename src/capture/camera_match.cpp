@@ -113,6 +113,7 @@ CameraMatch match_at(const Place& place, const std::vector<Place>& places, const
 
 CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& keys, CameraMatch::Way way) {
   std::vector<WordedPath> all;
+  all.reserve(paths.size());
   for (const std::string& path : paths) all.push_back(worded(path, keys));
   const std::vector<Place> places = places_of(all);
   CameraMatch best;

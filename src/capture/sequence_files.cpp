@@ -20,6 +20,7 @@ std::size_t SortedFiles::most_cameras() const {
 
 SortedFiles sort_files(const std::vector<FileStream>& streams, const std::vector<std::string>& cameras) {
   std::vector<std::string> stems;
+  stems.reserve(streams.size());
   for (const FileStream& stream : streams) stems.push_back(stream.stem());
   const CameraMatch match = match_cameras(stems, cameras);
   SortedFiles result;

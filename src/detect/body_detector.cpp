@@ -1,6 +1,7 @@
 #include "doppel/detect/body_detector.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "doppel/core/error.h"
 #include "doppel/detect/network.h"
@@ -112,7 +113,7 @@ std::vector<BodyPose> BodyDetector::detect_all(const cv::Mat& image) {
 BodyRoi roi_of_box(const BodyBox& box) { return body_roi(box.keypoints[0], box.keypoints[1]); }
 
 BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
-    : detector_(&detector), position_(hint) {}
+    : detector_(&detector), position_(std::move(hint)) {}
 
 std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
   std::optional<BodyPose> pose;

@@ -137,7 +137,7 @@ cv::Mat draw_person_mask(std::span<const float> logits, const BodyRoi& roi, cv::
     for (int column = columns.first; column < columns.last; ++column) {
       const auto u = static_cast<float>(start.x() + column * right.x());
       const auto v = static_cast<float>(start.y() + column * right.y());
-      pixels[column] = static_cast<std::uint8_t>(mask.at(u, v) + 0.5f);
+      pixels[column] = static_cast<std::uint8_t>(std::lround(mask.at(u, v)));
     }
   }
   return result;

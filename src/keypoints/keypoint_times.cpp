@@ -53,6 +53,7 @@ Person person_at(const std::map<long, Person>& track, double time) {
 
 std::vector<Person> interpolate_people(const std::map<long, Person>& track, const std::vector<double>& times) {
   std::vector<Person> people;
+  people.reserve(times.size());
   for (const double time : times) people.push_back(person_at(track, time));
   return people;
 }
