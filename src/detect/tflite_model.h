@@ -50,9 +50,10 @@ struct NetworkOperator {
   int window_width = 1, window_height = 1;  ///< of pooling
   /// The fused activation: results are clamped to this range. RELU6 is [0, 6].
   float least = -std::numeric_limits<float>::infinity(), most = std::numeric_limits<float>::infinity();
-  int axis = 0;                                     ///< of a concatenation
-  int block_size = 0;                               ///< of depth_to_space
-  std::vector<std::int64_t> pad_before, pad_after;  ///< zeros before and after each axis
+  int axis = 0;        ///< of a concatenation
+  int block_size = 0;  ///< of depth_to_space
+  /// Zeros before and after each axis, of a pad; around the image, of a convolution into which a pad was folded.
+  std::vector<std::int64_t> pad_before, pad_after;
 };
 
 /// A network as a list of operators in the order of execution.
