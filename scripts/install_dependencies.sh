@@ -11,7 +11,7 @@ packages=(
   libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
   libpugixml-dev libtomlplusplus-dev
   liblmdb-dev libprotobuf-dev protobuf-compiler
-  libxnnpack-dev libpthreadpool-dev libflatbuffers-dev flatbuffers-compiler libssl-dev
+  libxnnpack-dev libpthreadpool-dev libflatbuffers-dev flatbuffers-compiler-dev flatbuffers-compiler libssl-dev
 )
 for extra in "$@"; do
   case "$extra" in

@@ -1,10 +1,10 @@
 #include "detect_camera.h"
 
-#include <algorithm>
+#include <fmt/format.h>
+
 #include <map>
 
 #include "doppel/capture/keypoints.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/geometry/image_file.h"
 

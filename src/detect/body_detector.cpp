@@ -8,6 +8,7 @@
 #include "doppel/detect/network.h"
 #include "doppel/detect/network_edits.h"
 #include "doppel/detect/network_input.h"
+#include "doppel/detect/tflite_model.h"
 
 namespace doppel {
 

@@ -4,7 +4,7 @@
 #include <memory>
 #include <span>
 
-#include "doppel/detect/tflite_model.h"
+#include "doppel/detect/network_model.h"
 
 namespace doppel {
 

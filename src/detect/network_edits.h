@@ -1,11 +1,11 @@
 #pragma once
 
-#include "doppel/detect/tflite_model.h"
+#include "doppel/detect/network_model.h"
 
 namespace doppel {
 
 /// The same network with fewer passes over memory: a pad of rows and columns that only one convolution reads becomes
-/// part of this convolution.
+/// part of this convolution, which then has `pad_before` and `pad_after`.
 /// @param model for which `check_shapes` holds; it holds for the result, too
 NetworkModel fold_padding(const NetworkModel& model);
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "doppel/detect/tflite_model.h"
+#include "doppel/detect/network_model.h"
 
 namespace doppel {
 

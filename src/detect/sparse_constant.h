@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "doppel/detect/tflite_model.h"
+#include "doppel/detect/network_model.h"
 
 namespace doppel {
 

@@ -53,20 +53,6 @@ std::string operator_name(const tflite::OperatorCode& code) {
   return name[0] != '\0' ? name : "operator " + std::to_string(number);
 }
 
-const std::map<std::string, NetworkOp>& tflite_operators() {
-  static const std::map<std::string, NetworkOp> operators = {{"ADD", NetworkOp::add},
-                                                             {"CONCATENATION", NetworkOp::concatenation},
-                                                             {"CONV_2D", NetworkOp::conv_2d},
-                                                             {"DEPTHWISE_CONV_2D", NetworkOp::depthwise_conv_2d},
-                                                             {"DEPTH_TO_SPACE", NetworkOp::depth_to_space},
-                                                             {"LOGISTIC", NetworkOp::logistic},
-                                                             {"MAX_POOL_2D", NetworkOp::max_pool_2d},
-                                                             {"PAD", NetworkOp::pad},
-                                                             {"RESHAPE", NetworkOp::reshape},
-                                                             {"RESIZE_BILINEAR", NetworkOp::resize_bilinear}};
-  return operators;
-}
-
 /// Reads one file; messages name the tensor or the operator.
 class TfliteReader {
  public:
@@ -229,8 +215,8 @@ class TfliteReader {
     if (outputs.size() != 1) fail_read("{} has {} outputs, expected 1", what, outputs.size());
     result.output = outputs[0];
     if (name_ == "DEQUANTIZE" || name_ == "DENSIFY") return pass_constant(result, what);
-    const auto known = tflite_operators().find(name_);
-    if (known == tflite_operators().end())
+    const auto known = network_operators().find(name_);
+    if (known == network_operators().end())
       fail_read(
           "{}: this operator is not known; known are ADD, CONCATENATION, CONV_2D, DENSIFY, DEPTHWISE_CONV_2D, "
           "DEPTH_TO_SPACE, DEQUANTIZE, LOGISTIC, MAX_POOL_2D, PAD, RESHAPE and RESIZE_BILINEAR",
@@ -366,23 +352,6 @@ class TfliteReader {
 };
 
 }  // namespace
-
-std::int64_t num_elements(const TensorShape& shape) {
-  std::int64_t count = 1;
-  for (const std::int64_t side : shape) count *= side;
-  return count;
-}
-
-std::string to_string(const TensorShape& shape) {
-  return shape.empty() ? "1" : fmt::format("{}", fmt::join(shape, "x"));
-}
-
-std::string to_string(NetworkOp op) {
-  for (const auto& [name, known] : tflite_operators()) {
-    if (known == op) return name;
-  }
-  return "unknown";
-}
 
 NetworkModel read_tflite(const std::filesystem::path& path) { return TfliteReader(path).read(); }
 

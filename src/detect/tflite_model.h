@@ -1,72 +1,10 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <limits>
-#include <memory>
-#include <string>
-#include <vector>
+
+#include "doppel/detect/network_model.h"
 
 namespace doppel {
-
-/// Sizes of a tensor, in the order of the file: images are [1, height, width, channels].
-using TensorShape = std::vector<std::int64_t>;
-/// The product of the sizes.
-std::int64_t num_elements(const TensorShape& shape);
-/// "1x256x256x3".
-std::string to_string(const TensorShape& shape);
-
-/// What an operator computes. The names are those of the file format.
-enum class NetworkOp {
-  add,
-  concatenation,
-  conv_2d,
-  depthwise_conv_2d,
-  depth_to_space,
-  logistic,
-  max_pool_2d,
-  pad,
-  reshape,
-  resize_bilinear
-};
-std::string to_string(NetworkOp op);
-
-/// A tensor of a network: a constant, or one that is computed.
-struct NetworkTensor {
-  std::string name;
-  TensorShape shape;
-  std::shared_ptr<const std::vector<float>> values;  ///< of a constant, [num_elements]; null: computed
-};
-
-/// One step of a network.
-struct NetworkOperator {
-  NetworkOp op = NetworkOp::add;
-  std::vector<int> inputs;  ///< tensors; a convolution has the image, the weights and the bias
-  int output = 0;
-  /// Convolutions and pooling: the step from window to window, and whether the windows begin outside of the image, such
-  /// that the output has ceil(size / stride) pixels; otherwise all windows lie inside.
-  int stride_x = 1, stride_y = 1;
-  bool same_padding = false;
-  int window_width = 1, window_height = 1;  ///< of pooling
-  /// The fused activation: results are clamped to this range. RELU6 is [0, 6].
-  float least = -std::numeric_limits<float>::infinity(), most = std::numeric_limits<float>::infinity();
-  int axis = 0;        ///< of a concatenation
-  int block_size = 0;  ///< of depth_to_space
-  /// Zeros before and after each axis, of a pad; around the image, of a convolution into which a pad was folded.
-  std::vector<std::int64_t> pad_before, pad_after;
-};
-
-/// A network as a list of operators in the order of execution.
-/// - conv_2d: weights [outputs, height, width, inputs], bias [outputs].
-/// - depthwise_conv_2d: weights [1, height, width, channels], bias [channels]; one filter for each channel.
-/// - resize_bilinear: pixel centres are at +0.5, and pixels beyond the border repeat it.
-/// - depth_to_space: the channels of a pixel are (row in the block, column in the block, output channel).
-struct NetworkModel {
-  std::string source;  ///< the file, for messages
-  std::vector<NetworkTensor> tensors;
-  std::vector<NetworkOperator> operators;
-  std::vector<int> inputs, outputs;
-};
 
 /// Reads a network in TensorFlow Lite's file format: one subgraph in float32, whose constants are float32 or float16,
 /// dense or sparse (DENSIFY). Constants are converted to float32 here, so DEQUANTIZE and DENSIFY are not in the result.

@@ -5,6 +5,7 @@
 #include "detect/small_model.h"
 #include "doppel/detect/network.h"
 #include "doppel/detect/network_shapes.h"
+#include "doppel/detect/tflite_model.h"
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 

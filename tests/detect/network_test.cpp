@@ -9,6 +9,7 @@
 
 #include "detect/small_model.h"
 #include "doppel/core/error.h"
+#include "doppel/detect/tflite_model.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

@@ -12,6 +12,7 @@
 #include "doppel/core/npy.h"
 #include "doppel/detect/body_detector.h"
 #include "doppel/detect/network.h"
+#include "doppel/detect/tflite_model.h"
 #include "support/shared_folder.h"
 
 namespace doppel::real_blazepose_test {
