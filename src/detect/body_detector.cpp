@@ -1,10 +1,12 @@
 #include "doppel/detect/body_detector.h"
 
 #include <algorithm>
-#include <utility>
+#include <cmath>
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/network.h"
+#include "doppel/detect/network_edits.h"
 #include "doppel/detect/network_input.h"
 #include "doppel/detect/tflite_model.h"
 
@@ -14,8 +16,10 @@ namespace {
 
 constexpr float kMinPresence = 0.5f;
 
-/// The outputs of the landmark network, in the order of its file.
-enum LandmarkOutput : std::size_t { kPoints, kPresence, kMaskLogits, kHeatmaps, kWorld, kNumLandmarkOutputs };
+/// The outputs of the landmark network in the order of use: the mask is the last one, so that it can be left out.
+enum LandmarkOutput : std::size_t { kPoints, kPresence, kHeatmaps, kWorld, kMaskLogits };
+/// The same in the order of the file.
+const std::vector<std::size_t> kLandmarkOutputPlaces = {0, 1, 3, 4, 2};
 
 void require_image(const cv::Mat& image) {
   if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
@@ -25,27 +29,35 @@ void require_image(const cv::Mat& image) {
         image.cols, image.rows, image.channels(), image.elemSize1());
 }
 
-Network open_network(const ModelFile& file, const std::filesystem::path& folder,
-                     const std::shared_ptr<NetworkThreads>& threads, const std::vector<TensorShape>& expected) {
-  const std::filesystem::path path = find_model(file, folder);
-  Network network(read_tflite(path), threads);
-  std::vector<TensorShape> found{network.input_shape()};
-  for (std::size_t i = 0; i < network.num_outputs(); ++i) found.push_back(network.output_shape(i));
-  if (found != expected) fail_at({path.string(), 0}, "has other inputs or outputs than the networks of BlazePose");
-  return network;
+NetworkModel read_network(const ModelFile& file, const std::filesystem::path& folder,
+                          const std::vector<TensorShape>& expected) {
+  NetworkModel model = read_tflite(find_model(file, folder));
+  std::vector<TensorShape> found;
+  for (const auto* tensors : {&model.inputs, &model.outputs}) {
+    for (const int tensor : *tensors) found.push_back(model.tensors[as_size(tensor)].shape);
+  }
+  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than this network of BlazePose");
+  return model;
 }
 
-std::vector<TensorShape> detector_shapes() {
-  return {{1, kDetectorPixels, kDetectorPixels, 3}, {1, kDetectorAnchors, kDetectorValues}, {1, kDetectorAnchors, 1}};
+NetworkModel read_detector(const std::filesystem::path& folder) {
+  return read_network(
+      kDetectorFile, folder,
+      {{1, kDetectorPixels, kDetectorPixels, 3}, {1, kDetectorAnchors, kDetectorValues}, {1, kDetectorAnchors, 1}});
 }
 
-std::vector<TensorShape> landmark_shapes() {
-  return {{1, kRoiPixels, kRoiPixels, 3},
-          {1, 5 * kNetworkPoints},
-          {1, 1},
-          {1, kRoiPixels, kRoiPixels, 1},
-          {1, kHeatmapPixels, kHeatmapPixels, kNetworkPoints},
-          {1, 3 * kNetworkPoints}};
+/// @param with_mask otherwise the part of the network that computes the mask is left out
+NetworkModel read_landmarks(BlazePoseModel model, const std::filesystem::path& folder, bool with_mask) {
+  const NetworkModel network = read_network(landmark_file(model), folder,
+                                            {{1, kRoiPixels, kRoiPixels, 3},
+                                             {1, 5 * kNetworkPoints},
+                                             {1, 1},
+                                             {1, kRoiPixels, kRoiPixels, 1},
+                                             {1, kHeatmapPixels, kHeatmapPixels, kNetworkPoints},
+                                             {1, 3 * kNetworkPoints}});
+  std::vector<std::size_t> outputs = kLandmarkOutputPlaces;
+  if (!with_mask) outputs.pop_back();
+  return keep_outputs(network, outputs);
 }
 
 bool all_finite(std::span<const float> values) {
@@ -58,8 +70,8 @@ struct BodyDetector::Impl {
   Impl(const BodyDetectorOptions& options, const std::filesystem::path& folder)
       : masks(options.masks),
         threads(std::make_shared<NetworkThreads>(options.threads)),
-        boxes(open_network(kDetectorFile, folder, threads, detector_shapes())),
-        landmarks(open_network(landmark_file(options.model), folder, threads, landmark_shapes())) {}
+        boxes(read_detector(folder), threads),
+        landmarks(read_landmarks(options.model, folder, options.masks), threads) {}
 
   bool masks;
   std::shared_ptr<NetworkThreads> threads;
@@ -113,7 +125,7 @@ std::vector<BodyPose> BodyDetector::detect_all(const cv::Mat& image) {
 BodyRoi roi_of_box(const BodyBox& box) { return body_roi(box.keypoints[0], box.keypoints[1]); }
 
 BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
-    : detector_(&detector), position_(std::move(hint)) {}
+    : detector_(&detector), position_(hint) {}
 
 std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
   std::optional<BodyPose> pose;

@@ -48,35 +48,40 @@ Eigen::Vector2d pixel_of(const LandmarkOutputs& outputs, std::size_t point, cons
   return roi.image_from_roi(refined(place, outputs.heatmaps, point));
 }
 
-/// The network's mask, [256, 256], as values that are rounded to the image's mask.
-struct RoiMask {
-  static constexpr float kLast = kRoiPixels - 1;
-  std::array<float, kRoiPixels * kRoiPixels> values;
-  /// The rectangle outside of which the rounded mask is 0, in pixels of the region.
-  Eigen::Array2d low = Eigen::Array2d::Constant(kRoiPixels), high = Eigen::Array2d::Zero();
-
+/// The network's mask as values that are rounded to the image's mask.
+class RoiMask {
+ public:
   explicit RoiMask(std::span<const float> logits) {
-    for (int y = 0, i = 0; y < kRoiPixels; ++y) {
-      for (int x = 0; x < kRoiPixels; ++x, ++i) {
-        values[as_size(i)] = 255.0f / (1.0f + std::exp(-logits[as_size(i)]));
-        if (values[as_size(i)] < 0.5f) continue;
-        low = low.min(Eigen::Array2d(x, y) - 0.5).max(0.0);
-        high = high.max(Eigen::Array2d(x, y) + 1.5).min(kRoiPixels);
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const int row = std::clamp(y - 1, 0, kRoiPixels - 1), column = std::clamp(x - 1, 0, kRoiPixels - 1);
+        const float value = 255.0f / (1.0f + std::exp(-logits[as_size(row * kRoiPixels + column)]));
+        values_[as_size(y * kSide + x)] = value;
+        if (value < 0.5f) continue;
+        low = low.min(Eigen::Array2d(column, row) - 0.5);
+        high = high.max(Eigen::Array2d(column, row) + 1.5);
       }
     }
+    low = low.max(0.0);
+    high = high.min(kRoiPixels);
   }
 
   /// Bilinear; pixels beyond the border repeat it. @param u, v (0, 0) to (256, 256)
   float at(float u, float v) const {
-    const float x = std::clamp(u - 0.5f, 0.0f, kLast), y = std::clamp(v - 0.5f, 0.0f, kLast);
+    const float x = u + 0.5f, y = v + 0.5f;
     const int left = static_cast<int>(x), top = static_cast<int>(y);
-    const int right = std::min(left + 1, kRoiPixels - 1), bottom = std::min(top + 1, kRoiPixels - 1);
     const float a = x - static_cast<float>(left), b = y - static_cast<float>(top);
-    const float *above = &values[as_size(top * kRoiPixels)], *below = &values[as_size(bottom * kRoiPixels)];
-    const float upper = above[left] + a * (above[right] - above[left]);
-    const float lower = below[left] + a * (below[right] - below[left]);
+    const float *above = &values_[as_size(top * kSide + left)], *below = above + kSide;
+    const float upper = above[0] + a * (above[1] - above[0]), lower = below[0] + a * (below[1] - below[0]);
     return upper + b * (lower - upper);
   }
+
+  /// The rectangle outside of which the rounded mask is 0, in pixels of the region.
+  Eigen::Array2d low = Eigen::Array2d::Constant(kRoiPixels), high = Eigen::Array2d::Zero();
+
+ private:
+  static constexpr int kSide = kRoiPixels + 2;  ///< the border is repeated once
+  std::array<float, kSide * kSide> values_;
 };
 
 /// A range of columns, without the last one.
@@ -137,7 +142,7 @@ cv::Mat draw_person_mask(std::span<const float> logits, const BodyRoi& roi, cv::
     for (int column = columns.first; column < columns.last; ++column) {
       const auto u = static_cast<float>(start.x() + column * right.x());
       const auto v = static_cast<float>(start.y() + column * right.y());
-      pixels[column] = static_cast<std::uint8_t>(std::lround(mask.at(u, v)));
+      pixels[column] = static_cast<std::uint8_t>(mask.at(u, v) + 0.5f);
     }
   }
   return result;

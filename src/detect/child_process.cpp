@@ -59,7 +59,6 @@ ProgramResult run_program(const std::vector<std::string>& arguments, const std::
   const std::filesystem::path output = std::filesystem::absolute(folder) / ".output";
   const StreamActions streams(std::filesystem::absolute(folder), output);
   std::vector<char*> words;
-  words.reserve(arguments.size() + 1);
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
   words.push_back(nullptr);
   pid_t process = 0;

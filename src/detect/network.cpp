@@ -5,6 +5,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/detect/network_edits.h"
 #include "doppel/detect/network_shapes.h"
 
 namespace doppel {
@@ -120,10 +121,15 @@ class GraphBuilder {
   }
 
   Borders borders_of(const NetworkOperator& step, std::int64_t height, std::int64_t width) const {
-    if (!step.same_padding) return {};
-    const TensorShape& image = shape_of(step.inputs[0]);
-    const SamePadding y = same_padding(image[1], height, step.stride_y),
-                      x = same_padding(image[2], width, step.stride_x);
+    SamePadding y, x;
+    if (step.same_padding) {
+      const TensorShape& image = shape_of(step.inputs[0]);
+      y = same_padding(image[1], height, step.stride_y);
+      x = same_padding(image[2], width, step.stride_x);
+    } else if (!step.pad_before.empty()) {
+      y = {step.pad_before[1], step.pad_after[1]};
+      x = {step.pad_before[2], step.pad_after[2]};
+    }
     return {static_cast<std::uint32_t>(y.before), static_cast<std::uint32_t>(x.after),
             static_cast<std::uint32_t>(y.after), static_cast<std::uint32_t>(x.before)};
   }
@@ -219,12 +225,27 @@ struct Network::Impl {
   std::vector<std::vector<float>> buffers;  ///< the same
   std::vector<std::vector<float>> constants;
   std::unique_ptr<xnn_runtime, RuntimeDeleter> runtime;
+
+  /// Gives the network its input and its outputs, in the order of their numbers.
+  void connect(const NetworkModel& model) {
+    std::vector<int> tensors = model.inputs;
+    tensors.insert(tensors.end(), model.outputs.begin(), model.outputs.end());
+    std::vector<xnn_external_value> values;
+    for (const int tensor : tensors) {
+      shapes.push_back(model.tensors[as_size(tensor)].shape);
+      buffers.emplace_back(as_size(num_elements(shapes.back())) + kSpareFloats, 0.0f);
+      values.push_back({static_cast<std::uint32_t>(values.size()), buffers.back().data()});
+    }
+    if (xnn_setup_runtime(runtime.get(), values.size(), values.data()) != xnn_status_success)
+      fail_at({source, 0}, "XNNPACK cannot plan the memory of this network");
+  }
 };
 
-Network::Network(const NetworkModel& model, std::shared_ptr<NetworkThreads> threads) : impl_(std::make_unique<Impl>()) {
-  check_shapes(model);
-  if (model.inputs.size() != 1)
-    fail_at({model.source, 0}, "the network has {} inputs, expected 1", model.inputs.size());
+Network::Network(const NetworkModel& given, std::shared_ptr<NetworkThreads> threads) : impl_(std::make_unique<Impl>()) {
+  check_shapes(given);
+  if (given.inputs.size() != 1)
+    fail_at({given.source, 0}, "the network has {} inputs, expected 1", given.inputs.size());
+  const NetworkModel model = fold_padding(given);
   impl_->threads = std::move(threads);
   impl_->source = model.source;
   const auto graph = GraphBuilder(model, impl_->constants).build();
@@ -233,16 +254,7 @@ Network::Network(const NetworkModel& model, std::shared_ptr<NetworkThreads> thre
       xnn_status_success)
     fail_at({model.source, 0}, "XNNPACK cannot compute this network");
   impl_->runtime.reset(runtime);
-  std::vector<int> externals = model.inputs;
-  externals.insert(externals.end(), model.outputs.begin(), model.outputs.end());
-  std::vector<xnn_external_value> values;
-  for (const int tensor : externals) {
-    impl_->shapes.push_back(model.tensors[as_size(tensor)].shape);
-    impl_->buffers.emplace_back(as_size(num_elements(impl_->shapes.back())) + kSpareFloats, 0.0f);
-    values.push_back({static_cast<std::uint32_t>(values.size()), impl_->buffers.back().data()});
-  }
-  if (xnn_setup_runtime(runtime, values.size(), values.data()) != xnn_status_success)
-    fail_at({model.source, 0}, "XNNPACK cannot plan the memory of this network");
+  impl_->connect(model);
 }
 
 Network::~Network() = default;

@@ -144,7 +144,8 @@ class ShapeCheck {
 
   TensorShape windows_of(const NetworkOperator& step, std::int64_t height, std::int64_t width,
                          std::int64_t channels) const {
-    const TensorShape& image = image_shape(step);
+    image_shape(step);
+    const TensorShape image = padded_shape(step);
     const std::int64_t rows = num_windows(image[1], height, step.stride_y, step.same_padding),
                        columns = num_windows(image[2], width, step.stride_x, step.same_padding);
     if (rows == 0 || columns == 0)
@@ -188,9 +189,14 @@ class ShapeCheck {
 
   TensorShape shape_of_padding(const NetworkOperator& step) const {
     require_inputs(step, 1);
+    return padded_shape(step);
+  }
+
+  /// The shape of the first input with the zeros of the operator around it.
+  TensorShape padded_shape(const NetworkOperator& step) const {
     TensorShape shape = shape_of(step.inputs[0]);
-    for (std::size_t i = 0; i < shape.size(); ++i) {
-      const std::int64_t before = step.pad_before.at(i), after = step.pad_after.at(i);
+    for (std::size_t i = 0; i < step.pad_before.size(); ++i) {
+      const std::int64_t before = step.pad_before[i], after = step.pad_after[i];
       if (before < 0 || after < 0 || before > kMaxPadding || after > kMaxPadding)
         fail_here("adds {} and {} elements to axis {}", before, after, i);
       shape[i] += before + after;

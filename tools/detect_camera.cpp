@@ -1,0 +1,90 @@
+#include "detect_camera.h"
+
+#include <fmt/format.h>
+
+#include <map>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/geometry/image_file.h"
+#include "doppel/keypoints/keypoint_table.h"
+
+namespace doppel::tools {
+
+namespace {
+
+constexpr std::size_t kLeftHip = 23, kRightHip = 24;
+constexpr double kMillimetresPerMetre = 1000.0;
+
+PointLayout mediapipe_layout() { return {"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}}; }
+
+/// The confidence of a point is its visibility: a point that the body hides is a guess, although it is in the image.
+Person person_of(const BodyPose& pose) {
+  Person person;
+  for (const BodyLandmark& point : pose.landmarks)
+    person.push_back({static_cast<float>(point.x), static_cast<float>(point.y), static_cast<float>(point.visibility)});
+  return person;
+}
+
+/// Rows of the table of points in space: millimetres relative to the middle of the hips.
+std::string joint_rows(long frame, const BodyPose& pose) {
+  const Eigen::Vector3d root = 0.5 * (pose.world[kLeftHip] + pose.world[kRightHip]);
+  std::string rows;
+  for (std::size_t i = 0; i < pose.world.size(); ++i) {
+    const Eigen::Vector3d point = kMillimetresPerMetre * (pose.world[i] - root);
+    rows += fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, kBodyLandmarkNames[i], point.x(), point.y(),
+                        point.z());
+  }
+  return rows;
+}
+
+/// Collects the results of one camera.
+class DetectTables {
+ public:
+  void add(long frame, const std::optional<BodyPose>& pose) {
+    People& people = frames_[frame];
+    ++report_.frames;
+    if (!pose) return;
+    ++report_.with_person;
+    people.push_back(person_of(*pose));
+    joints_ += joint_rows(frame, *pose);
+    for (const Keypoint& point : people[0]) confidence_ += point.confidence;
+  }
+
+  DetectReport write(const DetectFiles& files, const std::string& camera) {
+    write_keypoint_table(files.keypoints, mediapipe_layout(), camera, frames_);
+    write_atomically(files.joints, "frame,index,name,x_mm,y_mm,z_mm\n" + joints_);
+    if (report_.with_person > 0)
+      report_.mean_confidence = confidence_ / static_cast<double>(report_.with_person * kNumBodyLandmarks);
+    return report_;
+  }
+
+ private:
+  std::map<long, People> frames_;
+  std::string joints_;
+  double confidence_ = 0.0;
+  DetectReport report_;
+};
+
+void write_mask(const std::filesystem::path& folder, long frame, const std::optional<BodyPose>& pose, cv::Size image) {
+  const cv::Mat mask = pose ? pose->mask : cv::Mat(image, CV_8U, cv::Scalar(0));
+  write_image(folder / fmt::format("{:06}.png", frame), mask);
+}
+
+}  // namespace
+
+std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
+                                          std::optional<Eigen::Vector2d> person, const std::function<bool()>& advance) {
+  const auto images = open_frames(source.images, PixelFormat::colour);
+  BodyTracker tracker(detector, person);
+  DetectTables tables;
+  for (const long frame : source.frames) {
+    const cv::Mat image = images->read(frame);
+    const std::optional<BodyPose> pose = tracker.track(image);
+    tables.add(frame, pose);
+    if (!files.masks.empty()) write_mask(files.masks, frame, pose, image.size());
+    if (!advance()) return std::nullopt;
+  }
+  return tables.write(files, source.camera);
+}
+
+}  // namespace doppel::tools

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+
+#include "detect_sources.h"
+#include "doppel/detect/body_detector.h"
+
+namespace doppel::tools {
+
+/// Where the results of one camera are written.
+struct DetectFiles {
+  std::filesystem::path keypoints;  ///< table of points in the images
+  std::filesystem::path joints;     ///< table of points in space
+  std::filesystem::path masks;      ///< folder of images, one for each frame; empty: no masks
+};
+
+/// What was found in the images of one camera.
+struct DetectReport {
+  long frames = 0, with_person = 0;
+  double mean_confidence = 0.0;  ///< of all points in frames with a person
+};
+
+/// Follows one person through the images of a camera and writes the files when all frames are done.
+/// @param advance called after each frame; returns false to stop
+/// @return nothing when it was stopped; no table is written then
+std::optional<DetectReport> detect_camera(const DetectSource& source, const DetectFiles& files, BodyDetector& detector,
+                                          std::optional<Eigen::Vector2d> person, const std::function<bool()>& advance);
+
+}  // namespace doppel::tools

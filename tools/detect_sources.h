@@ -1,0 +1,25 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "doppel/capture/video.h"
+
+namespace doppel::tools {
+
+/// The images of one camera in which people are to be found.
+struct DetectSource {
+  std::string sequence;      ///< of a capture; empty otherwise
+  std::string camera;        ///< the camera's name in a capture, otherwise the name of the file or folder
+  std::string images;        ///< what `open_frames` opens
+  std::vector<long> frames;  ///< numbers of the frames, ascending
+};
+
+/// The cameras of what the user named: a video file, a folder of images whose names end in the frame number, or a
+/// capture (its videos, within the frames that each sequence uses).
+/// @throws UsageError for anything else; FileError and Error as `find_capture` and `open_frames`
+std::vector<DetectSource> detect_sources(const std::filesystem::path& path);
+
+}  // namespace doppel::tools
