@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/core/utils/logger.hpp>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -32,6 +33,18 @@ void check(const NetworkOptions& options) {
       fail<UsageError>("the network's deviation has the value {}; it must be positive", deviation);
 }
 
+/// OpenCV prints an error before it throws one.
+class QuietOpenCv {
+ public:
+  QuietOpenCv() : before_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
+  ~QuietOpenCv() { cv::utils::logging::setLogLevel(before_); }
+  QuietOpenCv(const QuietOpenCv&) = delete;
+  QuietOpenCv& operator=(const QuietOpenCv&) = delete;
+
+ private:
+  cv::utils::logging::LogLevel before_;
+};
+
 cv::dnn::Net read_net(const NetworkOptions& options, const std::string& files) {
   for (const fs::path& path : {options.model, options.weights})
     if (!path.empty() && !fs::is_regular_file(path)) fail_at({path.string(), 0}, "there is no such file");
@@ -40,6 +53,7 @@ cv::dnn::Net read_net(const NetworkOptions& options, const std::string& files) {
     fail_at({options.model.string(), 0}, "is not a network that can be read; use .onnx or .prototxt");
   if ((extension == ".prototxt") == options.weights.empty())
     fail_at({options.model.string(), 0}, "a .prototxt needs its .caffemodel as `weights`, an .onnx needs no weights");
+  const QuietOpenCv quiet;
   try {
     cv::dnn::Net net = extension == ".onnx"
                            ? cv::dnn::readNetFromONNX(options.model.string())
