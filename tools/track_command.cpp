@@ -1,6 +1,3 @@
-if (!arguments.live() &&
-    (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 || !arguments.detect.empty()))
-  fail<UsageError>("--empty-frames, --live, --repeat and --detect belong to --source");
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
@@ -22,280 +19,277 @@ if (!arguments.live() &&
 
 namespace doppel::tools {
 
-  namespace {
+namespace {
 
-  namespace fs = std::filesystem;
+namespace fs = std::filesystem;
 
-  constexpr char kTrackExample[] =
-      "Example:\n"
-      "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
-      "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
-      "  doppel track recordings/street --method livecap --vertices\n"
-      "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
-      "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
-      "  doppel track recordings/street --method livecap --source street.mp4 --detect\n"
-      "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
-      "(docs/tracking.md). multiview needs at least two cameras. Sequences need no motion. The capture.yaml in the "
-      "output folder names the tracked motions.";
+constexpr char kTrackExample[] =
+    "Example:\n"
+    "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
+    "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
+    "  doppel track recordings/street --method livecap --vertices\n"
+    "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
+    "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
+    "  doppel track recordings/street --method livecap --source street.mp4 --detect\n"
+    "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
+    "(docs/tracking.md). multiview needs at least two cameras. Sequences need no motion. The capture.yaml in the "
+    "output folder names the tracked motions.";
 
-  struct TrackArguments {
-    std::string capture, method = "multiview", config, camera;
-    std::vector<std::string> set;
-    TrackTask task;
-    bool surface = false;
-    int sheet_frames = TrackOptions().sheet_frames;
-    DeepcapOptions deepcap;  ///< options of deepcap alone
-    std::string source, preview, texture;
-    SourceOptions playing;
-    int empty_frames = 0;
-    std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
+struct TrackArguments {
+  std::string capture, method = "multiview", config, camera;
+  std::vector<std::string> set;
+  TrackTask task;
+  bool surface = false;
+  int sheet_frames = TrackOptions().sheet_frames;
+  DeepcapOptions deepcap;  ///< options of deepcap alone
+  std::string source, preview, texture;
+  SourceOptions playing;
+  int empty_frames = 0;
+  std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
 
-    bool live() const { return !source.empty(); }
-  };
+  bool live() const { return !source.empty(); }
+};
 
-  ConfigDocument config_document(const TrackArguments& arguments) {
-    if (arguments.config.empty()) return ConfigDocument::parse("{}", "the defaults", arguments.set);
-    return ConfigDocument::load(arguments.config, arguments.set);
-  }
+ConfigDocument config_document(const TrackArguments& arguments) {
+  if (arguments.config.empty()) return ConfigDocument::parse("{}", "the defaults", arguments.set);
+  return ConfigDocument::load(arguments.config, arguments.set);
+}
 
-  void print_live(const LiveFigures& live) {
-    fmt::print("  {} images of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
-               live.images, live.source, live.dropped, live.frames_per_second, live.latency_ms,
-               live.largest_latency_ms);
-    fmt::print(
-        "  milliseconds per frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
-        live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
-  }
+void print_live(const LiveFigures& live) {
+  fmt::print("  {} images of {}, {} dropped; {:.1f} frames/s, latency {:.0f} ms on average, {:.0f} ms at most\n",
+             live.images, live.source, live.dropped, live.frames_per_second, live.latency_ms, live.largest_latency_ms);
+  fmt::print(
+      "  milliseconds per frame: capture {:.1f}, preprocess {:.1f}, detect {:.1f}, pose {:.1f}, surface {:.1f}\n",
+      live.capture_ms, live.preprocess_ms, live.detect_ms, live.pose_ms, live.surface_ms);
+}
 
-  void print_livecap(const LivecapSummary& livecap, bool has_overlaps) {
-    if (has_overlaps)
-      fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
-                 livecap.overlap);
-    fmt::print("  {:.1f} frames/s with reading; milliseconds per frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
-               livecap.frames_per_second, livecap.read_ms, livecap.pose_ms, livecap.surface_ms);
-  }
+void print_livecap(const LivecapSummary& livecap, bool has_overlaps) {
+  if (has_overlaps)
+    fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface\n", livecap.posed_overlap,
+               livecap.overlap);
+  fmt::print("  {:.1f} frames/s with reading; milliseconds per frame: read {:.1f}, pose {:.1f}, surface {:.1f}\n",
+             livecap.frames_per_second, livecap.read_ms, livecap.pose_ms, livecap.surface_ms);
+}
 
-  void print_table(const TrackReport& report) {
-    fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14} {:>9}\n", "sequence", "frames", "lost", "recovered", "keypoints (px)",
-               "frames/s");
-    for (const SequenceReport& sequence : report.sequences) {
-      const TrackedSequence& tracked = sequence.tracked;
-      const std::vector<long> lost = sequence.lost_frames();
-      fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14.2f} {:>9.1f}\n", tracked.sequence.name, tracked.frames.size(),
-                 lost.size(), tracked.count(FrameState::recovered), sequence.keypoint_error(),
-                 sequence.frames_per_second());
-      if (sequence.difference)
-        fmt::print("  compared with the given motion: mean distance of landmarks {:.1f} mm\n",
-                   sequence.difference->landmarks_mm);
-      if (tracked.surface) {
-        const SurfaceSummary surface = summarise(*tracked.surface);
-        fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",
-                   surface.posed_overlap, surface.overlap, surface.frames_per_second);
-      }
-      if (sequence.livecap) print_livecap(summarise_livecap(sequence), !sequence.livecap->empty());
-      if (sequence.live) print_live(*sequence.live);
-      if (!lost.empty()) fmt::print("  lost frames (bridged from their neighbours): {}\n", fmt::join(lost, ", "));
+void print_table(const TrackReport& report) {
+  fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14} {:>9}\n", "sequence", "frames", "lost", "recovered", "keypoints (px)",
+             "frames/s");
+  for (const SequenceReport& sequence : report.sequences) {
+    const TrackedSequence& tracked = sequence.tracked;
+    const std::vector<long> lost = sequence.lost_frames();
+    fmt::print("{:<16} {:>7} {:>6} {:>10} {:>14.2f} {:>9.1f}\n", tracked.sequence.name, tracked.frames.size(),
+               lost.size(), tracked.count(FrameState::recovered), sequence.keypoint_error(),
+               sequence.frames_per_second());
+    if (sequence.difference)
+      fmt::print("  compared with the given motion: mean distance of landmarks {:.1f} mm\n",
+                 sequence.difference->landmarks_mm);
+    if (tracked.surface) {
+      const SurfaceSummary surface = summarise(*tracked.surface);
+      fmt::print("  IoU with the masks: {:.4f} of the skinned template, {:.4f} of the surface, {:.1f} frames/s\n",
+                 surface.posed_overlap, surface.overlap, surface.frames_per_second);
     }
+    if (sequence.livecap) print_livecap(summarise_livecap(sequence), !sequence.livecap->empty());
+    if (sequence.live) print_live(*sequence.live);
+    if (!lost.empty()) fmt::print("  lost frames (bridged from their neighbours): {}\n", fmt::join(lost, ", "));
   }
+}
 
-  fs::path default_track_out(const fs::path& capture) {
-    return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
+fs::path default_track_out(const fs::path& capture) {
+  return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
+}
+
+TrackViewOptions view_options(const TrackArguments& arguments) {
+  TrackViewOptions options;
+  options.texture = read_texture(arguments.texture);
+  return options;
+}
+
+std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const PinholeCamera& camera,
+                                    const Character& character, double frames_per_second) {
+  if (arguments.preview.empty()) return nullptr;
+  return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
+}
+
+void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, LiveView& view) {
+  if (arguments.empty_frames == 0) return;
+  log::info("learning the empty scene from {} images; no person may be in view yet", arguments.empty_frames);
+  std::vector<cv::Mat> images;
+  while (static_cast<int>(images.size()) < arguments.empty_frames) {
+    const auto image = source.next();
+    if (!image) break;
+    images.push_back(image->image);
   }
+  view.learn_empty_scene(images);
+}
 
-  TrackViewOptions view_options(const TrackArguments& arguments) {
-    TrackViewOptions options;
-    options.texture = read_texture(arguments.texture);
-    return options;
-  }
+/// Tracks live images with one of the methods for one camera.
+TrackReport track_source(const TrackArguments& arguments) {
+  const bool deepcap = arguments.method == "deepcap";
+  const auto source = open_source(arguments.source, arguments.playing);
+  const LivecapConfig config = deepcap ? LivecapConfig() : read_livecap_config(config_document(arguments));
+  LiveViewOptions seeing;
+  seeing.camera = arguments.camera;
+  seeing.sequence = arguments.task.sequences.empty() ? "" : arguments.task.sequences.front();
+  seeing.outline_pixels = config.fit.outline_pixels;
+  seeing.from_camera = is_camera(arguments.source);
+  if (!arguments.detect.empty()) seeing.blazepose = parse_blazepose_model(arguments.detect);
+  LiveView view(arguments.capture, source->size(), seeing);
+  std::optional<TrainedPose> trained;
+  if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
+  if (trained && !deepcap) view.find_joints_by(joints_of_posenet(view, *trained));
+  const auto tracker =
+      deepcap ? make_deepcap_tracker(*trained, view.character(), view.landmarks(), view.camera(), LostFrames::hold)
+              : make_livecap_tracker(view.character(), view.landmarks(), view.camera(), config);
+  const auto preview = preview_of(arguments, view.camera(), view.character(), source->frames_per_second());
+  learn_empty_scene(arguments, *source, view);
+  LiveRunOptions options;
+  static_cast<TrackTask&>(options) = arguments.task;
+  options.method = arguments.method;
+  options.filter = !deepcap && config.filter;
+  options.smoothing = deepcap ? 0.0 : config.smoothing;
+  return track_live(*source, view, *tracker, options, preview.get());
+}
 
-  std::unique_ptr<Preview> preview_of(const TrackArguments& arguments, const PinholeCamera& camera,
-                                      const Character& character, double frames_per_second) {
-    if (arguments.preview.empty()) return nullptr;
-    return open_preview(arguments.preview, camera, character.mesh, frames_per_second, view_options(arguments));
-  }
+TrackReport track_with_one_camera(const TrackArguments& arguments) {
+  const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
+                                      arguments.sheet_frames};
+  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
+  check_one_camera(*footage);
+  const auto preview = preview_of(arguments, footage->cameras().front(), footage->character(), footage->capture().fps);
+  return track_livecap(*footage, options, preview.get());
+}
 
-  void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, LiveView& view) {
-    if (arguments.empty_frames == 0) return;
-    log::info("learning the empty scene from {} images; no person may be in view yet", arguments.empty_frames);
-    std::vector<cv::Mat> images;
-    while (static_cast<int>(images.size()) < arguments.empty_frames) {
-      const auto image = source.next();
-      if (!image) break;
-      images.push_back(image->image);
-    }
-    view.learn_empty_scene(images);
-  }
+TrackReport track_with_networks(const TrackArguments& arguments) {
+  DeepcapOptions options = arguments.deepcap;
+  static_cast<TrackTask&>(options) = arguments.task;
+  options.view = view_options(arguments);
+  return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
+}
 
-  /// Tracks live images with one of the methods for one camera.
-  TrackReport track_source(const TrackArguments& arguments) {
-    const bool deepcap = arguments.method == "deepcap";
-    const auto source = open_source(arguments.source, arguments.playing);
-    const LivecapConfig config = deepcap ? LivecapConfig() : read_livecap_config(config_document(arguments));
-    LiveViewOptions seeing;
-    seeing.camera = arguments.camera;
-    seeing.sequence = arguments.task.sequences.empty() ? "" : arguments.task.sequences.front();
-    seeing.outline_pixels = config.fit.outline_pixels;
-    seeing.from_camera = is_camera(arguments.source);
-    if (!arguments.detect.empty()) seeing.blazepose = parse_blazepose_model(arguments.detect);
-    LiveView view(arguments.capture, source->size(), seeing);
-    std::optional<TrainedPose> trained;
-    if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
-    if (trained && !deepcap) view.find_joints_by(joints_of_posenet(view, *trained));
-    const auto tracker =
-        deepcap ? make_deepcap_tracker(*trained, view.character(), view.landmarks(), view.camera(), LostFrames::hold)
-                : make_livecap_tracker(view.character(), view.landmarks(), view.camera(), config);
-    const auto preview = preview_of(arguments, view.camera(), view.character(), source->frames_per_second());
-    learn_empty_scene(arguments, *source, view);
-    LiveRunOptions options;
-    static_cast<TrackTask&>(options) = arguments.task;
-    options.method = arguments.method;
-    options.filter = !deepcap && config.filter;
-    options.smoothing = deepcap ? 0.0 : config.smoothing;
-    return track_live(*source, view, *tracker, options, preview.get());
-  }
+TrackReport track_with_all_cameras(const TrackArguments& arguments) {
+  const TrackOptions options{arguments.task, read_track_config(config_document(arguments)), arguments.surface,
+                             arguments.sheet_frames};
+  return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
+}
 
-  TrackReport track_with_one_camera(const TrackArguments& arguments) {
-    const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
-                                        arguments.sheet_frames};
-    const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
-    check_one_camera(*footage);
-    const auto preview =
-        preview_of(arguments, footage->cameras().front(), footage->character(), footage->capture().fps);
-    return track_livecap(*footage, options, preview.get());
-  }
+/// @throws UsageError for options that cannot be combined
+void check(const TrackArguments& arguments) {
+  const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
+  if ((livecap || deepcap) && arguments.surface)
+    fail<UsageError>(
+        "--surface belongs to --method multiview; livecap always tracks the surface, unless the configuration has "
+        "`surface: {{enabled: false}}`, and deepcap tracks it if DefNet was trained");
+  if (!livecap && !deepcap && !arguments.camera.empty())
+    fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit uses all cameras of the capture");
+  if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
+    fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which use one camera");
+  if (deepcap && arguments.deepcap.run.empty())
+    fail<UsageError>("--method deepcap needs --run RUN, a run of `doppel train` or `doppel adapt`");
+  if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
+    fail<UsageError>("--config and --set belong to multiview and livecap; deepcap has the configuration of its run");
+  if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
+    fail<UsageError>(
+        "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
+  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 ||
+                            !arguments.detect.empty()))
+    fail<UsageError>("--empty-frames, --live, --repeat and --detect belong to --source");
+  if (deepcap && !arguments.live() && !arguments.preview.empty())
+    fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
+  if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
+    fail<UsageError>("--texture is drawn in the preview; give --preview too");
+}
 
-  TrackReport track_with_networks(const TrackArguments& arguments) {
-    DeepcapOptions options = arguments.deepcap;
-    static_cast<TrackTask&>(options) = arguments.task;
-    options.view = view_options(arguments);
-    return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
-  }
+int run(TrackArguments arguments, const CommonOptions& common) {
+  check(arguments);
+  TrackTask& task = arguments.task;
+  if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  const TrackReport report = arguments.live()                ? track_source(arguments)
+                             : arguments.method == "livecap" ? track_with_one_camera(arguments)
+                             : arguments.method == "deepcap" ? track_with_networks(arguments)
+                                                             : track_with_all_cameras(arguments);
+  if (common.json)
+    fmt::print("{}\n", to_json(report).dump(2));
+  else
+    print_table(report);
+  if (arguments.live())
+    log::info("results in {}", task.out.string());
+  else
+    log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
+  return 0;
+}
 
-  TrackReport track_with_all_cameras(const TrackArguments& arguments) {
-    const TrackOptions options{arguments.task, read_track_config(config_document(arguments)), arguments.surface,
-                               arguments.sheet_frames};
-    return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
-  }
+}  // namespace
 
-  /// @throws UsageError for options that cannot be combined
-  void check(const TrackArguments& arguments) {
-    const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
-    if ((livecap || deepcap) && arguments.surface)
-      fail<UsageError>(
-          "--surface belongs to --method multiview; livecap always tracks the surface, unless the configuration has "
-          "`surface: {{enabled: false}}`, and deepcap tracks it if DefNet was trained");
-    if (!livecap && !deepcap && !arguments.camera.empty())
-      fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit uses all cameras of the capture");
-    if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
-      fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which use one camera");
-    if (deepcap && arguments.deepcap.run.empty())
-      fail<UsageError>("--method deepcap needs --run RUN, a run of `doppel train` or `doppel adapt`");
-    if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
-      fail<UsageError>("--config and --set belong to multiview and livecap; deepcap has the configuration of its run");
-    if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
-      fail<UsageError>(
-          "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
-    if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1))
-      fail<UsageError>("--empty-frames, --live and --repeat belong to --source");
-    if (deepcap && !arguments.live() && !arguments.preview.empty())
-      fail<UsageError>(
-          "deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
-    if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
-      fail<UsageError>("--texture is drawn in the preview; give --preview too");
-  }
-
-  int run(TrackArguments arguments, const CommonOptions& common) {
-    check(arguments);
-    TrackTask& task = arguments.task;
-    if (task.out.empty()) task.out = default_track_out(arguments.capture);
-    const TrackReport report = arguments.live()                ? track_source(arguments)
-                               : arguments.method == "livecap" ? track_with_one_camera(arguments)
-                               : arguments.method == "deepcap" ? track_with_networks(arguments)
-                                                               : track_with_all_cameras(arguments);
-    if (common.json)
-      fmt::print("{}\n", to_json(report).dump(2));
-    else
-      print_table(report);
-    if (arguments.live())
-      log::info("results in {}", task.out.string());
-    else
-      log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
-    return 0;
-  }
-
-  }  // namespace
-
-  Command add_track(CLI::App & program) {
-    CLI::App* app = program.add_subcommand("track", "Find pose and surface in every frame from keypoints and masks");
-    app->footer(kTrackExample);
-    auto arguments = std::make_shared<TrackArguments>();
-    TrackTask& task = arguments->task;
-    app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared capture")
-        ->required();
-    app->add_option(
-           "--method", arguments->method,
-           "multiview: a fit to all cameras; livecap: a fit to one camera; deepcap: trained networks, one camera")
-        ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
-        ->capture_default_str();
-    app->add_option("--out", task.out, "Folder to write into (default: CAPTURE/tracked)");
-    app->add_option("--sequences", task.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
-    app->add_option("--limit-frames", task.limit_frames, "Largest number of frames of each sequence (0: all)")
-        ->check(CLI::NonNegativeNumber)
-        ->capture_default_str();
-    app->add_option("--config", arguments->config,
-                    "Configuration of weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
-    app->add_option("--camera", arguments->camera,
-                    "Name of the camera for livecap and deepcap, if the capture has several");
-    app->add_option("--set", arguments->set, "Override a key of the configuration: --set silhouette.weight=0");
-    app->add_flag("--surface", arguments->surface,
-                  "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");
-    app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or deformed");
-    app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
-        ->check(CLI::Range(0, 100))
-        ->capture_default_str();
-    DeepcapOptions& deepcap = arguments->deepcap;
-    app->add_option(
-        "--run", deepcap.run,
-        "deepcap: a run of PoseNet, or of PoseNet and DefNet; livecap with --source: PoseNet predicts joints");
-    app->add_option("--smoothing", deepcap.smoothing,
-                    "deepcap: sigma of the Gaussian over five frames, in frames (0: none)")
-        ->check(CLI::Range(0.0, 10.0))
-        ->capture_default_str();
-    app->add_flag("!--no-film", deepcap.film,
-                  "deepcap: do not write SEQUENCE.mp4, a film of the surface over the images");
-    app->add_option("--source", arguments->source,
-                    "livecap, deepcap: live images instead of those of the capture: a camera (0, 1, ...), a video or a "
-                    "folder of images; character, calibration and landmarks are those of the capture");
-    app->add_option("--empty-frames", arguments->empty_frames,
-                    "Number of images at the start of the source that show the empty scene")
-        ->check(CLI::Range(0, 1000));
-    app->add_flag("--live", arguments->playing.live,
-                  "Play a file as the source at its own rate; images that come too fast are dropped");
-    app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
-        ->check(CLI::Range(1, 1000000))
-        ->capture_default_str();
-    const CLI::Option* detect =
-        app->add_option(
-               "--detect", arguments->detect,
-               "With --source: keypoints, 3D joints and masks of its images by MediaPipe's BlazePose, instead of "
-               "the capture's files and detector (default: full)")
-            ->check(CLI::IsMember({"lite", "full", "heavy"}))
-            ->expected(0, 1)
-            ->type_name("[MODEL]");
-    const CLI::Option* preview =
-        app->add_option(
-               "--preview", arguments->preview,
-               "Show the surface over the image and from the side: in a window (keys a and d rotate, q ends), or in "
-               "an .mp4 file if there is no screen")
-            ->expected(0, 1)
-            ->type_name("[FILE.mp4]");
-    app->add_option("--texture", arguments->texture,
-                    "Texture image for the surface in the preview, or in the film of deepcap");
-    return {app, [arguments, preview, detect](const CommonOptions& common) {
-              if (detect->count() > 0 && arguments->detect.empty()) arguments->detect = "full";
-              if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
-              return run(*arguments, common);
-            }};
-  }
+Command add_track(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("track", "Find pose and surface in every frame from keypoints and masks");
+  app->footer(kTrackExample);
+  auto arguments = std::make_shared<TrackArguments>();
+  TrackTask& task = arguments->task;
+  app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared capture")->required();
+  app->add_option(
+         "--method", arguments->method,
+         "multiview: a fit to all cameras; livecap: a fit to one camera; deepcap: trained networks, one camera")
+      ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
+      ->capture_default_str();
+  app->add_option("--out", task.out, "Folder to write into (default: CAPTURE/tracked)");
+  app->add_option("--sequences", task.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
+  app->add_option("--limit-frames", task.limit_frames, "Largest number of frames of each sequence (0: all)")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->add_option("--config", arguments->config,
+                  "Configuration of weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
+  app->add_option("--camera", arguments->camera,
+                  "Name of the camera for livecap and deepcap, if the capture has several");
+  app->add_option("--set", arguments->set, "Override a key of the configuration: --set silhouette.weight=0");
+  app->add_flag("--surface", arguments->surface,
+                "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");
+  app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or deformed");
+  app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
+      ->check(CLI::Range(0, 100))
+      ->capture_default_str();
+  DeepcapOptions& deepcap = arguments->deepcap;
+  app->add_option(
+      "--run", deepcap.run,
+      "deepcap: a run of PoseNet, or of PoseNet and DefNet; livecap with --source: PoseNet predicts joints");
+  app->add_option("--smoothing", deepcap.smoothing,
+                  "deepcap: sigma of the Gaussian over five frames, in frames (0: none)")
+      ->check(CLI::Range(0.0, 10.0))
+      ->capture_default_str();
+  app->add_flag("!--no-film", deepcap.film,
+                "deepcap: do not write SEQUENCE.mp4, a film of the surface over the images");
+  app->add_option("--source", arguments->source,
+                  "livecap, deepcap: live images instead of those of the capture: a camera (0, 1, ...), a video or a "
+                  "folder of images; character, calibration and landmarks are those of the capture");
+  app->add_option("--empty-frames", arguments->empty_frames,
+                  "Number of images at the start of the source that show the empty scene")
+      ->check(CLI::Range(0, 1000));
+  app->add_flag("--live", arguments->playing.live,
+                "Play a file as the source at its own rate; images that come too fast are dropped");
+  app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
+  const CLI::Option* detect =
+      app->add_option(
+             "--detect", arguments->detect,
+             "With --source: keypoints, 3D joints and masks of its images by MediaPipe's BlazePose, instead of "
+             "the capture's files and detector (default: full)")
+          ->check(CLI::IsMember({"lite", "full", "heavy"}))
+          ->expected(0, 1)
+          ->type_name("[MODEL]");
+  const CLI::Option* preview =
+      app->add_option(
+             "--preview", arguments->preview,
+             "Show the surface over the image and from the side: in a window (keys a and d rotate, q ends), or in "
+             "an .mp4 file if there is no screen")
+          ->expected(0, 1)
+          ->type_name("[FILE.mp4]");
+  app->add_option("--texture", arguments->texture,
+                  "Texture image for the surface in the preview, or in the film of deepcap");
+  return {app, [arguments, preview, detect](const CommonOptions& common) {
+            if (detect->count() > 0 && arguments->detect.empty()) arguments->detect = "full";
+            if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
+            return run(*arguments, common);
+          }};
+}
 
 }  // namespace doppel::tools

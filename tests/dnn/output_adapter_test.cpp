@@ -127,6 +127,71 @@ TEST_F(Adapters, SimccBinsBelowTheGrid) {
   }
 }
 
+/// The head of RTMPose: a convolution, ScaleNorm, a linear layer and a gated attention unit, then bins. The weights let
+/// the convolution's values through: heat k at (x, y) becomes bin x and bin y of point k, up to a factor.
+std::string rtmpose_head(int width, int height) {
+  constexpr int kPoints = 3, kHidden = 8, kKey = 4;
+  const int cells = width * height;
+  OnnxFile net;
+  net.input("image", {1, 3, height, width})
+      .output("simcc_x", {1, kPoints, width * 2})
+      .output("simcc_y", {1, kPoints, height * 2});
+  net.floats("w", {3, 3, 1, 1}, {1, 0, 0, 0, 1, 0, 0, 0, 1});
+  net.node("Conv", {"image", "w"}, {"heat"}, {OnnxFile::ints("kernel_shape", {1, 1})});
+  net.integers("flat", {1, kPoints, cells}).node("Reshape", {"heat", "flat"}, {"rows"});
+  // ScaleNorm: x / max(|x| n^-1/2, eps) * g
+  const auto scale_norm = [&](const std::string& from, const std::string& to, int size) {
+    net.floats(to + "_root", {1}, {1.0f / std::sqrt(static_cast<float>(size))}).floats(to + "_g", {1}, {1.0f});
+    net.floats(to + "_low", {}, {1e-5f}).floats(to + "_high", {}, {1e30f});
+    net.node("ReduceL2", {from}, {to + "_norm"}, {OnnxFile::ints("axes", {2}), OnnxFile::integer("keepdims", 1)});
+    net.node("Mul", {to + "_norm", to + "_root"}, {to + "_scaled"});
+    net.node("Clip", {to + "_scaled", to + "_low", to + "_high"}, {to + "_safe"});
+    net.node("Div", {from, to + "_safe"}, {to + "_unit"});
+    net.node("Mul", {to + "_unit", to + "_g"}, {to});
+  };
+  scale_norm("rows", "normed", cells);
+  scale_norm("normed", "gau_in", cells);
+  std::vector<float> into(as_size(cells * (2 * kHidden + kKey)), 0.01f);
+  net.floats("into", {cells, 2 * kHidden + kKey}, into).node("MatMul", {"gau_in", "into"}, {"uv"});
+  net.node("Sigmoid", {"uv"}, {"gate"}).node("Mul", {"uv", "gate"}, {"silu"});
+  net.node("Split", {"silu"}, {"u", "v", "base"},
+           {OnnxFile::integer("axis", 2), OnnxFile::ints("split", {kHidden, kHidden, kKey})});
+  net.node("Unsqueeze", {"base"}, {"base4"}, {OnnxFile::ints("axes", {2})});
+  net.floats("gamma", {1, 1, 2, kKey}, std::vector<float>(2 * kKey, 0.5f))
+      .floats("beta", {2, kKey}, std::vector<float>(2 * kKey, 0.1f));
+  net.node("Mul", {"base4", "gamma"}, {"scaled"}).node("Add", {"scaled", "beta"}, {"qk"});
+  net.node("Split", {"qk"}, {"q4", "k4"}, {OnnxFile::integer("axis", 2), OnnxFile::ints("split", {1, 1})});
+  net.node("Squeeze", {"q4"}, {"q"}, {OnnxFile::ints("axes", {2})})
+      .node("Squeeze", {"k4"}, {"k"}, {OnnxFile::ints("axes", {2})});
+  net.node("Transpose", {"k"}, {"kt"}, {OnnxFile::ints("perm", {0, 2, 1})}).node("MatMul", {"q", "kt"}, {"product"});
+  net.node("Relu", {"product"}, {"positive"}).node("Mul", {"positive", "positive"}, {"kernel"});
+  net.node("MatMul", {"kernel", "v"}, {"attended"}).node("Mul", {"u", "attended"}, {"gated"});
+  net.floats("out", {kHidden, cells}, std::vector<float>(as_size(kHidden * cells), 0.0f))
+      .node("MatMul", {"gated", "out"}, {"change"});
+  net.floats("res", {cells}, std::vector<float>(as_size(cells), 1.0f)).node("Mul", {"normed", "res"}, {"shortcut"});
+  net.node("Add", {"shortcut", "change"}, {"features"});
+  std::vector<float> to_x(as_size(cells * width * 2), 0.0f), to_y(as_size(cells * height * 2), 0.0f);
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      to_x[as_size((y * width + x) * width * 2 + 2 * x)] = 0.05f;
+      to_y[as_size((y * width + x) * height * 2 + 2 * y)] = 0.05f;
+    }
+  net.floats("cls_x", {cells, width * 2}, to_x).node("MatMul", {"features", "cls_x"}, {"simcc_x"});
+  net.floats("cls_y", {cells, height * 2}, to_y).node("MatMul", {"features", "cls_y"}, {"simcc_y"});
+  return net.bytes();
+}
+
+TEST_F(Adapters, TheOperatorsOfRtmposesHeadRun) {
+  cv::Mat image = black(24, 32);
+  image.at<cv::Vec3b>(20, 7)[0] = 255;
+  image.at<cv::Vec3b>(3, 20)[2] = 200;
+  const auto person = find(options(rtmpose_head(24, 32), 24, 32), image);
+  ASSERT_TRUE(person);
+  expect_at(person->points[0], 7.5, 20.5);
+  EXPECT_EQ(person->points[1].score, 0.0);
+  expect_at(person->points[2], 20.5, 3.5);
+}
+
 TEST_F(Adapters, SimccOutputsInEitherOrder) {
   // OpenCV sorts outputs by name: here y comes first. In a square, only `outputs` can tell.
   cv::Mat image = black(48, 64);
