@@ -7,7 +7,9 @@
 #include <opencv2/core/utils/logger.hpp>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/dnn/onnx_edits.h"
 
 namespace doppel {
 
@@ -33,6 +35,11 @@ void check(const NetworkOptions& options) {
       fail<UsageError>("the network's deviation has the value {}; it must be positive", deviation);
 }
 
+cv::dnn::Net read_onnx(const fs::path& path) {
+  const std::string bytes = with_readable_clips(read_file(path));
+  return cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
+}
+
 /// OpenCV prints an error before it throws one.
 class QuietOpenCv {
  public:
@@ -56,7 +63,7 @@ cv::dnn::Net read_net(const NetworkOptions& options, const std::string& files) {
   const QuietOpenCv quiet;
   try {
     cv::dnn::Net net = extension == ".onnx"
-                           ? cv::dnn::readNetFromONNX(options.model.string())
+                           ? read_onnx(options.model)
                            : cv::dnn::readNetFromCaffe(options.model.string(), options.weights.string());
     if (!net.empty()) return net;
   } catch (const std::exception& e) {

@@ -142,10 +142,13 @@ std::string rtmpose_head(int width, int height) {
   // ScaleNorm: x / max(|x| n^-1/2, eps) * g
   const auto scale_norm = [&](const std::string& from, const std::string& to, int size) {
     net.floats(to + "_root", {1}, {1.0f / std::sqrt(static_cast<float>(size))}).floats(to + "_g", {1}, {1.0f});
-    net.floats(to + "_low", {}, {1e-5f}).floats(to + "_high", {}, {1e30f});
     net.node("ReduceL2", {from}, {to + "_norm"}, {OnnxFile::ints("axes", {2}), OnnxFile::integer("keepdims", 1)});
     net.node("Mul", {to + "_norm", to + "_root"}, {to + "_scaled"});
-    net.node("Clip", {to + "_scaled", to + "_low", to + "_high"}, {to + "_safe"});
+    // The limit is a constant or a node: both are refused by OpenCV 4.6 as they are.
+    if (from == "rows")
+      net.floats(to + "_low", {}, {1e-5f}).node("Clip", {to + "_scaled", to + "_low", ""}, {to + "_safe"});
+    else
+      net.number_node(to + "_low", 1e-5f).node("Clip", {to + "_scaled", to + "_low"}, {to + "_safe"});
     net.node("Div", {from, to + "_safe"}, {to + "_unit"});
     net.node("Mul", {to + "_unit", to + "_g"}, {to});
   };

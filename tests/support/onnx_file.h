@@ -56,6 +56,12 @@ class OnnxFile {
   OnnxFile& integers(const std::string& name, const std::vector<std::int64_t>& values) {
     return add(5, tensor(name, {static_cast<int>(values.size())}, 7, wire::raw(values)));
   }
+  /// A node that is a single number.
+  OnnxFile& number_node(const std::string& name, float value) {
+    const std::string attribute = wire::field(1, std::string("value")) +
+                                  wire::field(5, tensor("", {}, 1, wire::raw<float>({value}))) + wire::field(20, 4);
+    return node("Constant", {}, {name}, {attribute});
+  }
   /// @param attributes of `ints` and `integer`
   OnnxFile& node(const std::string& type, const std::vector<std::string>& inputs,
                  const std::vector<std::string>& outputs, const std::vector<std::string>& attributes = {}) {
