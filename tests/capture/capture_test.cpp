@@ -132,10 +132,10 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_EQ(park.joints3d, "park/{name}.csv");
   EXPECT_EQ(park.motion, "");
   ASSERT_TRUE(capture.detector.has_value());
-  EXPECT_EQ(capture.detector->weights, "pose.caffemodel");
-  EXPECT_EQ(capture.detector->input_height, 256);
-  EXPECT_EQ(capture.detector->mean, (std::vector<double>{104, 117, 123}));
-  EXPECT_TRUE(capture.detector->rgb);
+  EXPECT_EQ(capture.detector->network.weights, "pose.caffemodel");
+  EXPECT_EQ(capture.detector->network.input_height, 256);
+  EXPECT_EQ(capture.detector->network.mean, (std::array<double, 3>{104, 117, 123}));
+  EXPECT_TRUE(capture.detector->network.rgb);
   EXPECT_EQ(capture.source(park.subtraction->empty, 3, "left"), (capture.root / "empty/left/{frame:04}.png").string());
 }
 
@@ -156,9 +156,9 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.sequences[2].subtraction->model.shadow, 0.4);
   EXPECT_EQ(again.sequences[3].subtraction->empty, capture.sequences[3].subtraction->empty);
   EXPECT_EQ(again.sequences[3].joints3d, capture.sequences[3].joints3d);
-  EXPECT_EQ(again.detector->mean, capture.detector->mean);
-  EXPECT_EQ(again.detector->weights, capture.detector->weights);
-  EXPECT_TRUE(again.detector->rgb);
+  EXPECT_EQ(again.detector->network.mean, capture.detector->network.mean);
+  EXPECT_EQ(again.detector->network.weights, capture.detector->network.weights);
+  EXPECT_TRUE(again.detector->network.rgb);
   write_capture(second, again);
   write_capture(first, read_capture(second));
   EXPECT_EQ(read_capture(first).sequences[0].keypoints, capture.sequences[0].keypoints);
