@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "command.h"
+#include "detected_capture.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
@@ -49,6 +50,7 @@ struct TrackArguments {
   int empty_frames = 0;
 
   bool live() const { return !source.empty(); }
+  bool needs_masks() const { return method == "livecap" || method == "deepcap" || surface; }
 };
 
 ConfigDocument config_document(const TrackArguments& arguments) {
@@ -240,6 +242,9 @@ int run(TrackArguments arguments, const CommonOptions& common) {
   points ? check_points(arguments) : check(arguments);
   TrackTask& task = arguments.task;
   if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  if (!arguments.live())
+    arguments.capture =
+        with_keypoints(arguments.capture, task.out / "detected", {arguments.needs_masks(), !points}, common).string();
   if (points) return run_points(arguments, common);
   const TrackReport report = arguments.live()                ? track_source(arguments)
                              : arguments.method == "livecap" ? track_with_one_camera(arguments)

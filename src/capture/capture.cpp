@@ -323,7 +323,8 @@ void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;
   fail(
       "sequence {} has no masks, which {} needs; name `masks`, or let them be computed by a `chroma_key`, or by a "
-      "`background_subtraction` with images of the empty scene (docs/capture.md)",
+      "`background_subtraction` with images of the empty scene (docs/capture.md). `doppel detect CAPTURE --out DIR "
+      "--masks` finds masks in the videos; DIR is then a capture with them",
       name, command);
 }
 
