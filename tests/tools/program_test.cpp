@@ -123,6 +123,35 @@ TEST(ProgramReference, AFolderOfImagesBecomesACapture) {
   EXPECT_NE(prepared.err.find("has no masks, which `doppel prepare` needs"), std::string::npos) << prepared.err;
 }
 
+TEST(ProgramReference, FisheyeFootageIsTrackedPreparedAndTrained) {
+  const TemporaryFolder folder;
+  const auto at = [&](const std::string& name) { return (folder / name).string(); };
+  const auto report_of = [&](const std::string& line) {
+    const Outcome outcome = run(line + " --json");
+    EXPECT_EQ(outcome.code, 0) << line << "\n" << outcome.err;
+    return outcome.code == 0 ? nlohmann::json::parse(outcome.out) : nlohmann::json();
+  };
+  report_of("synth --preset tiny --lens fisheye --size 384 --frames 8 --test-frames 4 --out " + at("capture"));
+  const nlohmann::json points = report_of("track " + at("capture") + " --method points --out " + at("points"));
+  for (const char* sequence : {"training", "testing"}) {
+    EXPECT_EQ(points["sequences"][sequence]["found"], 1.0);
+    for (const nlohmann::json& camera : points["sequences"][sequence]["cameras"]) EXPECT_EQ(camera["agreeing"], 1.0);
+    EXPECT_TRUE(std::filesystem::exists(at("points/" + std::string(sequence) + ".trc")));
+  }
+  const nlohmann::json tracked =
+      report_of("track " + at("capture") + " --method multiview --sheet-frames 0 --out " + at("tracked"));
+  for (const char* sequence : {"training", "testing"}) {
+    const nlohmann::json& found = tracked["sequences"][sequence];
+    EXPECT_TRUE(found["lost_frames"].empty());
+    EXPECT_LT(found["against_given_motion"]["landmarks_mm"].get<double>(), 8.0) << sequence;
+  }
+  report_of("prepare " + at("tracked") + " --out " + at("prepared"));
+  const Outcome trained = run(
+      "train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set train.iterations=5 --set capture=" + at("prepared") +
+      " --out " + at("run"));
+  EXPECT_EQ(trained.code, 0) << trained.err;
+}
+
 TEST(ProgramReference, EveryCommandHelpsWithAnExample) {
   EXPECT_EQ(run("--help").code, 0);
   for (const std::string& command : kCommands) {
