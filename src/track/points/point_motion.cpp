@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -19,7 +20,7 @@ constexpr int kParabola = 2;
 class Triangulator {
  public:
   Triangulator(const PointTracks& tracks, const std::vector<Camera>& cameras, const PointMotionOptions& options)
-      : tracks_(tracks), cameras_(cameras), options_(options) {
+      : tracks_(tracks), cameras_(cameras), options_(options), last_(as_size(tracks.num_points())) {
     triangulation_.inlier_threshold = options.max_residual;
     for (const Camera& camera : cameras) {
       report_.push_back({camera.name, 0, 0, 0.0});
@@ -54,11 +55,36 @@ class Triangulator {
       sights.push_back(*sight);
       views.push_back(c);
     }
-    if (sights.size() < 2) return std::nullopt;
-    const std::optional<TriangulatedPoint> found = triangulate(sights, triangulation_);
+    const std::optional<TriangulatedPoint> found = choose(sights, as_size(k));
     if (!found) return std::nullopt;
+    last_[as_size(k)] = found->position;
     for (std::size_t i = 0; i < views.size(); ++i) count(views[i], *found, i);
     return found->position;
+  }
+
+  /// Where the agreeing cameras are no majority and the others agree on another point, the point nearer to the last
+  /// position is taken: a detector may confuse left and right for some frames in half of the cameras.
+  std::optional<TriangulatedPoint> choose(const std::vector<Sight>& sights, std::size_t k) const {
+    if (sights.size() < 2) return std::nullopt;
+    const std::optional<TriangulatedPoint> first = triangulate(sights, triangulation_);
+    if (!first || !last_[k] || 2 * first->views > static_cast<int>(sights.size())) return first;
+    std::vector<Sight> others;
+    for (std::size_t i = 0; i < sights.size(); ++i)
+      if (!first->is_inlier(i, triangulation_)) others.push_back(sights[i]);
+    if (others.size() < 2) return first;
+    const std::optional<TriangulatedPoint> second = triangulate(others, triangulation_);
+    if (!second || (second->position - *last_[k]).norm() >= (first->position - *last_[k]).norm()) return first;
+    return with_residuals(*second, sights);
+  }
+
+  /// The same point with its residuals in all sights.
+  static TriangulatedPoint with_residuals(TriangulatedPoint point, const std::vector<Sight>& sights) {
+    point.residuals.clear();
+    for (const Sight& sight : sights) {
+      const std::optional<Eigen::Vector2d> residual = residual_of(sight, point.position);
+      point.residuals.push_back(residual ? residual->norm() : std::numeric_limits<double>::infinity());
+    }
+    return point;
   }
 
   void count(std::size_t c, const TriangulatedPoint& found, std::size_t sight) {
@@ -73,7 +99,8 @@ class Triangulator {
   const PointMotionOptions& options_;
   TriangulationOptions triangulation_;
   std::vector<PointCamera> report_;
-  std::vector<double> scale_;  ///< [C] reference pixels per pixel as filmed
+  std::vector<double> scale_;                         ///< [C] reference pixels per pixel as filmed
+  std::vector<std::optional<Eigen::Vector3d>> last_;  ///< [K] last position found
 };
 
 /// Frames of one point without a gap and without a cut inside.
