@@ -10,6 +10,7 @@
 #include "doppel/capture/video.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/dnn/network_config.h"
 #include "doppel/keypoints/joint_detections.h"
 
 namespace doppel {
@@ -261,19 +262,31 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
 }
 
 std::string describe_detector(const Capture& capture) {
-  const PoseDetectorOptions& detector = *capture.detector;
-  const auto file = [&](const fs::path& path) {
-    const fs::path found = capture.resolve(path.string());
-    if (!path.empty() && !fs::is_regular_file(found)) fail_at({found, 0}, "the detector's file does not exist");
-    return path.empty() ? std::string("none") : describe_source(found.string());
-  };
-  return fmt::format("detected by {}, weights {}, input height {}, scale {}, mean {}, rgb {}, threshold {}",
-                     file(detector.model), file(detector.weights), detector.input_height, detector.scale,
-                     fmt::join(detector.mean, " "), detector.rgb, detector.threshold);
+  PersonNetworkOptions options = *capture.detector;
+  std::string files;
+  for_each_network(options, [&](NetworkOptions& network) {
+    for (const fs::path& path : {network.model, network.weights}) {
+      if (path.empty()) continue;
+      const fs::path found = capture.resolve(path.string());
+      if (!fs::is_regular_file(found)) fail_at({found, 0}, "the detector's file does not exist");
+      files += " " + describe_source(found.string());
+    }
+  });
+  YAML::Emitter settings;
+  settings.SetMapFormat(YAML::Flow);
+  settings << person_network_node(options);
+  return fmt::format("detected by{}, {}", files, settings.c_str());
 }
 
 std::string describe_paths(const Capture& capture, const CameraPaths& paths) {
   return paths.by_camera().empty() ? capture.resolve(paths.sample()).string() : paths.to_string();
+}
+
+/// Empty if nobody is named, so that captures prepared by versions without this choice still match.
+std::string describe_person(const PersonChoiceOptions& options) {
+  if (options.person) return fmt::format(", person {}", *options.person);
+  if (!options.near) return "";
+  return fmt::format(", person near {} {} {}", options.near->x(), options.near->y(), options.near->z());
 }
 
 /// Empty without keypoints, so that captures prepared by versions without them still match.
@@ -288,10 +301,10 @@ std::string describe_evidence(const PreparePlan& plan) {
   text +=
       fmt::format("keypoint filter: window {}, outlier {}, sigma {}\n", filter.window, filter.outlier, filter.sigma);
   for (const PlannedSequence& sequence : plan.sequences)
-    text += fmt::format("sequence {}: keypoints {}, cuts {}\n", sequence.entry.name,
+    text += fmt::format("sequence {}: keypoints {}, cuts {}{}\n", sequence.entry.name,
                         plan.detects(sequence) ? describe_detector(plan.capture)
                                                : describe_paths(plan.capture, sequence.entry.keypoints),
-                        fmt::join(sequence.entry.cuts, " "));
+                        fmt::join(sequence.entry.cuts, " "), describe_person(plan.capture.person_of(sequence.entry)));
   return text;
 }
 
