@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kSecondsOfStretch = 0.5;  // errors of keypoints that are farther apart are independent
 constexpr double kMarginOfSample = 0.8;    // widths by which a sample may be moved
-constexpr double kLeastShareOfStretches = 0.1;
+constexpr double kLeastShareOfStretches = 0.3;
 constexpr double kStepOfCurvature = 0.4;  // widths
 constexpr double kSampleGroup = 10.0;     // rows whose errors are about the same
 
@@ -264,8 +264,13 @@ Eigen::MatrixXd OffsetProblem::covariance(const Eigen::VectorXd& state) {
     spread += stretch * stretch.transpose();
     count += 1.0;
   }
-  // The fit takes up a part of what the stretches scatter: as many of them as there are unknowns.
-  const auto unknowns = static_cast<double>(regular.rows());
+  // The fit takes up a part of what the stretches scatter: as many of them as there are unknowns which the rows, and
+  // not the prior, determine.
+  auto unknowns = static_cast<double>(regular.rows());
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const Eigen::Index first = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p);
+    unknowns -= prior_weight(pairs_[p]) * inverse.diagonal().segment<kBiasTerms>(first).sum();
+  }
   spread *= count / std::max(count - unknowns, kLeastShareOfStretches * count + 1.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {  // the bias terms are as uncertain as their prior says
     const Eigen::Index first = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p);

@@ -29,7 +29,8 @@ MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, dou
   for (long f = first; f <= last; ++f) {
     const TrackPoint& seen = track.at(f, point);
     if (!seen.seen()) continue;
-    const double x = static_cast<double>(f) - frame, w = std::pow(1.0 - x * x / (reach * reach), 3);
+    const double x = static_cast<double>(f) - frame,
+                 w = seen.confidence * seen.confidence * std::pow(1.0 - x * x / (reach * reach), 3);
     before |= x <= 0.0 && x >= -near;
     after |= x >= 0.0 && x <= near;
     ++count;

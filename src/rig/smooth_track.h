@@ -14,10 +14,10 @@ struct MovingPoint {
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< pixels per frame
 };
 
-/// The weighted straight line through the points of neighbouring frames, at a fractional frame. The weights (1 -
-/// (x / 3 width)^2)^3 fall to 0 smoothly, so that a frame which enters the window changes nothing. Linear interpolation
-/// would not do for synchronisation: its noise is smallest in the middle between two frames, which draws every estimate
-/// there.
+/// The weighted straight line through the points of neighbouring frames, at a fractional frame. The weights are
+/// confidence^2 (1 - (x / 3 width)^2)^3: they fall to 0 smoothly, so that a frame which enters the window changes
+/// nothing. Linear interpolation would not do for synchronisation: its noise is smallest in the middle between two
+/// frames, which draws every estimate there.
 /// @param width frames; about the standard deviation of the weights
 MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, double width);
 
