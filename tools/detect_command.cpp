@@ -12,6 +12,7 @@
 #include "detect_camera.h"
 #include "detect_network.h"
 #include "detect_sources.h"
+#include "detected_capture.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -177,16 +178,26 @@ void print_table(const Json& report) {
   }
 }
 
-int run(const DetectArguments& arguments, const CommonOptions& common) {
+/// The files of all cameras, and for a capture its description with these files. @return nothing: stopped
+std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions& common) {
   if (!arguments.has_network() && !arguments.layout.empty())
     fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
+  check_detect_out(arguments.source, arguments.out);
   DetectJob job(arguments, resolve_threads(common.threads));
   if (!job.run()) {
     log::warn("stopped; cameras that were not finished have no tables");
-    return 1;
+    return std::nullopt;
   }
   const Json report = job.report();
   write_atomically(arguments.out / "detect.json", report.dump(2) + "\n");
+  write_detected_capture(arguments.source, arguments.out, report);
+  return report;
+}
+
+int run(const DetectArguments& arguments, const CommonOptions& common) {
+  const std::optional<Json> found = detect(arguments, common);
+  if (!found) return 1;
+  const Json& report = *found;
   if (common.json)
     fmt::print("{}\n", report.dump(2));
   else
@@ -195,6 +206,14 @@ int run(const DetectArguments& arguments, const CommonOptions& common) {
 }
 
 }  // namespace
+
+bool detect_capture(const fs::path& capture, const fs::path& out, bool masks, const CommonOptions& common) {
+  DetectArguments arguments;
+  arguments.source = capture.string();
+  arguments.out = out;
+  arguments.masks = masks;
+  return detect(arguments, common).has_value();
+}
 
 Command add_detect(CLI::App& program) {
   auto arguments = std::make_shared<DetectArguments>();

@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr int kSchemaVersion = 1;
+constexpr int kMostPeople = 1000;
 constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames per second: larger numbers are mistakes
 
 /// Names become keys of the store and parts of file names.
@@ -124,6 +125,22 @@ void read_range(const ConfigReader& reader, SequenceEntry& sequence) {
                          i + 1);
 }
 
+/// `person: 1`, or `person: {near: [x, y, z]}`.
+PersonChoiceOptions read_person(const ConfigReader& reader) {
+  PersonChoiceOptions person;
+  if (!reader.has("person")) return person;
+  if (!reader.has_section("person")) {
+    person.person = reader.get<int>("person", between(0, kMostPeople));
+    return person;
+  }
+  const ConfigReader section = reader.section("person");
+  const std::vector<double> near = section.list<double>("near");
+  if (near.size() != 3)
+    section.fail_at_key("near", "must be a position x, y, z in the world, metres, as in [0.2, 1.0, -0.5]");
+  person.near = Eigen::Vector3d(near[0], near[1], near[2]);
+  return person;
+}
+
 SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   SequenceEntry sequence;
   sequence.name = reader.get<std::string>("name");
@@ -132,6 +149,7 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   sequence.videos = read_paths(reader, "videos");
   read_masks(reader, has_background, sequence);
   if (reader.has("keypoints")) sequence.keypoints = read_paths(reader, "keypoints");
+  if (reader.has("person")) sequence.person = read_person(reader);
   if (reader.has("joints3d")) sequence.joints3d = read_pattern(reader, "joints3d");
   sequence.motion = reader.get("motion", "");
   read_range(reader, sequence);
@@ -142,6 +160,7 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
 void read_evidence(const ConfigReader& reader, Capture& capture) {
   capture.landmarks = reader.get("landmarks", "");
   capture.keypoint_map = reader.get("keypoint_map", "");
+  capture.person = read_person(reader);
   if (reader.has("detector")) capture.detector = read_person_network(reader.section("detector"));
   const ConfigReader filter = reader.section("keypoint_filter");
   KeypointFilter& options = capture.keypoint_filter;
@@ -206,6 +225,14 @@ YAML::Node subtraction_node(const BackgroundSubtraction& subtraction) {
   return node;
 }
 
+YAML::Node person_node(const PersonChoiceOptions& person) {
+  if (person.person) return YAML::Node(*person.person);
+  YAML::Node node;
+  node["near"] = std::vector<double>{person.near->x(), person.near->y(), person.near->z()};
+  node["near"].SetStyle(YAML::EmitterStyle::Flow);
+  return node;
+}
+
 YAML::Node filter_node(const KeypointFilter& filter) {
   YAML::Node node;
   node["window"] = filter.window;
@@ -230,6 +257,7 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
     node["largest_component"] = sequence.largest_component;
   }
   if (!sequence.keypoints.empty()) node["keypoints"] = paths_node(sequence.keypoints);
+  if (sequence.person && sequence.person->names_person()) node["person"] = person_node(*sequence.person);
   if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
   if (!sequence.motion.empty()) node["motion"] = sequence.motion;
   for (const auto& [camera, offset] : sequence.frame_offset) node["frame_offset"][camera] = offset;
@@ -269,7 +297,8 @@ void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;
   fail(
       "sequence {} has no masks, which {} needs; name `masks`, or let them be computed by a `chroma_key`, or by a "
-      "`background_subtraction` with images of the empty scene (docs/capture.md)",
+      "`background_subtraction` with images of the empty scene (docs/capture.md). `doppel detect CAPTURE --out DIR "
+      "--masks` finds masks in the videos; DIR is then a capture with them",
       name, command);
 }
 
@@ -353,6 +382,7 @@ void write_capture(const fs::path& path, const Capture& capture, const std::vect
   if (!capture.background.empty()) node["background"] = capture.background;
   if (!capture.landmarks.empty()) node["landmarks"] = capture.landmarks;
   if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
+  if (capture.person.names_person()) node["person"] = person_node(capture.person);
   if (capture.detector) node["detector"] = person_network_node(*capture.detector);
   if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));

@@ -14,6 +14,7 @@
 #include "doppel/core/config.h"
 #include "doppel/dnn/network_options.h"
 #include "doppel/keypoints/keypoint_filter.h"
+#include "doppel/keypoints/person_choice.h"
 
 namespace doppel {
 
@@ -46,6 +47,7 @@ struct SequenceEntry {
   int mask_threshold = 128;                    ///< pixels >= this value are the person
   bool largest_component = false;              ///< keep only the largest connected part of a mask
   CameraPaths keypoints;                       ///< keypoint files (JSON or a table), or empty
+  std::optional<PersonChoiceOptions> person;   ///< of several people, the one to follow; nothing: as the capture says
   std::string joints3d;                        ///< table of 3D joints (joint_detections.h), or empty
   std::string motion;                          ///< Skeletool motion file, row f is the pose of frame f; or empty
   std::map<std::string, double> frame_offset;  ///< camera name -> time of motion row 0, in frames of its video
@@ -76,6 +78,7 @@ struct Capture {
   std::string landmarks;                     ///< placement file of the landmarks; empty: the skeleton's markers
   std::string keypoint_map;                  ///< a built-in map's name or a file; empty: chosen by the keypoint files
   KeypointFilter keypoint_filter;
+  PersonChoiceOptions person;                    ///< of several people, the one to follow: key `person`
   std::optional<PersonNetworkOptions> detector;  ///< for sequences without `keypoints`; paths as written in the file
   std::vector<SequenceEntry> sequences;
 
@@ -87,6 +90,10 @@ struct Capture {
   std::string source(const CameraPaths& paths, int file_index, const std::string& camera) const;
   /// When the rows of a sequence's motion were filmed by a camera.
   FrameClock clock(const SequenceEntry& sequence, const std::string& camera) const;
+  /// Which person of a sequence is followed. @pre one of this capture's sequences
+  const PersonChoiceOptions& person_of(const SequenceEntry& sequence) const {
+    return sequence.person ? *sequence.person : person;
+  }
   /// @throws Error when the capture names no character; says how to make one
   std::filesystem::path character_path() const;
   std::filesystem::path calibration_path() const { return resolve(calibration); }

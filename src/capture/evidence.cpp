@@ -7,11 +7,13 @@
 #include "doppel/capture/fractional_frames.h"
 #include "doppel/capture/mask.h"
 #include "doppel/character/landmarks.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/dnn/network_config.h"
 #include "doppel/keypoints/guess_layout.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
+#include "doppel/keypoints/read_keypoints.h"
 
 namespace doppel {
 
@@ -20,8 +22,17 @@ namespace {
 constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
 constexpr float kLargestShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
 
-/// The layout of the keypoint files, by the files of one camera. Nothing for tables with names, and, with a warning, if
-/// the files do not decide it; reading them then checks the number of points.
+/// The built-in layout that has exactly these points, in any order. Nothing: the names are those of landmarks.
+std::optional<std::string> layout_with_points(const std::vector<std::string>& points) {
+  for (const PointLayout& known : builtin_layouts()) {
+    const bool has_all = std::all_of(points.begin(), points.end(), [&](const auto& p) { return known.find(p); });
+    if (has_all && known.points.size() == points.size()) return known.name;
+  }
+  return std::nullopt;
+}
+
+/// The layout of the keypoint files, by the files of one camera. Nothing for tables with other names, and, with a
+/// warning, if the files do not decide it; reading them then checks the number of points.
 std::optional<std::string> detected_layout(const Capture& capture) {
   try {
     const CaptureCameras filmed = choose_cameras(capture);
@@ -29,8 +40,9 @@ std::optional<std::string> detected_layout(const Capture& capture) {
     for (const SequenceEntry& sequence : capture.sequences) {
       if (sequence.keypoints.empty()) continue;
       const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
-      if (is_keypoint_table(source)) continue;
-      const auto found = guess_layout(source, keypoint_camera(camera, filmed.file_index[0]));
+      const KeypointCamera seen = keypoint_camera(camera, filmed.file_index[0]);
+      const auto found = is_keypoint_table(source) ? layout_with_points(read_detections(source, seen).points)
+                                                   : guess_layout(source, seen);
       if (found) return found;
     }
   } catch (const Error& e) {
@@ -53,6 +65,18 @@ KeypointMap load_map(const Capture& capture, const std::string& name) {
   const std::vector<std::string> builtin = builtin_keypoint_maps();
   const bool is_builtin = std::find(builtin.begin(), builtin.end(), name) != builtin.end();
   return read_keypoint_map(is_builtin ? name : capture.resolve(name).string());
+}
+
+/// The points of the first table of names.
+PointLayout layout_of_tables(const Capture& capture) {
+  const CaptureCameras filmed = choose_cameras(capture);
+  const KeypointCamera camera = keypoint_camera(filmed.cameras.at(0), filmed.file_index[0]);
+  for (const SequenceEntry& sequence : capture.sequences) {
+    if (sequence.keypoints.empty()) continue;
+    const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
+    return {kNamesMap, read_detections(source, camera).points};
+  }
+  fail("{} names no `keypoints`, and no points are known without them", capture.name);
 }
 
 /// Some detectors can write fractions of the image size, 0 to 1.
@@ -78,14 +102,10 @@ void count_frame(const std::optional<People>& people, const std::vector<Keypoint
   facts.seen += landmarks.empty() ? 0.0 : static_cast<double>(seen) / static_cast<double>(landmarks.size());
 }
 
-void undistort(const Undistorter& undistorter, People& people) {
-  for (Person& person : people)
-    for (Keypoint& point : person) {
-      if (point.confidence <= 0.0f) continue;
-      const Eigen::Vector2d pixel = undistorter.apply(Eigen::Vector2d(point.x, point.y));
-      point.x = static_cast<float>(pixel.x());
-      point.y = static_cast<float>(pixel.y());
-    }
+/// Without the others. @param index of the person; -1: none of them
+People only(People people, int index) {
+  if (index < 0 || as_size(index) >= people.size()) return {};
+  return {std::move(people[as_size(index)])};
 }
 
 /// The person in the frames around the present row. Each frame is read once; the rows ascend.
@@ -95,8 +115,9 @@ class RecentFrames {
     std::optional<People> people;
     std::vector<Keypoint> landmarks;
   };
-  RecentFrames(const PeopleOfFrame& people, const LandmarkPicker& picker, const Undistorter& undistorter)
-      : people_(people), picker_(picker), undistorter_(undistorter) {}
+  RecentFrames(const PeopleOfFrame& people, const ChoiceOfFrame& chosen, const LandmarkPicker& picker,
+               const Undistorter& undistorter)
+      : people_(people), chosen_(chosen), picker_(picker), undistorter_(undistorter) {}
 
   /// The landmarks at a time, in frames.
   std::vector<Keypoint> at(double time, const std::function<cv::Mat()>& mask) {
@@ -110,18 +131,26 @@ class RecentFrames {
     const auto [found, is_new] = frames_.try_emplace(number);
     if (!is_new) return found->second;
     found->second.people = people_(number);
-    found->second.landmarks = pick_person(found->second.people, mask, picker_, undistorter_);
+    std::optional<People> people = found->second.people;
+    if (people && chosen_) people = only(std::move(*people), chosen_(number));
+    found->second.landmarks = pick_person(std::move(people), mask, picker_, undistorter_);
     return found->second;
   }
 
  private:
   const PeopleOfFrame& people_;
+  const ChoiceOfFrame& chosen_;
   const LandmarkPicker& picker_;
   const Undistorter& undistorter_;
   std::map<long, Frame> frames_;
 };
 
 }  // namespace
+
+PointLayout layout_of_keypoints(const Capture& capture) {
+  const std::string name = chosen_map(capture);
+  return name == kNamesMap ? layout_of_tables(capture) : load_map(capture, name).layout;
+}
 
 EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
   EvidencePlan plan;
@@ -151,10 +180,21 @@ EvidencePlan plan_evidence(const Capture& capture, const Character& character) {
   return plan;
 }
 
+People undistorted(const Undistorter& undistorter, People people) {
+  for (Person& person : people)
+    for (Keypoint& point : person) {
+      if (point.confidence <= 0.0f) continue;
+      const Eigen::Vector2d pixel = undistorter.apply(Eigen::Vector2d(point.x, point.y));
+      point.x = static_cast<float>(pixel.x());
+      point.y = static_cast<float>(pixel.y());
+    }
+  return people;
+}
+
 std::vector<Keypoint> pick_person(std::optional<People> people, const std::function<cv::Mat()>& mask,
                                   const LandmarkPicker& picker, const Undistorter& undistorter) {
   if (!people) return picker.pick(std::optional<Person>());
-  undistort(undistorter, *people);
+  people = undistorted(undistorter, std::move(*people));
   return picker.pick(choose_person(*people, people->size() > 1 ? mask() : cv::Mat()));
 }
 
@@ -168,9 +208,10 @@ PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
 }
 
 KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfRow& mask, const LandmarkPicker& picker,
-                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter) {
+                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter,
+                            const ChoiceOfFrame& chosen) {
   const Undistorter undistorter(camera);
-  RecentFrames recent(people, picker, undistorter);
+  RecentFrames recent(people, chosen, picker, undistorter);
   KeypointTrack track;
   for (long row = rows.first; row <= rows.last; ++row) {
     const auto mask_of_row = [&] { return mask(row); };

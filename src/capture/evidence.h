@@ -23,9 +23,9 @@ struct EvidencePlan {
 
 /// Chooses the map and the landmarks. The landmarks are those of the placement file; without a placement file, the
 /// skeleton's markers that the map contains. Without `keypoint_map`, the points of a table (.csv) have the names of
-/// landmarks, the layout of other files is found by their content (guess_layout.h), BODY_25 if it does not decide, and
-/// the points of a detector are BODY_25. When there is no landmark, the keypoints are
-/// ignored with a warning; when the capture names a map, this is an error.
+/// landmarks unless they are those of a built-in layout, the layout of other files is found by their content
+/// (guess_layout.h), BODY_25 if it does not decide, and the points of a detector are BODY_25. When there is no
+/// landmark, the keypoints are ignored with a warning; when the capture names a map, this is an error.
 /// @throws Error for a detector with the map `names`, which defines no order of points; for landmarks that the map does
 /// not contain; and the errors of the readers
 EvidencePlan plan_evidence(const Capture& capture, const Character& character);
@@ -49,6 +49,8 @@ struct KeypointTrack {
 /// Functions that return the people in a video frame, and the mask of a motion row (empty: none).
 using PeopleOfFrame = std::function<std::optional<People>(long frame)>;
 using MaskOfRow = std::function<cv::Mat(long row)>;
+/// Which of the people in a video frame is followed: the index; -1: none of them (people_in_cameras.h).
+using ChoiceOfFrame = std::function<int(long frame)>;
 
 /// Consecutive rows of a motion, as one camera filmed them.
 struct FilmedRows {
@@ -57,13 +59,22 @@ struct FilmedRows {
   FrameClock clock;
 };
 
+/// The points that the keypoints of a capture consist of. For tables with names of their own, these are the points of
+/// the first camera's table. @throws FileError as the readers; Error when the capture has no keypoints
+PointLayout layout_of_keypoints(const Capture& capture);
+
 /// Follows one person through the rows of a motion: chooses the person, removes the lens distortion, picks the
 /// landmarks and filters them. Between two video frames the landmarks are interpolated (fractional_frames.h).
-/// @param mask is called for ascending rows, and only when several people were detected
+/// @param mask is called for ascending rows, and only when several people were detected and `chosen` is empty
 /// @param camera with its distortion, at the resolution of the images in which the points were detected
+/// @param chosen the choice by all cameras; empty: the mask chooses
 /// @throws Error when the points are not in pixels (all of them are fractions of the image size)
 KeypointTrack follow_person(const PeopleOfFrame& people, const MaskOfRow& mask, const LandmarkPicker& picker,
-                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter);
+                            const Camera& camera, const FilmedRows& rows, const KeypointFilter& filter,
+                            const ChoiceOfFrame& chosen = {});
+
+/// The points of people in the image without distortion.
+People undistorted(const Undistorter& undistorter, People people);
 
 /// Keypoints of one person in an image, [M]: chooses the person, removes the lens distortion and picks the landmarks.
 /// @param people of the image as filmed, with distortion

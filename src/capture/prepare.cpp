@@ -13,10 +13,12 @@
 #include <thread>
 
 #include "doppel/capture/mask_source.h"
+#include "doppel/capture/people_in_cameras.h"
 #include "doppel/capture/pose_detector.h"
 #include "doppel/capture/prepare_plan.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/capture/video.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
@@ -332,7 +334,7 @@ class Preparation {
       frames[frame] = detector.detect(videos->read(frame));
       progress.advance(1, title(job));
     }
-    write_keypoint_table(table, plan_.evidence.map.layout, camera(job).name, frames);
+    write_keypoint_table(table, plan_.evidence.map.layout, frames);
     return true;
   }
 
@@ -346,7 +348,7 @@ class Preparation {
     KeypointTrack track;
     try {
       track = follow_person(people_of(job), mask, LandmarkPicker(plan_.evidence.map, plan_.evidence.landmarks), filmed,
-                            filmed_rows, plan_.capture.keypoint_filter);
+                            filmed_rows, plan_.capture.keypoint_filter, choice_of(job));
     } catch (const FileError&) {
       throw;
     } catch (const Error& e) {
@@ -359,6 +361,23 @@ class Preparation {
     store_.put(items);
     tell_doubts(job, track.facts);
     return track.facts;
+  }
+
+  /// Who is followed in a camera. Made for all cameras of a sequence at once.
+  ChoiceOfFrame choice_of(const Job& job) {
+    auto [choice, is_new] = chosen_.try_emplace(job.sequence);
+    if (!is_new) return choice->second[as_size(job.camera)];
+    const PlannedSequence& rows = sequence(job);
+    PeopleInCameras seen{rows.entry.name, plan_.cameras, {}, {}, rows.first_frame, rows.last_frame};
+    for (std::size_t c = 0; c < plan_.cameras.size(); ++c) {
+      seen.clocks.push_back(plan_.capture.clock(rows.entry, plan_.cameras[c].name));
+      seen.people.push_back(people_of({job.sequence, static_cast<int>(c), 0}));
+    }
+    const auto mask = [&](std::size_t camera, long row) {
+      return stored_mask({job.sequence, static_cast<int>(camera), 0}, row);
+    };
+    choice->second = follow_if_several(seen, plan_.evidence.map.layout, plan_.capture.person_of(rows.entry), mask);
+    return choice->second[as_size(job.camera)];
   }
 
   void tell_doubts(const Job& job, const KeypointFacts& facts) const {
@@ -408,6 +427,7 @@ class Preparation {
   std::atomic<std::size_t> next_job_{0};
   std::atomic<bool> stopped_{false};
   std::exception_ptr error_;
+  std::map<int, std::vector<ChoiceOfFrame>> chosen_;  ///< [C] by sequence
   long new_records_ = 0;
 };
 

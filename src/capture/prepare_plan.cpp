@@ -282,6 +282,13 @@ std::string describe_paths(const Capture& capture, const CameraPaths& paths) {
   return paths.by_camera().empty() ? capture.resolve(paths.sample()).string() : paths.to_string();
 }
 
+/// Empty if nobody is named, so that captures prepared by versions without this choice still match.
+std::string describe_person(const PersonChoiceOptions& options) {
+  if (options.person) return fmt::format(", person {}", *options.person);
+  if (!options.near) return "";
+  return fmt::format(", person near {} {} {}", options.near->x(), options.near->y(), options.near->z());
+}
+
 /// Empty without keypoints, so that captures prepared by versions without them still match.
 std::string describe_evidence(const PreparePlan& plan) {
   std::string text;
@@ -294,10 +301,10 @@ std::string describe_evidence(const PreparePlan& plan) {
   text +=
       fmt::format("keypoint filter: window {}, outlier {}, sigma {}\n", filter.window, filter.outlier, filter.sigma);
   for (const PlannedSequence& sequence : plan.sequences)
-    text += fmt::format("sequence {}: keypoints {}, cuts {}\n", sequence.entry.name,
+    text += fmt::format("sequence {}: keypoints {}, cuts {}{}\n", sequence.entry.name,
                         plan.detects(sequence) ? describe_detector(plan.capture)
                                                : describe_paths(plan.capture, sequence.entry.keypoints),
-                        fmt::join(sequence.entry.cuts, " "));
+                        fmt::join(sequence.entry.cuts, " "), describe_person(plan.capture.person_of(sequence.entry)));
   return text;
 }
 

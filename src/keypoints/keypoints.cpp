@@ -34,9 +34,8 @@ double confidence_inside(const Person& person, const cv::Mat& distance, double r
 
 std::optional<int> PointLayout::find(const std::string& point) const { return find_landmark(points, point); }
 
-std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
-  if (people.empty()) return std::nullopt;
-  if (people.size() == 1) return people[0];
+int index_of_person(const People& people, const cv::Mat& mask) {
+  if (people.size() < 2) return static_cast<int>(people.size()) - 1;
   std::vector<double> scores(people.size(), 0.0);
   const cv::Rect box = mask.empty() ? cv::Rect() : cv::boundingRect(mask);
   if (box.area() > 0) {
@@ -47,7 +46,12 @@ std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
   }
   if (*std::max_element(scores.begin(), scores.end()) == 0.0)
     for (std::size_t i = 0; i < people.size(); ++i) scores[i] = total_confidence(people[i]);
-  return people[as_size(std::max_element(scores.begin(), scores.end()) - scores.begin())];
+  return static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
+}
+
+std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
+  const int index = index_of_person(people, mask);
+  return index < 0 ? std::nullopt : std::optional(people[as_size(index)]);
 }
 
 }  // namespace doppel

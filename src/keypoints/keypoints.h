@@ -35,5 +35,7 @@ struct PointLayout {
 /// @param mask of the image that contains the points, or empty
 /// @return nothing when there are no people
 std::optional<Person> choose_person(const People& people, const cv::Mat& mask = {});
+/// The index of the same person; -1 when there are no people.
+int index_of_person(const People& people, const cv::Mat& mask = {});
 
 }  // namespace doppel

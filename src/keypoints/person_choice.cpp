@@ -206,7 +206,7 @@ std::vector<std::string> PersonChoice::doubts(const std::vector<Camera>& cameras
                       people[i].position.x(), people[i].position.y(), people[i].position.z(), 100.0 * people[i].frames);
     sentences.push_back(fmt::format(
         "several people agree about equally well: {}. Person {} is followed; set `person` to another index or to a "
-        "position [x, y, z] in metres",
+        "position, as in `person: {{near: [x, y, z]}}` in metres",
         list, person));
   }
   for (std::size_t c = 0; c < cameras.size(); ++c)
@@ -226,7 +226,7 @@ PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const
   for (const GroupTrack& track : tracks)
     if (track.support >= kWorthNaming * tracks[0].support) choice.people.push_back(described(track, frames.size()));
   choice.person = wanted_person(choice.people, options);
-  choice.ambiguous = !options.person && !options.near && choice.people.size() > 1 &&
+  choice.ambiguous = !options.names_person() && choice.people.size() > 1 &&
                      choice.people[1].support >= kEquallyGood * choice.people[0].support;
   const GroupTrack nobody;
   const GroupTrack& track = choice.person < 0 ? nobody : tracks[as_size(choice.person)];

@@ -15,6 +15,9 @@ struct PersonChoiceOptions {
   std::optional<Eigen::Vector3d> near;  ///< world, metres: the person whose mean position is nearest; not with `person`
   double max_residual = 0.02;           ///< of a point that agrees, as a share of the image's height
   int longest_gap = 15;                 ///< frames over which a person that was lost is expected to go on
+
+  /// Whether the options say who is followed.
+  bool names_person() const { return person || near; }
 };
 
 /// A person whose points agree between cameras.

@@ -1,19 +1,18 @@
 #include "doppel/track/footage.h"
 
 #include <algorithm>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/capture/evidence.h"
+#include "doppel/capture/filmed_sequence.h"
 #include "doppel/capture/mask_source.h"
+#include "doppel/capture/people_in_cameras.h"
 #include "doppel/capture/video.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/core/path_pattern.h"
 #include "doppel/data/dataset.h"
 #include "doppel/keypoints/keypoint_source.h"
 
@@ -109,16 +108,61 @@ struct View {
     return MaskSource(capture, entry, camera, file_index);
   }
   FrameClock clock() const { return capture.clock(entry, camera.name); }
-  bool has_images() const {
-    const std::string path = source(entry.videos);
-    return has_frame_placeholder(path) || fs::exists(path);
-  }
+  bool has_images() const { return doppel::has_images(capture, entry, camera, file_index); }
 };
+
+/// The masks of a view, read apart from its images. They select one of several people.
+class ViewMasks {
+ public:
+  explicit ViewMasks(const View& view) : view_(view), clock_(view.clock()) {}
+  /// @param row ascending @return empty without masks
+  cv::Mat read(long row) {
+    if (!view_.entry.has_masks()) return cv::Mat();
+    if (!masks_) {
+      masks_ = view_.open_masks();
+      if (masks_->needs_image()) images_ = view_.open_images();
+    }
+    const long frame = clock_.frame(row);
+    return masks_->read(frame, images_ ? images_->read(frame) : cv::Mat());
+  }
+
+ private:
+  View view_;
+  FrameClock clock_;
+  std::optional<MaskSource> masks_;
+  std::unique_ptr<FrameReader> images_;
+};
+
+/// The keypoint files of a sequence, and who of the people in them is followed.
+struct SequencePeople {
+  std::vector<PeopleOfFrame> people;  ///< [C]
+  std::vector<ChoiceOfFrame> chosen;  ///< [C]
+};
+
+SequencePeople read_people_of(const std::vector<View>& views, const PointLayout& layout,
+                              const FootageSequence& sequence) {
+  const SequenceEntry& entry = views.front().entry;
+  PeopleInCameras seen{sequence.name, {}, {}, {}, sequence.first_frame, sequence.last_frame};
+  std::vector<ViewMasks> masks;
+  for (const View& view : views) {
+    seen.cameras.push_back(view.camera);
+    seen.clocks.push_back(view.clock());
+    const auto source = std::make_shared<const KeypointSource>(view.source(entry.keypoints), layout,
+                                                               keypoint_camera(view.camera, view.file_index));
+    seen.people.emplace_back([source](long frame) { return source->people(frame); });
+    masks.emplace_back(view);
+  }
+  MaskOfCamera mask;
+  if (entry.has_masks()) mask = [&](std::size_t camera, long row) { return masks[camera].read(row); };
+  std::vector<ChoiceOfFrame> chosen = follow_if_several(seen, layout, views.front().capture.person_of(entry), mask);
+  return {std::move(seen.people), std::move(chosen)};
+}
 
 /// Reads keypoints and masks of one camera, frame by frame.
 class ViewReader {
  public:
-  ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence)
+  ViewReader(const View& view, const EvidencePlan& plan, const FootageSequence& sequence, const PeopleOfFrame& people,
+             const ChoiceOfFrame& chosen)
       : first_frame_(sequence.first_frame),
         clock_(view.clock()),
         undistort_(view.camera),
@@ -127,7 +171,12 @@ class ViewReader {
     if (!view.entry.joints3d.empty())
       joints_ = read_joint_detections(view.source(view.entry.joints3d), plan.map.layout);
     if (view.has_images() || needs_image()) videos_ = view.open_images();
-    follow(view, plan, sequence);
+    ViewMasks masks(view);
+    track_ = follow_person(
+        people, [&](long row) { return masks.read(row); }, picker_, view.camera,
+        {sequence.first_frame, sequence.last_frame, sequence.cuts, clock_}, view.capture.keypoint_filter, chosen);
+    for (const std::string& doubt : keypoint_doubts(track_.facts))
+      log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
   }
 
   void read(long frame, bool images, int outline_pixels, FootageFrame& result) {
@@ -149,28 +198,6 @@ class ViewReader {
   bool needs_image() const { return masks_ && masks_->needs_image(); }
   cv::Mat filmed_image(long frame) { return videos_ ? videos_->read(clock_.frame(frame)) : cv::Mat(); }
   cv::Mat undistorted(const cv::Mat& filmed) { return filmed.empty() ? filmed : undistort_.apply(filmed); }
-
-  /// The mask selects one of several people in an image. These masks are read separately.
-  void follow(const View& view, const EvidencePlan& plan, const FootageSequence& sequence) {
-    const KeypointSource source(view.source(view.entry.keypoints), plan.map.layout,
-                                keypoint_camera(view.camera, view.file_index));
-    std::optional<MaskSource> masks;
-    std::unique_ptr<FrameReader> images;
-    const auto mask_of = [&](long row) {
-      if (!view.entry.has_masks()) return cv::Mat();
-      if (!masks) {
-        masks = view.open_masks();
-        if (masks->needs_image()) images = view.open_images();
-      }
-      const long frame = clock_.frame(row);
-      return masks->read(frame, images ? images->read(frame) : cv::Mat());
-    };
-    track_ =
-        follow_person([&](long frame) { return source.people(frame); }, mask_of, picker_, view.camera,
-                      {sequence.first_frame, sequence.last_frame, sequence.cuts, clock_}, view.capture.keypoint_filter);
-    for (const std::string& doubt : keypoint_doubts(track_.facts))
-      log::warn("sequence {}, camera {}: {}", view.entry.name, view.camera.name, doubt);
-  }
 
   long first_frame_;
   FrameClock clock_;
@@ -221,11 +248,13 @@ class CaptureFootage : public Footage {
   const std::vector<Marker>& landmarks() const override { return plan_.landmarks; }
   const std::vector<FootageSequence>& sequences() const override { return sequences_; }
   std::unique_ptr<FootageReader> read(int sequence) const override {
-    const auto s = as_size(sequence);
-    std::vector<std::unique_ptr<ViewReader>> views;
-    for (std::size_t c = 0; c < cameras_.size(); ++c)
-      views.push_back(std::make_unique<ViewReader>(view(capture_.sequences[s], c), plan_, sequences_[s]));
-    return std::make_unique<CaptureReader>(std::move(views), outline_pixels_);
+    const FootageSequence& rows = sequences_[as_size(sequence)];
+    const std::vector<View> views = views_of(capture_.sequences[as_size(sequence)]);
+    const SequencePeople people = read_people_of(views, plan_.map.layout, rows);
+    std::vector<std::unique_ptr<ViewReader>> readers;
+    for (std::size_t c = 0; c < views.size(); ++c)
+      readers.push_back(std::make_unique<ViewReader>(views[c], plan_, rows, people.people[c], people.chosen[c]));
+    return std::make_unique<CaptureReader>(std::move(readers), outline_pixels_);
   }
 
  private:
@@ -233,27 +262,16 @@ class CaptureFootage : public Footage {
     if (!camera.empty()) capture.cameras = {camera};
     return capture;
   }
-  View view(const SequenceEntry& entry, std::size_t c) const { return {entry, capture_, filmed_[c], file_index_[c]}; }
-
-  void choose_cameras() {
-    CaptureCameras chosen = doppel::choose_cameras(capture_);
-    filmed_ = std::move(chosen.cameras);
-    file_index_ = std::move(chosen.file_index);
-    for (std::size_t c = 0; c < filmed_.size(); ++c) {
-      filmed_[c] = as_filmed(view(capture_.sequences.front(), c));
-      cameras_.push_back(Undistorter(filmed_[c]).pinhole());
-    }
+  std::vector<View> views_of(const SequenceEntry& entry) const {
+    std::vector<View> views;
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
+      views.push_back({entry, capture_, filmed_.cameras[c], filmed_.file_index[c]});
+    return views;
   }
 
-  /// The calibration at the resolution of the video, in whose pixels keypoints are given. Without videos it is
-  /// unchanged.
-  static Camera as_filmed(const View& view) {
-    const std::string source = view.source(view.entry.videos);
-    if (view.has_images()) return fit_to_images(view.camera, open_frames(source, PixelFormat::colour)->size(), source);
-    log::info(
-        "camera {}: there is no video {}; its calibration is assumed to be at the resolution of the keypoints' images",
-        view.camera.name, source);
-    return view.camera;
+  void choose_cameras() {
+    filmed_ = filmed_cameras(capture_);
+    for (const Camera& camera : filmed_.cameras) cameras_.push_back(Undistorter(camera).pinhole());
   }
 
   /// Adds a sequence. Its last frame is the last one that all cameras have, unless the capture states it.
@@ -261,30 +279,9 @@ class CaptureFootage : public Footage {
     if (entry.keypoints.empty())
       fail("sequence {} of {} names no `keypoints`, which tracking needs{}", entry.name, capture_.name,
            capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder" : "");
-    long frames = std::numeric_limits<long>::max();
-    long expected = entry.last_frame.value_or(-1) + 1;
-    for (std::size_t c = 0; c < filmed_.size(); ++c) {
-      const View seen = view(entry, c);
-      if (entry.masks.empty() && entry.last_frame && !seen.has_images()) {  // keypoints alone
-        frames = std::min(frames, *entry.last_frame + 1);
-        continue;
-      }
-      const auto reader =
-          entry.masks.empty() ? seen.open_images() : open_frames(seen.source(entry.masks), PixelFormat::grey);
-      const long found = reader->num_frames(expected);
-      frames = std::min(frames, seen.clock().num_rows(found));
-      if (!entry.last_frame) expected = found;
-    }
-    FootageSequence sequence{static_cast<int>(sequences_.size()),
-                             entry.name,
-                             entry.first_frame,
-                             entry.last_frame.value_or(frames - 1),
-                             {},
-                             {},
-                             entry.has_masks()};
-    if (sequence.last_frame >= frames || sequence.first_frame > sequence.last_frame)
-      fail("sequence {}: frames {} to {} are requested, but all cameras together have frames 0 to {}", entry.name,
-           sequence.first_frame, sequence.last_frame, frames - 1);
+    const RowRange rows = rows_of_sequence(capture_, entry, filmed_);
+    FootageSequence sequence{
+        static_cast<int>(sequences_.size()), entry.name, rows.first, rows.last, {}, {}, entry.has_masks()};
     sequence.cuts = entry.cuts;
     if (!entry.motion.empty() && fs::exists(capture_.resolve(entry.motion)))
       sequence.motion = capture_.resolve(entry.motion).string();
@@ -295,9 +292,8 @@ class CaptureFootage : public Footage {
   Character character_;
   EvidencePlan plan_;
   int outline_pixels_;
-  std::vector<Camera> filmed_;          ///< [C] with distortion
+  CaptureCameras filmed_;               ///< [C] with distortion
   std::vector<PinholeCamera> cameras_;  ///< [C] without
-  std::vector<int> file_index_;         ///< [C]
   std::vector<FootageSequence> sequences_;
 };
 

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "doppel/geometry/camera.h"
+#include "doppel/rig/point_tracks.h"
+
+namespace doppel {
+
+/// A pair of calibrated cameras: how far two image points are from being views of one point.
+class EpipolarPair {
+ public:
+  EpipolarPair(const Camera& a, const Camera& b);
+
+  /// The fundamental matrix F: u_b^T F u_a = 0 for homogeneous pixels of the images without distortion.
+  const Eigen::Matrix3d& fundamental() const { return fundamental_; }
+  /// The Sampson distance of two pixels of the images without distortion: about the distance, in pixels, by which the
+  /// two must be moved together until they satisfy the epipolar equation (Hartley and Zisserman, 11.9). Signed.
+  double distance(const Eigen::Vector2d& a, const Eigen::Vector2d& b) const;
+
+ private:
+  Eigen::Matrix3d fundamental_;
+};
+
+/// The pixel without lens distortion: where a pinhole camera with the same intrinsics sees the point.
+/// @return nothing for pixels that are not finite, or where the lens has no inverse
+std::optional<Eigen::Vector2d> straight_pixel(const Camera& camera, const Eigen::Vector2d& pixel);
+
+/// The tracks without lens distortion. Points where a lens has no inverse are not seen.
+PointTracks straight_tracks(const std::vector<Camera>& cameras, const PointTracks& tracks);
+
+/// How well two cameras agree.
+struct EpipolarAgreement {
+  int a = 0, b = 0;                ///< cameras
+  long samples = 0;                ///< pairs of points
+  double median = 0.0, p90 = 0.0;  ///< absolute Sampson distance, pixels; 0 without samples
+};
+
+/// The agreement of every pair of cameras at given common times.
+/// @param times seconds, as PointTracks::times
+/// @throws Error as check_tracks, for fewer than two cameras
+std::vector<EpipolarAgreement> epipolar_agreement(const std::vector<Camera>& cameras, const PointTracks& tracks,
+                                                  const std::vector<double>& times);
+
+}  // namespace doppel
