@@ -7,6 +7,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/keypoints/keypoint_map.h"
 
 namespace doppel::tools {
 
@@ -60,6 +61,16 @@ bool is_current(const Capture& capture, const fs::path& results, bool masks) {
   return !masks || !needs_masks(read_capture(results));
 }
 
+/// The layout of the detected points becomes the keypoint map of a capture.
+void name_layout(const std::string& layout, Capture& capture) {
+  capture.detector.reset();
+  const std::vector<std::string> maps = builtin_keypoint_maps();
+  if (std::find(maps.begin(), maps.end(), layout) != maps.end())
+    capture.keypoint_map = layout;
+  else
+    log::warn("no built-in map has the layout {}; set `keypoint_map` in capture.yaml to the file of the map", layout);
+}
+
 }  // namespace
 
 void check_detect_out(const fs::path& source, const fs::path& out) {
@@ -71,16 +82,17 @@ void check_detect_out(const fs::path& source, const fs::path& out) {
 void write_detected_capture(const fs::path& source, const fs::path& out, const Json& report) {
   if (!is_capture(source)) return;
   Capture capture = find_capture(source);
-  capture.keypoint_map = report["layout"];
-  capture.detector.reset();
+  bool found_points = false;
   for (SequenceEntry& sequence : capture.sequences) {
     const std::string keypoints = pattern_of(report, sequence.name, "keypoints", capture);
     const std::string joints = pattern_of(report, sequence.name, "joints3d", capture);
     const std::string masks = pattern_of(report, sequence.name, "masks", capture);
     if (!keypoints.empty()) sequence.keypoints = keypoints;
+    found_points = found_points || !keypoints.empty();
     if (!joints.empty()) sequence.joints3d = joints;
     if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";
   }
+  if (found_points) name_layout(report["layout"], capture);
   write_capture(out / "capture.yaml", capture, {"Written by `doppel detect`: the capture with the detected files."});
   log::info("{} names the detected files", (out / "capture.yaml").string());
 }

@@ -34,6 +34,7 @@ constexpr char kTrackExample[] =
     "  doppel track recordings/street --method livecap --vertices\n"
     "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
     "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
+    "  doppel track recordings/street --method livecap --source street.mp4 --detect\n"
     "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
     "(docs/tracking.md). multiview needs at least two cameras. points needs no character. Sequences need no motion.\n"
     "The capture.yaml in the output folder names the tracked motions.";
@@ -48,6 +49,7 @@ struct TrackArguments {
   std::string source, preview, texture;
   SourceOptions playing;
   int empty_frames = 0;
+  std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
 
   bool live() const { return !source.empty(); }
   bool needs_masks() const { return method == "livecap" || method == "deepcap" || surface; }
@@ -148,6 +150,7 @@ TrackReport track_source(const TrackArguments& arguments) {
   seeing.sequence = arguments.task.sequences.empty() ? "" : arguments.task.sequences.front();
   seeing.outline_pixels = config.fit.outline_pixels;
   seeing.from_camera = is_camera(arguments.source);
+  if (!arguments.detect.empty()) seeing.blazepose = parse_blazepose_model(arguments.detect);
   LiveView view(arguments.capture, source->size(), seeing);
   std::optional<TrainedPose> trained;
   if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
@@ -229,8 +232,9 @@ void check(const TrackArguments& arguments) {
   if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
     fail<UsageError>(
         "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
-  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1))
-    fail<UsageError>("--empty-frames, --live and --repeat belong to --source");
+  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 ||
+                            !arguments.detect.empty()))
+    fail<UsageError>("--empty-frames, --live, --repeat and --detect belong to --source");
   if (deepcap && !arguments.live() && !arguments.preview.empty())
     fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
   if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
@@ -312,6 +316,14 @@ Command add_track(CLI::App& program) {
   app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
+  const CLI::Option* detect =
+      app->add_option(
+             "--detect", arguments->detect,
+             "With --source: keypoints, 3D joints and masks of its images by MediaPipe's BlazePose, instead of "
+             "the capture's files and detector (default: full)")
+          ->check(CLI::IsMember({"lite", "full", "heavy"}))
+          ->expected(0, 1)
+          ->type_name("[MODEL]");
   const CLI::Option* preview =
       app->add_option(
              "--preview", arguments->preview,
@@ -321,7 +333,8 @@ Command add_track(CLI::App& program) {
           ->type_name("[FILE.mp4]");
   app->add_option("--texture", arguments->texture,
                   "Texture image for the surface in the preview, or in the film of deepcap");
-  return {app, [arguments, preview](const CommonOptions& common) {
+  return {app, [arguments, preview, detect](const CommonOptions& common) {
+            if (detect->count() > 0 && arguments->detect.empty()) arguments->detect = "full";
             if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
             return run(*arguments, common);
           }};

@@ -9,6 +9,7 @@
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
+#include "doppel/dnn/network_config.h"
 #include "doppel/keypoints/guess_layout.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
@@ -198,9 +199,11 @@ std::vector<Keypoint> pick_person(std::optional<People> people, const std::funct
 }
 
 PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
-  PoseDetectorOptions options = *capture.detector;
-  options.model = capture.resolve(options.model.string());
-  if (!options.weights.empty()) options.weights = capture.resolve(options.weights.string());
+  PersonNetworkOptions options = *capture.detector;
+  for_each_network(options, [&](NetworkOptions& network) {
+    network.model = capture.resolve(network.model.string());
+    if (!network.weights.empty()) network.weights = capture.resolve(network.weights.string());
+  });
   return PoseDetector(options, layout);
 }
 

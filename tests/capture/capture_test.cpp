@@ -137,10 +137,10 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_FALSE(capture.person_of(park).person.has_value());
   EXPECT_EQ(*capture.person_of(park).near, Eigen::Vector3d(0.5, 1.0, -2.0));
   ASSERT_TRUE(capture.detector.has_value());
-  EXPECT_EQ(capture.detector->weights, "pose.caffemodel");
-  EXPECT_EQ(capture.detector->input_height, 256);
-  EXPECT_EQ(capture.detector->mean, (std::vector<double>{104, 117, 123}));
-  EXPECT_TRUE(capture.detector->rgb);
+  EXPECT_EQ(capture.detector->network.weights, "pose.caffemodel");
+  EXPECT_EQ(capture.detector->network.input_height, 256);
+  EXPECT_EQ(capture.detector->network.mean, (std::array<double, 3>{104, 117, 123}));
+  EXPECT_TRUE(capture.detector->network.rgb);
   EXPECT_EQ(capture.source(park.subtraction->empty, 3, "left"), (capture.root / "empty/left/{frame:04}.png").string());
 }
 
@@ -161,9 +161,9 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.sequences[2].subtraction->model.shadow, 0.4);
   EXPECT_EQ(again.sequences[3].subtraction->empty, capture.sequences[3].subtraction->empty);
   EXPECT_EQ(again.sequences[3].joints3d, capture.sequences[3].joints3d);
-  EXPECT_EQ(again.detector->mean, capture.detector->mean);
-  EXPECT_EQ(again.detector->weights, capture.detector->weights);
-  EXPECT_TRUE(again.detector->rgb);
+  EXPECT_EQ(again.detector->network.mean, capture.detector->network.mean);
+  EXPECT_EQ(again.detector->network.weights, capture.detector->network.weights);
+  EXPECT_TRUE(again.detector->network.rgb);
   EXPECT_EQ(again.person.person, 1);
   EXPECT_FALSE(again.sequences[0].person.has_value());
   EXPECT_EQ(again.sequences[3].person->near, capture.sequences[3].person->near);
