@@ -75,7 +75,7 @@ std::optional<DetectReport> detect_camera_with(const DetectNetwork& chosen, Pers
     if (!advance()) return std::nullopt;
   }
   report.mean_confidence = mean_confidence(frames);
-  if (!files.keypoints.empty()) write_keypoint_table(files.keypoints, chosen.layout, source.camera, frames);
+  if (!files.keypoints.empty()) write_keypoint_table(files.keypoints, chosen.layout, frames);
   return report;
 }
 
