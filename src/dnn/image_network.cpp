@@ -36,7 +36,7 @@ void check(const NetworkOptions& options) {
 }
 
 cv::dnn::Net read_onnx(const fs::path& path) {
-  const std::string bytes = with_readable_clips(read_file(path));
+  const std::string bytes = readable_onnx(read_file(path));
   return cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
 }
 

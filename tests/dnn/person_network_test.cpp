@@ -68,7 +68,7 @@ class People : public ::testing::Test {
     }
     return all;
   }
-  static void expect_person(const std::optional<FoundPerson>& person, double x, double y) {
+  static void expect_person(const std::optional<PersonFinding>& person, double x, double y) {
     ASSERT_TRUE(person);
     ASSERT_EQ(person->points.size(), 3u);
     const Vec expected[] = {{x - 9.3, y - 20.0}, {x, y}, {x + 9.1, y + 20.4}};
