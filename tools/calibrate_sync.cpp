@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -16,6 +17,8 @@ namespace doppel::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr double kRounding = 1e-9;  // frames
 
 struct SyncArguments {
   std::string capture, sequence, reference, out;
@@ -63,13 +66,25 @@ Synchronisation synchronise_by_sound(const RigFootage& footage, int reference) {
   return result;
 }
 
-/// The capture with the offsets and rates that were found.
+/// The capture with the offsets and rates that were found. Rows that some camera did not film are left out, by what is
+/// known of the frames: they begin at 0 and reach at least to where the old offsets had the last row.
 Capture with_timing(const RigFootage& footage, const Synchronisation& timing, bool drift) {
   Capture capture = footage.capture;
+  SequenceEntry& sequence = capture.sequences[footage.sequence];
   for (const CameraTiming& camera : timing.cameras) {
     if (!camera.known) continue;
-    capture.sequences[footage.sequence].frame_offset[camera.name] = camera.offset;
+    sequence.frame_offset[camera.name] = camera.offset;
     if (drift) capture.camera_fps[camera.name] = camera.fps;
+  }
+  const SequenceEntry& old = footage.entry();
+  for (const Camera& camera : footage.filmed.cameras) {
+    const FrameClock clock = capture.clock(sequence, camera.name);
+    const auto first = static_cast<long>(std::ceil((-clock.offset - kRounding) / clock.rate));
+    sequence.first_frame = std::max(sequence.first_frame, first);
+    if (!old.last_frame) continue;
+    const double end = footage.capture.clock(old, camera.name).time(*old.last_frame);
+    const auto last = static_cast<long>(std::floor((end - clock.offset + kRounding) / clock.rate));
+    sequence.last_frame = std::min(*sequence.last_frame, last);
   }
   return capture;
 }
