@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <limits>
 #include <random>
 
 #include "doppel/solver/dense_system.h"
