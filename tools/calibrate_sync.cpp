@@ -18,7 +18,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kRounding = 1e-9;  // frames
+constexpr double kRounding = 1e-9;    // frames
+constexpr double kSignificant = 2.0;  // standard deviations
 
 struct SyncArguments {
   std::string capture, sequence, reference, out;
@@ -28,6 +29,15 @@ struct SyncArguments {
 
 /// A number for a report; JSON has no infinity.
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+/// Keeps offsets whose change is not significant: cameras that were started together stay together.
+void keep_insignificant(Synchronisation& timing, const RigFootage& footage) {
+  for (CameraTiming& camera : timing.cameras) {
+    const FrameClock clock = footage.capture.clock(footage.entry(), camera.name);
+    if (!camera.known || std::abs(camera.change) > kSignificant * camera.sigma) continue;
+    camera.offset = clock.offset;
+  }
+}
 
 /// The offsets by the sound of the videos.
 Synchronisation synchronise_by_sound(const RigFootage& footage, int reference) {
@@ -144,6 +154,7 @@ int run_sync(const SyncArguments& arguments, const CommonOptions& common) {
   } else {
     read_tracks(footage);
     timing = synchronise(cameras, footage.tracks, options);
+    if (!arguments.drift) keep_insignificant(timing, footage);
   }
   const std::filesystem::path out =
       arguments.out.empty() ? folder_of(footage.capture) / "capture_synced.yaml" : std::filesystem::path(arguments.out);

@@ -31,6 +31,7 @@ constexpr double kUncertainFocal = 0.05;  // relative standard deviation
 constexpr double kSmallestTilt = 0.14;    // radians between the image and the board, in the view with the largest
 constexpr double kBoardKernel = 3.0;      // pixels of an image 1024 wide
 constexpr std::size_t kFewestSharedViews = 1;
+constexpr double kShareThatAgrees = 0.8, kLargestDisagreement = 6.0;  // of the corners; pixels of an image 1024 wide
 
 /// A rigid motion x -> R x + t.
 struct Rigid {
@@ -403,6 +404,18 @@ class BoardRig {
     for (Rigid& board : boards_) board = {turn * board.R, turn * board.t - origin};
   }
 
+  /// Whether the boards of one number lie at one place for all cameras.
+  bool agrees() const {
+    std::vector<double> distances;
+    for (const BoardProblem::Seen& seen : seen_) {
+      const Camera& camera = cameras_[as_size(seen.camera)];
+      const Rigid& board = boards_[as_size(seen.board)];
+      const auto pixel = safe_pixel(camera, board.R * seen.corner + board.t);
+      distances.push_back(pixel ? rig_reference_pixels(camera) * (*pixel - seen.pixel).norm() : kRigReferenceWidth);
+    }
+    return quantile(distances, kShareThatAgrees) <= kLargestDisagreement;
+  }
+
   void report() {
     std::vector<double> squares(cameras_.size(), 0.0), counts(cameras_.size(), 0.0);
     double sum = 0.0;
@@ -449,6 +462,14 @@ class BoardRig {
   std::vector<Rigid> boards_;  ///< world from board
   std::vector<BoardProblem::Seen> seen_;
 };
+
+void add_notes_of_poses(BoardCalibration& result) {
+  for (const BoardCamera& camera : result.cameras)
+    if (!camera.posed)
+      result.notes.push_back(
+          fmt::format("camera {}: no other camera saw the board at the same instants, so its pose is unknown",
+                      camera.intrinsics.camera.name));
+}
 
 }  // namespace
 
@@ -516,14 +537,18 @@ BoardCalibration calibrate_boards(const std::vector<BoardSightings>& sightings, 
   BoardRig rig(sightings, board, poses, result);
   if (!rig.empty()) {
     rig.adjust();
-    rig.stand_up(options.floor);
-    rig.report();
+    if (rig.agrees()) {
+      rig.stand_up(options.floor);
+      rig.report();
+      add_notes_of_poses(result);
+    } else {
+      result.notes.emplace_back(
+          "no poses: images of the same number show the board at different places, so they were not taken at the same "
+          "instants");
+    }
+  } else if (sightings.size() > 1) {
+    result.notes.emplace_back("no poses: no two cameras saw the board at the same instants");
   }
-  for (const BoardCamera& camera : result.cameras)
-    if (!camera.posed && sightings.size() > 1)
-      result.notes.push_back(
-          fmt::format("camera {}: no other camera saw the board at the same instants, so its pose is unknown",
-                      camera.intrinsics.camera.name));
   return result;
 }
 

@@ -224,7 +224,23 @@ TEST(CalibrateBoard, CameraThatSharesNoInstantHasNoPose) {
   const BoardCalibration found = calibrate_boards({first, second}, board);
   EXPECT_FALSE(found.cameras[0].posed);
   ASSERT_FALSE(found.notes.empty());
-  EXPECT_THAT(found.notes[0], HasSubstr("pose is unknown"));
+  EXPECT_THAT(found.notes[0], HasSubstr("no two cameras saw the board"));
+}
+
+TEST(CalibrateBoard, ImagesThatWereNotTakenTogetherGiveNoPoses) {
+  const Board board = parse_board("chessboard:7x4:40mm");
+  std::vector<BoardSightings> seen;
+  for (int c = 0; c < 2; ++c) {
+    std::vector<BoardPose> poses;
+    for (int view = 0; view < 10; ++view) poses.push_back(desk_pose(view + 40 * c, board));
+    seen.push_back(sightings(desk_camera(), board, poses, 1));
+    seen.back().camera = c == 0 ? "left" : "right";
+  }
+  const BoardCalibration found = calibrate_boards(seen, board);
+  EXPECT_FALSE(found.cameras[0].posed || found.cameras[1].posed);
+  ASSERT_FALSE(found.notes.empty());
+  EXPECT_THAT(found.notes[0], HasSubstr("not taken at the same instants"));
+  EXPECT_NEAR(found.cameras[1].intrinsics.camera.K(0, 0) / desk_camera().K(0, 0), 1.0, 0.01);
 }
 
 TEST(CalibrateBoard, RefusesViewsFaceToFace) {
