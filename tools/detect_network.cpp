@@ -14,7 +14,7 @@ namespace doppel::tools {
 
 namespace {
 
-Person person_of(const DetectNetwork& chosen, const FoundPerson& found) {
+Person person_of(const DetectNetwork& chosen, const PersonFinding& found) {
   if (found.points.size() != chosen.layout.points.size())
     fail("{}: the network finds a mask and no points; leave out --layout", chosen.options.network.model.string());
   Person person;
@@ -64,7 +64,7 @@ std::optional<DetectReport> detect_camera_with(const DetectNetwork& chosen, Pers
   DetectReport report;
   for (const long frame : source.frames) {
     const cv::Mat image = images->read(frame);
-    const std::optional<FoundPerson> found = network.find(image);
+    const std::optional<PersonFinding> found = network.find(image);
     ++report.frames;
     report.with_person += found.has_value();
     People& people = frames[frame];
@@ -75,7 +75,7 @@ std::optional<DetectReport> detect_camera_with(const DetectNetwork& chosen, Pers
     if (!advance()) return std::nullopt;
   }
   report.mean_confidence = mean_confidence(frames);
-  if (!files.keypoints.empty()) write_keypoint_table(files.keypoints, chosen.layout, source.camera, frames);
+  if (!files.keypoints.empty()) write_keypoint_table(files.keypoints, chosen.layout, frames);
   return report;
 }
 

@@ -8,7 +8,7 @@ PoseDetector::PoseDetector(const PersonNetworkOptions& options, const PointLayou
     : network_(options, static_cast<int>(layout.points.size())), model_(options.network.model) {}
 
 People PoseDetector::detect(const cv::Mat& image) {
-  const std::optional<FoundPerson> found = network_.find(image);
+  const std::optional<PersonFinding> found = network_.find(image);
   mask_ = found ? found->mask : cv::Mat();
   if (!found) return {};
   if (found->points.empty())

@@ -36,7 +36,7 @@ void check(const NetworkOptions& options) {
 }
 
 cv::dnn::Net read_onnx(const fs::path& path) {
-  const std::string bytes = with_readable_clips(read_file(path));
+  const std::string bytes = readable_onnx(read_file(path));
   return cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
 }
 
@@ -80,6 +80,7 @@ std::string NetworkOutput::shape() const {
 
 std::string shapes_of(const std::vector<NetworkOutput>& outputs) {
   std::vector<std::string> texts;
+  texts.reserve(outputs.size());
   for (const NetworkOutput& output : outputs) texts.push_back(fmt::format("{} {}", output.name, output.shape()));
   return fmt::format("{}", fmt::join(texts, ", "));
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "doppel/core/error.h"
 #include "doppel/dnn/network_stage.h"
@@ -81,43 +82,43 @@ struct PersonNetwork::Impl {
     return crop_view(box, all ? 1.0 : options.crop->padding, options.network.input);
   }
 
-  FoundPerson look(const cv::Mat& image, const NetworkView& view) {
+  PersonFinding look(const cv::Mat& image, const NetworkView& view) {
     NetworkResult result = person.run(image, view);
     for (NetworkPoint& point : result.points)
       if (point.score > 0.0) point.position = view.image_from_input(point.position);
-    FoundPerson found{std::move(result.points), {}};
+    PersonFinding found{std::move(result.points), {}};
     if (!result.mask.empty()) found.mask = image_mask(result.mask, view, image.size());
     return found;
   }
 
-  static int count_seen(const FoundPerson& found) {
+  static int count_seen(const PersonFinding& found) {
     return static_cast<int>(std::count_if(found.points.begin(), found.points.end(),
                                           [](const NetworkPoint& point) { return point.score > 0.0; }));
   }
 
   /// @param share of the points that must be seen: one in `share`
-  static bool is_person(const FoundPerson& found, int share) {
+  static bool is_person(const PersonFinding& found, int share) {
     if (found.points.empty()) return !found.mask.empty() && cv::countNonZero(found.mask) > 0;
     const int seen = count_seen(found);
     return seen > 0 && seen * share >= static_cast<int>(found.points.size());
   }
 
-  static std::optional<PersonBox> box_of(const FoundPerson& found, cv::Size image) {
+  static std::optional<PersonBox> box_of(const PersonFinding& found, cv::Size image) {
     const std::optional<PersonBox> box = found.points.empty() ? box_of_mask(found.mask) : box_of_points(found.points);
     return box ? inside(*box, image) : std::nullopt;
   }
 
   /// The person in the crop that follows from the image before. @return nothing when there is none, or it is lost
-  std::optional<FoundPerson> follow(const cv::Mat& image) {
+  std::optional<PersonFinding> follow(const cv::Mat& image) {
     if (!tracked) return std::nullopt;
-    FoundPerson found = look(image, view_of(*tracked, image.size()));
+    PersonFinding found = look(image, view_of(*tracked, image.size()));
     return is_person(found, kMinSeenShare) ? std::optional(std::move(found)) : std::nullopt;
   }
 
-  std::optional<FoundPerson> find_anew(const cv::Mat& image) {
+  std::optional<PersonFinding> find_anew(const cv::Mat& image) {
     const std::optional<PersonBox> box = find_box(image);
     if (!box) return std::nullopt;
-    FoundPerson found = look(image, view_of(*box, image.size()));
+    PersonFinding found = look(image, view_of(*box, image.size()));
     if (!is_person(found, static_cast<int>(found.points.size()))) return std::nullopt;
     // In the whole image a person is small: look again where the first look found one.
     if (!boxes) {
@@ -127,8 +128,8 @@ struct PersonNetwork::Impl {
     return found;
   }
 
-  std::optional<FoundPerson> find_in_crop(const cv::Mat& image) {
-    std::optional<FoundPerson> found = follow(image);
+  std::optional<PersonFinding> find_in_crop(const cv::Mat& image) {
+    std::optional<PersonFinding> found = follow(image);
     if (!found) found = find_anew(image);
     tracked = found ? box_of(*found, image.size()) : std::nullopt;
     if (tracked) position = tracked->centre();
@@ -136,8 +137,8 @@ struct PersonNetwork::Impl {
     return found;
   }
 
-  std::optional<FoundPerson> find_in_whole(const cv::Mat& image) {
-    FoundPerson found = look(image, whole_view(options.network, image.size()));
+  std::optional<PersonFinding> find_in_whole(const cv::Mat& image) {
+    PersonFinding found = look(image, whole_view(options.network, image.size()));
     return is_person(found, num_points) ? std::optional(std::move(found)) : std::nullopt;
   }
 
@@ -155,9 +156,9 @@ PersonNetwork::~PersonNetwork() = default;
 PersonNetwork::PersonNetwork(PersonNetwork&&) noexcept = default;
 PersonNetwork& PersonNetwork::operator=(PersonNetwork&&) noexcept = default;
 
-std::optional<FoundPerson> PersonNetwork::find(const cv::Mat& image) {
+std::optional<PersonFinding> PersonNetwork::find(const cv::Mat& image) {
   require_image(image);
-  std::optional<FoundPerson> found = impl_->options.crop ? impl_->find_in_crop(image) : impl_->find_in_whole(image);
+  std::optional<PersonFinding> found = impl_->options.crop ? impl_->find_in_crop(image) : impl_->find_in_whole(image);
   if (found && impl_->mask) {
     const NetworkView view = whole_view(impl_->mask->options(), image.size());
     found->mask = image_mask(impl_->mask->run(image, view).mask, view, image.size());
@@ -167,7 +168,7 @@ std::optional<FoundPerson> PersonNetwork::find(const cv::Mat& image) {
 
 void PersonNetwork::restart(std::optional<Eigen::Vector2d> near) {
   impl_->tracked.reset();
-  impl_->position = near;
+  impl_->position = std::move(near);
 }
 
 }  // namespace doppel

@@ -10,7 +10,7 @@
 namespace doppel {
 
 /// A person in an image. Pixels, first pixel centre at (0.5, 0.5).
-struct FoundPerson {
+struct PersonFinding {
   std::vector<NetworkPoint> points;  ///< [K]; empty when the network finds only a mask
   cv::Mat mask;                      ///< 8-bit, of the image's size, probability * 255; empty without a network for it
 };
@@ -32,7 +32,7 @@ class PersonNetwork {
   /// @param image 8-bit BGR
   /// @return nothing when no point is seen (without points: when the mask is empty)
   /// @throws UsageError for another image; Error when a network cannot run, or its outputs do not have the form wanted
-  std::optional<FoundPerson> find(const cv::Mat& image);
+  std::optional<PersonFinding> find(const cv::Mat& image);
 
   /// Forgets where the person was. @param near of several boxes, the next person is that of the nearest one to this
   /// pixel; not given: that of the best one

@@ -31,7 +31,7 @@ class Adapters : public ::testing::Test {
     return all;
   }
   /// The image is as large as the network's input.
-  static std::optional<FoundPerson> find(const PersonNetworkOptions& options, const cv::Mat& image, int points = 3) {
+  static std::optional<PersonFinding> find(const PersonNetworkOptions& options, const cv::Mat& image, int points = 3) {
     return PersonNetwork(options, points).find(image);
   }
   static void expect_at(const NetworkPoint& point, double x, double y, double tolerance = kExact) {

@@ -27,7 +27,7 @@ std::string box_net(const std::vector<int>& colours, const std::vector<double>& 
   for (std::size_t i = 0; i < colours.size(); ++i) {
     const int c = colours[i];
     // centre_net divides by the brightness b: (sum c x - half b) / b.
-    const auto moved = [c](LinearOutput output, double by) {
+    const auto moved = [c](const LinearOutput& output, double by) {
       return LinearOutput{
           [=](int channel, double x, double y) { return output.weight(channel, x, y) + (channel == c ? by : 0.0); }};
     };
@@ -68,7 +68,7 @@ class People : public ::testing::Test {
     }
     return all;
   }
-  static void expect_person(const std::optional<FoundPerson>& person, double x, double y) {
+  static void expect_person(const std::optional<PersonFinding>& person, double x, double y) {
     ASSERT_TRUE(person);
     ASSERT_EQ(person->points.size(), 3u);
     const Vec expected[] = {{x - 9.3, y - 20.0}, {x, y}, {x + 9.1, y + 20.4}};

@@ -13,6 +13,7 @@
 #include "doppel/keypoints/space_points.h"
 #include "doppel/track/points/point_files.h"
 #include "support/message_of.h"
+#include "support/reference_points.h"
 #include "support/ring_of_cameras.h"
 #include "support/shared_folder.h"
 #include "track/tube_capture.h"
@@ -211,29 +212,7 @@ TEST_F(TrackPoints, SaysWhatIsMissing) {
 
 /// A real man, four cameras, other people in the background; OpenPose's files of all of them, BODY_25B. Nothing was
 /// written by hand: `doppel capture init` describes the folder.
-class RealPointTracks : public support::SharedFolderTest {
- protected:
-  /// Mean distance, metres, over the points that both have. Pose2Sim's world has z up: (x, y, z) = trc (z, x, y), which
-  /// is (x, z, -y) in Doppel's.
-  static double distance(const SpacePoints& found, const SpacePoints& reference, std::size_t& common) {
-    double sum = 0.0;
-    long count = 0;
-    common = 0;
-    for (std::size_t k = 0; k < reference.names.size(); ++k) {
-      const std::string wanted = reference.names[k] == "Head" ? "head_top" : reference.names[k];
-      const auto place = find_landmark(found.names, wanted);
-      if (!place) continue;
-      ++common;
-      for (const auto& [frame, points] : reference.frames) {
-        const auto& point = found.frames.at(frame)[as_size(*place)];
-        if (!point || !points[k]) continue;
-        sum += (*point - Vector3d(points[k]->z(), points[k]->y(), -points[k]->x())).norm();
-        ++count;
-      }
-    }
-    return sum / static_cast<double>(count);
-  }
-};
+class RealPointTracks : public support::SharedFolderTest {};
 
 TEST_F(RealPointTracks, TheRightManIsWhereAnotherProgramFoundHim) {
   const TemporaryFolder folder;
@@ -245,9 +224,8 @@ TEST_F(RealPointTracks, TheRightManIsWhereAnotherProgramFoundHim) {
   EXPECT_GT(report.sequences.at(0).motion.found(), 0.99);
   const SpacePoints found = read_space_points(folder / "points/p2s.trc");
   for (const char* reference : {"triangulated", "filtered"}) {
-    std::size_t common = 0;
-    const double mean =
-        distance(found, read_space_points(p2s / "reference" / ("pose2sim_" + std::string(reference) + ".trc")), common);
+    const auto [mean, common] = support::distance_from_pose2sim(
+        found, read_space_points(p2s / "reference" / ("pose2sim_" + std::string(reference) + ".trc")));
     RecordProperty(reference, std::to_string(1e3 * mean));
     EXPECT_EQ(common, 21u);
     EXPECT_LE(mean, 0.035) << reference;  // 15.8 and 11.6 mm here
