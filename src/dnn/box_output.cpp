@@ -38,6 +38,7 @@ std::vector<PersonBox> merged(const std::vector<PersonBox>& boxes, double thresh
   std::vector<int> kept;
   cv::dnn::NMSBoxes(rectangles, scores, static_cast<float>(threshold), kMaxOverlap, kept);
   std::vector<PersonBox> best;
+  best.reserve(kept.size());
   for (const int i : kept) best.push_back(boxes[as_size(i)]);
   return best;
 }

@@ -80,6 +80,7 @@ std::string NetworkOutput::shape() const {
 
 std::string shapes_of(const std::vector<NetworkOutput>& outputs) {
   std::vector<std::string> texts;
+  texts.reserve(outputs.size());
   for (const NetworkOutput& output : outputs) texts.push_back(fmt::format("{} {}", output.name, output.shape()));
   return fmt::format("{}", fmt::join(texts, ", "));
 }

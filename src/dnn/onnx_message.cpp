@@ -11,7 +11,7 @@ enum AttributeField { kAttributeName = 1, kFloat = 2, kInteger = 3, kTensor = 5,
 enum TensorField { kDims = 1, kDataType = 2, kFloats = 4, kLongs = 7, kTensorName = 8, kRaw = 9 };
 constexpr std::uint64_t kFloatType = 1, kLongType = 7;  ///< of tensors; the first one also of attributes
 
-enum WireType { kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5 };
+enum WireType { kVarint = 0, kEightBytes = 1, kBytes = 2, kFourBytes = 5 };
 
 std::uint64_t take_varint(std::string_view& rest) {
   std::uint64_t value = 0;
@@ -33,14 +33,14 @@ Field take_field(std::string_view& rest) {
   field.id = static_cast<int>(tag >> 3);
   field.has_bytes = type == kBytes;
   std::string_view content = rest;
-  std::uint64_t size = type == kFixed64 ? 8 : 4;
+  std::uint64_t size = type == kEightBytes ? 8 : 4;
   if (type == kVarint) {
     field.number = take_varint(rest);
     size = content.size() - rest.size();
   } else if (type == kBytes) {
     size = take_varint(rest);
     content = rest;
-  } else if (type != kFixed64 && type != kFixed32) {
+  } else if (type != kEightBytes && type != kFourBytes) {
     throw NoMessage();
   }
   if (size > content.size()) throw NoMessage();
@@ -140,7 +140,7 @@ std::optional<std::vector<std::int64_t>> Node::integers(const std::string& attri
 void Node::add_number(const std::string& attribute, float value) {
   std::string text;
   append_bytes(text, kAttributeName, attribute);
-  append_varint(text, kFloat << 3 | kFixed32);
+  append_varint(text, kFloat << 3 | kFourBytes);
   char raw[sizeof value];
   std::memcpy(raw, &value, sizeof value);
   text.append(raw, sizeof raw);

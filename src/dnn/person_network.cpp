@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "doppel/core/error.h"
 #include "doppel/dnn/network_stage.h"
@@ -167,7 +168,7 @@ std::optional<PersonFinding> PersonNetwork::find(const cv::Mat& image) {
 
 void PersonNetwork::restart(std::optional<Eigen::Vector2d> near) {
   impl_->tracked.reset();
-  impl_->position = near;
+  impl_->position = std::move(near);
 }
 
 }  // namespace doppel

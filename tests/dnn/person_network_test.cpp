@@ -27,7 +27,7 @@ std::string box_net(const std::vector<int>& colours, const std::vector<double>& 
   for (std::size_t i = 0; i < colours.size(); ++i) {
     const int c = colours[i];
     // centre_net divides by the brightness b: (sum c x - half b) / b.
-    const auto moved = [c](LinearOutput output, double by) {
+    const auto moved = [c](const LinearOutput& output, double by) {
       return LinearOutput{
           [=](int channel, double x, double y) { return output.weight(channel, x, y) + (channel == c ? by : 0.0); }};
     };

@@ -109,6 +109,7 @@ inline std::string centre_net(int width, int height, const std::vector<LinearOut
   OnnxFile net;
   net.input("image", {1, 3, height, width}).output("values", shape);
   std::vector<LinearOutput> masses;
+  masses.reserve(mass.size());
   for (const int channel : mass) masses.push_back(sum_of(channel, 1.0, 1e-5));  // black images have a centre, too
   add_linear(net, "sums", width, height, outputs);
   add_linear(net, "masses", width, height, masses);
