@@ -27,8 +27,9 @@ std::vector<Camera> read_posed_cameras(const std::filesystem::path& path, const 
 std::vector<Camera> read_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
 
 /// Writes cameras. `format` is a name that `calibration_writers` lists; empty: by the extension, `.calibration`
-/// (Skeletool, mm) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Reading the file back gives the same doubles for
-/// these two, and doubles within rounding for the others. Formats of several files write a folder.
+/// (Skeletool, mm), `.toml` (metres) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Reading the file back gives the
+/// same doubles for Skeletool and OpenCV, and doubles within rounding for the others. Formats of several files write a
+/// folder.
 /// @throws Error for another format or extension, and for cameras that the format cannot hold
 void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras,
                        const std::string& format = "");
