@@ -4,6 +4,7 @@
 
 #include <map>
 
+#include "detect_masks.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/keypoints/keypoint_table.h"
@@ -67,7 +68,7 @@ class DetectTables {
 
 void write_mask(const std::filesystem::path& folder, long frame, const std::optional<BodyPose>& pose, cv::Size image) {
   const cv::Mat mask = pose ? pose->mask : cv::Mat(image, CV_8U, cv::Scalar(0));
-  write_image(folder / fmt::format("{:06}.png", frame), mask);
+  write_image(mask_file(folder, frame), mask);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "command.h"
 #include "detect_camera.h"
+#include "detect_masks.h"
 #include "detect_network.h"
 #include "detect_sources.h"
 #include "detected_capture.h"
@@ -38,7 +39,7 @@ struct DetectArguments {
   std::string source, model = "full", network, config, layout;
   fs::path out;
   std::vector<double> person;
-  bool masks = false;
+  bool masks = false, raw_masks = false;
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
@@ -59,10 +60,13 @@ CameraWorker worker_of(const DetectNetwork& chosen, std::optional<Eigen::Vector2
   };
 }
 
-CameraWorker worker_of(const BodyDetectorOptions& options, std::optional<Eigen::Vector2d> person) {
+/// @param sharpen whether masks become sharp
+CameraWorker worker_of(const BodyDetectorOptions& options, std::optional<Eigen::Vector2d> person, bool sharpen) {
   const auto detector = std::make_shared<BodyDetector>(options);
   return [=](const DetectSource& source, const DetectFiles& files, const std::function<bool()>& advance) {
-    return detect_camera(source, files, *detector, person, advance);
+    auto report = detect_camera(source, files, *detector, person, advance);
+    if (report && sharpen && !sharpen_masks(source, files.masks, advance)) report.reset();
+    return report;
   };
 }
 
@@ -80,8 +84,9 @@ class DetectJob {
     const BodyDetectorOptions options{
         parse_blazepose_model(arguments.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
     const auto person = person_hint(arguments);
+    sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     for (int i = 0; i < workers; ++i)
-      workers_.push_back(network_ ? worker_of(*network_, person) : worker_of(options, person));
+      workers_.push_back(network_ ? worker_of(*network_, person) : worker_of(options, person, sharpen_));
   }
 
   /// @return whether all cameras are done; otherwise the user has stopped the job
@@ -91,7 +96,10 @@ class DetectJob {
     show_progress();
     for (std::thread& worker : workers) worker.join();
     if (error_) std::rethrow_exception(error_);
-    return std::all_of(reports_.begin(), reports_.end(), [](const auto& report) { return report.has_value(); });
+    if (std::any_of(reports_.begin(), reports_.end(), [](const auto& report) { return !report.has_value(); }))
+      return false;
+    if (sharpen_) compare_views();
+    return !stop_requested();
   }
 
   Json report() const {
@@ -141,9 +149,16 @@ class DetectJob {
     ++workers_done_;
   }
 
+  void compare_views() const {
+    std::vector<fs::path> folders;
+    for (const DetectSource& source : sources_) folders.push_back(files_of(source).masks);
+    const long dropped = compare_masks(sources_, folders, [] { return !stop_requested(); });
+    if (dropped > 0) log::info("{} pixels of masks were contradicted by the other cameras and are removed", dropped);
+  }
+
   void show_progress() {
     long total = 0, shown = 0;
-    for (const DetectSource& source : sources_) total += static_cast<long>(source.frames.size());
+    for (const DetectSource& source : sources_) total += static_cast<long>(source.frames.size()) * (sharpen_ ? 2 : 1);
     Progress progress("detect", total);
     for (bool ended = false; !ended;) {
       ended = workers_done_ == workers_.size();
@@ -156,7 +171,8 @@ class DetectJob {
 
   DetectArguments arguments_;
   std::vector<DetectSource> sources_;
-  int sequences_ = 0;  ///< sources of another sequence than the first
+  int sequences_ = 0;     ///< sources of another sequence than the first
+  bool sharpen_ = false;  ///< whether masks become sharp
   std::vector<std::optional<DetectReport>> reports_;
   std::optional<DetectNetwork> network_;  ///< not given: BlazePose
   std::vector<CameraWorker> workers_;
@@ -225,7 +241,8 @@ Command add_detect(CLI::App& program) {
   app->add_option("--model", arguments->model, "Network: larger ones are slower and more accurate")
       ->check(CLI::IsMember({"lite", "full", "heavy"}))
       ->capture_default_str();
-  app->add_flag("--masks", arguments->masks, "Also write masks: probability of the person times 255");
+  app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
+  app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_option("--person", arguments->person,
                   "Of several people, follow the one whose hips are nearest to this pixel in the first frame (x y)")
       ->expected(2);

@@ -91,7 +91,7 @@ std::vector<DetectSource> sources_of_capture(const fs::path& path) {
       const long end = last_frame(images);
       const long last =
           sequence.last_frame ? std::min(end, static_cast<long>(std::ceil(clock.time(*sequence.last_frame)))) : end;
-      sources.push_back({sequence.name, name, images, range(begin, last)});
+      sources.push_back({sequence.name, name, images, range(begin, last), cameras.cameras[i], clock});
       if (sources.back().frames.empty())
         fail("{}: sequence {} begins at frame {} of camera {}, but its images end at frame {}", path.string(),
              sequence.name, begin, name, end);

@@ -2,19 +2,24 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "doppel/capture/frame_clock.h"
 #include "doppel/capture/video.h"
+#include "doppel/geometry/camera.h"
 
 namespace doppel::tools {
 
 /// The images of one camera in which people are to be found.
 struct DetectSource {
-  std::string sequence;      ///< of a capture; empty otherwise
-  std::string camera;        ///< the camera's name in a capture, otherwise the name of the file or folder
-  std::string images;        ///< what `open_frames` opens
-  std::vector<long> frames;  ///< numbers of the frames, ascending
+  std::string sequence;                 ///< of a capture; empty otherwise
+  std::string camera;                   ///< the camera's name in a capture, otherwise the name of the file or folder
+  std::string images;                   ///< what `open_frames` opens
+  std::vector<long> frames;             ///< numbers of the frames, ascending
+  std::optional<Camera> calibration{};  ///< of a capture; width and height 0 if the calibration does not state them
+  FrameClock clock{};                   ///< of a capture
 };
 
 /// The cameras of what the user named: a video file, a folder of images whose names end in the frame number, or a

@@ -59,7 +59,7 @@ std::vector<std::vector<double>> single_view_starts(const PoseModel& model, cons
   if (const auto shift = shift_onto_rays(camera, keypoints, joints)) {
     std::vector<std::optional<TriangulatedPoint>> points(joints.size());
     for (std::size_t m = 0; m < joints.size(); ++m)
-      if (joints[m]) points[m] = TriangulatedPoint{*joints[m] + *shift, 1, 0.0};
+      if (joints[m]) points[m] = TriangulatedPoint{*joints[m] + *shift, 1, 0.0, {}};
     if (auto start = align_root(model, rest, points, rigidity)) starts.push_back(std::move(*start));
   }
   if (!starts.empty()) return starts;

@@ -1,0 +1,127 @@
+#include "detect_masks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/detect/mask_agreement.h"
+#include "doppel/detect/mask_sharpening.h"
+#include "doppel/geometry/image_file.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+cv::Mat read_mask(const fs::path& file) {
+  cv::Mat mask = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
+  if (mask.empty()) fail_at({file.string(), 0}, "the mask of the network is missing or cannot be decoded");
+  return mask;
+}
+
+StaticBackground background_of(const DetectSource& source, const fs::path& folder) {
+  const auto images = open_frames(source.images, PixelFormat::colour);
+  std::vector<cv::Mat> shown, masks;
+  for (const long frame : background_frames(source.frames, images->size())) {
+    shown.push_back(images->read(frame).clone());
+    masks.push_back(read_mask(mask_file(folder, frame)));
+  }
+  const StaticBackground background = learn_background(shown, masks);
+  if (background.known_share() == 0)
+    log::info("camera {}: no static background; the masks follow the colours beside their outline", source.camera);
+  return background;
+}
+
+/// The masks of one row of the motion, and where they came from.
+class Moment {
+ public:
+  void add(const DetectSource& source, const fs::path& folder, long frame) {
+    const fs::path file = mask_file(folder, frame);
+    masks_.push_back(read_mask(file));
+    cv::Mat& mask = masks_.back();
+    files_.push_back(file);
+    before_.push_back(cv::countNonZero(mask));
+    Camera camera = *source.calibration;
+    const bool sized = camera.width > 0 && camera.height > 0;
+    if (!sized) {
+      camera.width = mask.cols;
+      camera.height = mask.rows;
+    }
+    cameras_.push_back(camera.scaled_to(mask.cols, mask.rows));
+  }
+
+  /// Writes the masks that change. @return the number of removed pixels
+  long compare() {
+    const long dropped = drop_contradicted_pixels(masks_, cameras_);
+    for (std::size_t i = 0; i < masks_.size(); ++i)
+      if (cv::countNonZero(masks_[i]) != before_[i]) write_image(files_[i], masks_[i]);
+    return dropped;
+  }
+
+ private:
+  std::vector<cv::Mat> masks_;
+  std::vector<Camera> cameras_;
+  std::vector<fs::path> files_;
+  std::vector<int> before_;
+};
+
+/// The rows of the motion that some camera of a sequence has filmed.
+std::pair<long, long> rows_of(std::span<const DetectSource* const> cameras) {
+  long first = 0, last = -1;
+  bool any = false;
+  for (const DetectSource* camera : cameras) {
+    const long end = camera->clock.num_rows(camera->frames.back() + 1) - 1;
+    long begin = std::max(0L, static_cast<long>((static_cast<double>(camera->frames.front()) - camera->clock.offset) /
+                                                camera->clock.rate));
+    while (begin > 0 && camera->clock.frame(begin - 1) >= camera->frames.front()) --begin;
+    first = any ? std::min(first, begin) : begin;
+    last = any ? std::max(last, end) : end;
+    any = true;
+  }
+  return {first, last};
+}
+
+}  // namespace
+
+fs::path mask_file(const fs::path& folder, long frame) { return folder / fmt::format("{:06}.png", frame); }
+
+bool sharpen_masks(const DetectSource& source, const fs::path& folder, const std::function<bool()>& advance) {
+  const StaticBackground background = background_of(source, folder);
+  const auto images = open_frames(source.images, PixelFormat::colour);
+  for (const long frame : source.frames) {
+    const fs::path file = mask_file(folder, frame);
+    write_image(file, sharpen_mask(images->read(frame), read_mask(file), background));
+    if (!advance()) return false;
+  }
+  return true;
+}
+
+long compare_masks(std::span<const DetectSource> sources, std::span<const fs::path> folders,
+                   const std::function<bool()>& go_on) {
+  std::map<std::string, std::vector<const DetectSource*>> sequences;
+  for (const DetectSource& source : sources)
+    if (source.calibration) sequences[source.sequence].push_back(&source);
+  long dropped = 0;
+  for (const auto& [name, cameras] : sequences) {
+    const auto [first, last] = rows_of(cameras);
+    for (long row = first; row <= last && cameras.size() > 2; ++row) {
+      if (!go_on()) return dropped;
+      Moment moment;
+      for (const DetectSource* camera : cameras) {
+        const long frame = camera->clock.frame(row);
+        if (frame >= camera->frames.front() && frame <= camera->frames.back())
+          moment.add(*camera, folders[as_size(camera - sources.data())], frame);
+      }
+      dropped += moment.compare();
+    }
+  }
+  return dropped;
+}
+
+}  // namespace doppel::tools
