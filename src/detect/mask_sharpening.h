@@ -18,7 +18,7 @@ namespace doppel {
 /// change it. This is repeated with smaller and smaller windows.
 ///
 /// @param image 8-bit BGR
-/// @param probability of the person times 255, 8-bit, size of the image. The outline may be off by 2 % of the person's
+/// @param probability of the person times 255, 8-bit, size of the image. The outline may be off by 1 % of the person's
 /// longer side, as with BlazePose
 /// @param background of this camera; not used for an image of another size
 /// @return 255 on the person, 0 elsewhere; specks and small holes are removed. Black if no probability reaches 128
