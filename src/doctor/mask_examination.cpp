@@ -13,8 +13,9 @@ namespace doppel {
 
 namespace {
 
-constexpr double kOnMaskFault = 0.75, kOnMaskWarning = 0.88;  ///< share of the points, median
-constexpr double kBelowOthers = 0.08;                         ///< by which it must lie below the other cameras
+constexpr double kOnMaskWarning = 0.95, kOnMaskFault = 0.85;  ///< share of the points, median, if others have more
+constexpr double kOnMaskBad = 0.7;                            ///< the same, whatever others have
+constexpr double kBelowOthers = 0.04;                         ///< by which it must lie below the other cameras
 constexpr double kMarginWarning = 0.06, kMarginFault = 0.1;   ///< sizes of the person, against the other cameras
 constexpr double kMaskSpread = 4.0;
 constexpr double kFlickerShare = 0.04;                          ///< of the mask's area: more is flicker
@@ -103,7 +104,7 @@ class MaskJudge {
     const double on = std::max(std::isfinite(points[c]) ? points[c] : -1.0, std::isfinite(body[c]) ? body[c] : -1.0);
     if (on < 0.0 || on >= kOnMaskWarning) return false;
     const AgainstOthers against = against_others(std::isfinite(points[c]) ? points : body, c);
-    if (against.others > 0 && against.difference > -kBelowOthers && on > kOnMaskFault) return false;
+    if (against.others > 0 && against.difference > -kBelowOthers && on > kOnMaskBad) return false;
     add(c, faults::kWrongMasks, on < kOnMaskFault ? Severity::fault : Severity::warning,
         fmt::format("{:.0f} % of the person's keypoints lie on its masks", 100.0 * on), advice);
     return true;

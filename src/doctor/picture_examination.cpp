@@ -26,7 +26,8 @@ constexpr double kJump = 1.7;                          ///< the same, over its n
 constexpr double kGapOfStamps = 1.6;                   ///< of the usual distance of time stamps
 constexpr double kDoubledWarning = 0.02, kDoubledFault = 0.05;  ///< share of the frames
 constexpr int kFewestDoubled = 2;
-constexpr double kSeesPerson = 0.25, kSeesOther = 0.45;  ///< contrast of activity inside and outside of the person
+constexpr double kClearGain = 0.08;  ///< of the contrast between activity on and beside the limbs
+constexpr double kLimbWidth = 0.07;  ///< of the person's size
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -243,78 +244,95 @@ class PictureJudge {
     return active;
   }
 
-  /// (inside - outside) / (inside + outside) of the share of active pixels, inside and outside of the person's hull as
-  /// one camera's keypoints say. @param instants of the images
+  /// The limbs of the person in a small image, as one camera's keypoints say; empty without a person.
+  cv::Mat limbs_of(std::size_t keypoints, int instant, cv::Size size) const {
+    const auto& people = seen_.people[keypoints][as_size(instant)];
+    const int index = rig_ ? rig_->person[keypoints][as_size(instant)] : (people.empty() ? -1 : 0);
+    if (index < 0) return {};
+    const Camera& camera = seen_.cameras[keypoints];
+    const double sx = static_cast<double>(size.width) / camera.width,
+                 sy = static_cast<double>(size.height) / camera.height;
+    cv::Mat limbs = cv::Mat::zeros(size, CV_8UC1);
+    const SeenPerson& person = people[as_size(index)];
+    const auto at = [&](int k) {
+      const Eigen::Vector2d& pixel = person[as_size(k)].pixel;
+      return cv::Point(static_cast<int>(pixel.x() * sx), static_cast<int>(pixel.y() * sy));
+    };
+    for (const auto& [a, b] : seen_.bones)
+      if (person[as_size(a)].seen && person[as_size(b)].seen)
+        cv::line(limbs, at(a), at(b), 255, std::max(3, static_cast<int>(kLimbWidth * seen_.size[keypoints] * sx)));
+    return limbs;
+  }
+
+  /// (inside - outside) / (inside + outside) of the share of active pixels, inside and outside of the limbs.
   double contrast(const std::vector<cv::Mat>& active, const std::vector<int>& instants, std::size_t keypoints) const {
     double inside = 0.0, outside = 0.0, inside_area = 0.0, outside_area = 0.0;
-    const Camera& camera = seen_.cameras[keypoints];
     for (std::size_t i = 0; i < active.size(); ++i) {
-      const auto& people = seen_.people[keypoints][as_size(instants[i])];
-      const int index = rig_ ? rig_->person[keypoints][as_size(instants[i])] : (people.empty() ? -1 : 0);
-      if (index < 0) continue;
-      std::vector<cv::Point> corners, hull;
-      for (const SeenPoint& point : people[as_size(index)])
-        if (point.seen)
-          corners.emplace_back(static_cast<int>(point.pixel.x() * active[i].cols / camera.width),
-                               static_cast<int>(point.pixel.y() * active[i].rows / camera.height));
-      cv::convexHull(corners, hull);
-      cv::Mat region = cv::Mat::zeros(active[i].size(), CV_8UC1);
-      cv::fillConvexPoly(region, hull, 255);
-      cv::dilate(region, region, cv::getStructuringElement(cv::MORPH_ELLIPSE, {7, 7}));
-      const double area = cv::countNonZero(region), on = cv::countNonZero(active[i] & region);
+      const cv::Mat limbs = limbs_of(keypoints, instants[i], active[i].size());
+      if (limbs.empty()) continue;
+      const double area = cv::countNonZero(limbs), on = cv::countNonZero(active[i] & limbs);
       inside += on;
       outside += cv::countNonZero(active[i]) - on;
       inside_area += area;
-      outside_area += static_cast<double>(region.total()) - area;
+      outside_area += static_cast<double>(limbs.total()) - area;
     }
     if (inside_area == 0.0 || outside_area == 0.0 || inside + outside == 0.0) return kNone;
     const double a = inside / inside_area, b = outside / outside_area;
     return (a - b) / (a + b);
   }
 
-  /// Videos that do not show the person where the keypoints are, although those of another camera, or mirrored or
-  /// turned ones, would.
+  static std::vector<cv::Mat> flipped(const std::vector<cv::Mat>& images, int code) {
+    std::vector<cv::Mat> result(images.size());
+    for (std::size_t i = 0; i < images.size(); ++i) cv::flip(images[i], result[i], code);
+    return result;
+  }
+
+  /// Videos that do not show the person where the keypoints are, although mirrored, turned or exchanged ones would.
   void activity() {
     std::vector<std::vector<cv::Mat>> active;
     for (const FootageExamination& camera : footage_) active.push_back(activity_of(camera));
-    for (std::size_t c = 0; c < footage_.size(); ++c) {
-      if (active[c].empty() || (rig_ && rig_->faulty[c])) continue;
-      const double own = contrast(active[c], footage_[c].small_instants, c);
-      if (!(own < kSeesPerson)) continue;
-      double best = kSeesOther;
-      const char* fault = nullptr;
-      std::string advice;
-      for (const auto& [code, slug, what] : {std::tuple(1, faults::kMirrored, "mirrored left to right"),
-                                             std::tuple(0, faults::kMirrored, "mirrored top to bottom"),
-                                             std::tuple(-1, faults::kUpsideDown, "turned by 180 degrees")}) {
-        std::vector<cv::Mat> flipped;
-        for (const cv::Mat& image : active[c]) {
-          flipped.emplace_back();
-          cv::flip(image, flipped.back(), code);
-        }
-        if (const double value = contrast(flipped, footage_[c].small_instants, c); value > best) {
-          best = value;
-          fault = slug;
-          advice = fmt::format("The video is {} against the keypoints. Flip it back.", what);
-        }
+    const std::size_t cameras = footage_.size();
+    std::vector<std::vector<double>> of(cameras, std::vector<double>(cameras, kNone));  // video, keypoints
+    for (std::size_t video = 0; video < cameras; ++video)
+      for (std::size_t keypoints = 0; keypoints < cameras; ++keypoints)
+        if (!active[video].empty() && !(rig_ && (rig_->faulty[video] || rig_->faulty[keypoints])))
+          of[video][keypoints] = contrast(active[video], footage_[video].small_instants, keypoints);
+    std::vector<bool> exchanged(cameras, false);
+    for (std::size_t a = 0; a < cameras; ++a)
+      for (std::size_t b = a + 1; b < cameras; ++b) {
+        const double gain = std::min(of[a][b] - of[a][a], of[b][a] - of[b][b]);
+        if (!(gain > kClearGain)) continue;
+        exchanged[a] = exchanged[b] = true;
+        for (const auto& [one, other] : {std::pair(a, b), std::pair(b, a)})
+          add(one, faults::kSwapped, Severity::fault,
+              fmt::format("what moves in its video is where the keypoints of camera {} are (contrast {:.2f}, with its "
+                          "own {:.2f})",
+                          seen_.cameras[other].name, of[one][other], of[one][one]),
+              fmt::format("The videos of cameras {} and {} are exchanged. Exchange them in capture.yaml.",
+                          seen_.cameras[one].name, seen_.cameras[other].name));
       }
-      for (std::size_t other = 0; other < footage_.size(); ++other) {
-        if (other == c || footage_[other].small_instants != footage_[c].small_instants) continue;
-        if (const double value = contrast(active[c], footage_[c].small_instants, other); value > best) {
-          best = value;
-          fault = faults::kSwapped;
-          advice =
-              fmt::format("The video shows what the keypoints of camera {} say. Exchange the videos in capture.yaml.",
-                          seen_.cameras[other].name);
-        }
+    for (std::size_t c = 0; c < cameras; ++c)
+      if (!exchanged[c] && std::isfinite(of[c][c])) flips(c, active[c], of[c][c]);
+  }
+
+  void flips(std::size_t c, const std::vector<cv::Mat>& active, double own) {
+    double best = own + 2.0 * kClearGain;
+    const char* fault = nullptr;
+    std::string what;
+    for (const auto& [code, slug, words] : {std::tuple(1, faults::kMirrored, "mirrored left to right"),
+                                            std::tuple(0, faults::kMirrored, "mirrored top to bottom"),
+                                            std::tuple(-1, faults::kUpsideDown, "turned by 180 degrees")})
+      if (const double value = contrast(flipped(active, code), footage_[c].small_instants, c); value > best) {
+        best = value;
+        fault = slug;
+        what = words;
       }
-      if (fault)
-        add(c, fault, Severity::fault,
-            fmt::format(
-                "what moves in its video is not where the keypoints are (contrast {:.2f}, {:.2f} after the correction)",
-                own, best),
-            advice);
-    }
+    if (fault)
+      add(c, fault, Severity::fault,
+          fmt::format(
+              "what moves in its video is not where the keypoints are (contrast {:.2f}, {:.2f} after the correction)",
+              own, best),
+          fmt::format("The video is {} against the keypoints. Flip it back.", what));
   }
 
   const Sightings& seen_;

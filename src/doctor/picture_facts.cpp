@@ -25,20 +25,6 @@ constexpr double kWeakestEdge = 2.0;  ///< grey levels per pixel
 constexpr double kMaskReach = 0.03;   ///< of the person's size, by which a point may miss the mask
 constexpr int kSamplesPerBone = 5;
 
-/// Neighbours on the body.
-constexpr std::array<std::array<const char*, 2>, 12> kBones{{{"left_shoulder", "left_elbow"},
-                                                             {"right_shoulder", "right_elbow"},
-                                                             {"left_elbow", "left_wrist"},
-                                                             {"right_elbow", "right_wrist"},
-                                                             {"left_shoulder", "left_hip"},
-                                                             {"right_shoulder", "right_hip"},
-                                                             {"left_shoulder", "right_shoulder"},
-                                                             {"left_hip", "right_hip"},
-                                                             {"left_hip", "left_knee"},
-                                                             {"right_hip", "right_knee"},
-                                                             {"left_knee", "left_ankle"},
-                                                             {"right_knee", "right_ankle"}}};
-
 const std::array<float, 256>& linear_light() {
   static const std::array<float, 256> kTable = [] {
     std::array<float, 256> table{};
@@ -310,9 +296,8 @@ class FootageReading {
 
   double share_of_bones(const SeenPerson& person, const cv::Mat& mask) const {
     int on = 0, all = 0;
-    for (const auto& bone : kBones) {
-      const int a = seen_.point(bone[0]), b = seen_.point(bone[1]);
-      if (a < 0 || b < 0 || !person[as_size(a)].seen || !person[as_size(b)].seen) continue;
+    for (const auto& [a, b] : seen_.bones) {
+      if (!person[as_size(a)].seen || !person[as_size(b)].seen) continue;
       for (int i = 1; i < kSamplesPerBone; ++i) {
         const double share = static_cast<double>(i) / kSamplesPerBone;
         on += is_on(mask, (1.0 - share) * person[as_size(a)].pixel + share * person[as_size(b)].pixel);

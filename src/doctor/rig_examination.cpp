@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <optional>
 
@@ -23,9 +24,12 @@ constexpr double kUnexplainedRatio = 3.0;  ///< the same: faulty without any exp
 constexpr double kBadWindowRatio = 2.2;    ///< the same for the median of one window
 constexpr double kSmallestShare = 0.004;   ///< of the person's size: less is no fault
 constexpr double kExplains = 0.65;         ///< share of the residual that an explanation may leave
-constexpr double kWholeRigExplains = 0.5;  ///< the same for an explanation of all cameras
-constexpr double kOtherPerson = 0.06;      ///< share of the person's size: a larger residual is another person
-constexpr double kMostWindows = 0.8;       ///< share of the windows: the fault holds all the time
+constexpr int kManyParameters = 3;
+constexpr double kNearExpected = 4.0, kNearShare = 0.04;  ///< of the expectation; of the person's size
+constexpr double kNoHarm = 1.3;                           ///< ratio of residuals with and without an explanation
+constexpr double kWholeRigExplains = 0.5;                 ///< the same for an explanation of all cameras
+constexpr double kOtherPerson = 0.06;  ///< share of the person's size: a larger residual is another person
+constexpr double kMostWindows = 0.8;   ///< share of the windows: the fault holds all the time
 constexpr double kFewestWindows = 0.08;
 constexpr int kMostCamerasTriedAlone = 4;
 constexpr double kSmallestDelay = 0.75;  ///< rows
@@ -237,27 +241,49 @@ class RigExaminer {
     const ChosenInstants chosen = instants_of(seen_, part ? windows.bad : windows.all);
     const double before =
         residuals_of(seen_, c, result_.views[as_size(c)], body, chosen).mean_of_windows(seen_.windows.size());
-    std::vector<Explanation> explanations = explain_camera(seen_, c, body, chosen);
-    const std::vector<Explanation> by_time = explain_by_time(seen_, c, body, instants_of(seen_, windows.all));
-    const Explanation* best = best_explanation(explanations);
-    if (part || !explains(*best, before)) best = with_time(best, by_time, explanations, before, residual);
-    judge(c, part ? windows : BadWindows(), *best, before, expected);
+    const std::vector<Explanation> explanations = explain_camera(seen_, c, body, chosen);
+    const Explanation best = best_of(explanations, before, expected);
+    if (explains(best, before, expected) && (!part || holds_always(c, best, body, windows))) {
+      judge(c, BadWindows(), best, before, expected);
+      return;
+    }
+    const ChosenInstants all = instants_of(seen_, windows.all);
+    const Explanation by_time = best_of(explain_by_time(seen_, c, body, all), residual, expected);
+    const bool time_explains = explains(by_time, residual, expected) &&
+                               (best.fault == faults::kOutOfSync || !explains(best, before, expected) ||
+                                by_time.residual / residual < best.residual / before);
+    if (time_explains)
+      judge(c, BadWindows(), by_time, residual, expected);
+    else
+      judge(c, part ? windows : BadWindows(), best, before, expected);
   }
 
-  static bool explains(const Explanation& explanation, double before) {
-    return explanation.residual < kExplains * before;
+  /// The best of those that explain the residual, or of all if none does.
+  static Explanation best_of(const std::vector<Explanation>& explanations, double before, double expected) {
+    std::vector<Explanation> good;
+    std::copy_if(explanations.begin(), explanations.end(), std::back_inserter(good),
+                 [&](const Explanation& explanation) { return explains(explanation, before, expected); });
+    return *best_explanation(good.empty() ? explanations : good);
   }
 
-  /// An offset that changes explains all windows at once. It is preferred where it does so about as well.
-  const Explanation* with_time(const Explanation* best, const std::vector<Explanation>& by_time,
-                               std::vector<Explanation>& all, double before, double residual) const {
-    const Explanation* time = best_explanation(by_time);
-    if (!time || time->residual > kExplains * residual) return best;
-    if (best->fault != faults::kOutOfSync && explains(*best, before) &&
-        best->residual / before < time->residual / residual)
-      return best;
-    all.push_back(*time);
-    return &all.back();
+  /// Whether an explanation of the bad windows does no harm in the others: then the fault is there all the time, but
+  /// does not always show, as a delay while the person stands still.
+  bool holds_always(int c, const Explanation& explanation, const BodyTrack& body, const BadWindows& windows) const {
+    std::vector<int> good;
+    std::set_difference(windows.all.begin(), windows.all.end(), windows.bad.begin(), windows.bad.end(),
+                        std::back_inserter(good));
+    const ChosenInstants chosen = instants_of(seen_, good);
+    const auto residual = [&](const SupposedView& view) {
+      return residuals_of(seen_, c, view, body, chosen).mean_of_windows(seen_.windows.size());
+    };
+    return residual(explanation.view) < kNoHarm * residual(result_.views[as_size(c)]);
+  }
+
+  /// A pose that is fitted freely lowers the residual of any points, so it must bring them near what is expected.
+  static bool explains(const Explanation& explanation, double before, double expected) {
+    const bool near = explanation.parameters < kManyParameters ||
+                      explanation.residual < std::max(kNearExpected * expected, kNearShare);
+    return near && explanation.residual < kExplains * before;
   }
 
   /// The largest ratio of residual to expectation among the cameras that agree, each against all others: how precise
@@ -284,7 +310,9 @@ class RigExaminer {
   /// Whether a fault would spoil results in a rig of any precision.
   bool is_large(int c, const Explanation& best, double before) const {
     const Camera &nominal = seen_.cameras[as_size(c)], &fitted = best.view.camera;
-    if (best.parameters == 0 || before > kLargeMisfit) return true;
+    if (best.parameters == 0 || before > kLargeMisfit || best.fault == faults::kRollingOffset ||
+        best.fault == faults::kFrameDrops)
+      return true;
     if (best.fault == faults::kFocalLength) return std::abs(std::log(fitted.K(0, 0) / nominal.K(0, 0))) > kLargeZoom;
     if (best.fault == faults::kPrincipalPoint)
       return (fitted.K - nominal.K).topRightCorner<2, 1>().norm() >
@@ -301,7 +329,7 @@ class RigExaminer {
     const std::string& name = seen_.cameras[as_size(c)].name;
     const double ratio = before / expected;
     const std::string when = part.bad.empty() ? "" : " " + time_of(part);
-    if (explains(best, before)) {
+    if (explains(best, before, expected)) {
       const auto [fault, advice] = named(part, best);
       add(name, fault, severity_of(c, best, before, ratio),
           fmt::format("its keypoints are {} of the person's size off{}, {:.1f} times as much as expected; {} if {}",

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,7 @@ struct Sightings {
   std::vector<Instant> instants;    ///< [N]
   std::vector<std::vector<std::vector<SeenPerson>>> people;  ///< [C][N] of people
   std::vector<double> size;                                  ///< [C] median diagonal of a person's points, pixels
+  std::vector<std::array<int, 2>> bones;                     ///< points that are neighbours on the body
   std::vector<std::vector<int>> windows;                     ///< instants that follow each other, in pieces
 
   int num_cameras() const { return static_cast<int>(cameras.size()); }
@@ -57,7 +59,7 @@ Sightings read_sightings(const Capture& capture, long most_rows, std::vector<Fin
 /// any other. Multiplies all translations by `scale`.
 void normalise_scale(Sightings& sightings);
 
-/// The windows and the sizes of the people. @param sightings with all other members
+/// The windows, the bones and the sizes of the people. @param sightings with all other members
 void complete_sightings(Sightings& sightings);
 
 }  // namespace doppel
