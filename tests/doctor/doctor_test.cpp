@@ -266,8 +266,8 @@ TEST_P(DoctorPlanted, IsNamedWithItsCamera) {
   EXPECT_FALSE(accuses_others(examination, touched)) << GetParam().name << ": " << told(examination);
 }
 
-INSTANTIATE_TEST_SUITE_P(Faults, DoctorPlanted, ::testing::ValuesIn(planted_faults()), [](const auto& info) {
-  std::string name = info.param.name;
+INSTANTIATE_TEST_SUITE_P(Faults, DoctorPlanted, ::testing::ValuesIn(planted_faults()), [](const auto& planted) {
+  std::string name = planted.param.name;
   std::replace_if(
       name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
   return name;
