@@ -5,14 +5,14 @@
 #     geometry   EGNet, its inputs and its masks: AMVIoU in all cameras
 #     training   EGNet, the weights of its losses and what keeps it from overfitting: AMVIoU in all cameras
 #     texture    TexNet on the chain of the thesis: MSE in the mask
-# CAMERAS=0,1,2,3,4,5 (the default) are trained on. SEEDS="1 2 3" (the default). JOBS=2 (the default) runs are trained
-# side by side, with one thread and up to 5 GB each.
+# CAMERAS=0,1,2,3,4,5 (the default) are trained on. SEEDS="1 2 3" (the default). STEPS=1500 (the default) are the steps of
+# EGNet. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [ $# -ge 1 ] || { sed -n '2,10s/^# //p' "$0" >&2; exit 2; }
 capture="$1" folder="${2:-extras}" groups=("${@:3}")
 [ ${#groups[@]} -gt 0 ] || groups=(geometry training texture)
-cameras="${CAMERAS:-0,1,2,3,4,5}"
+cameras="${CAMERAS:-0,1,2,3,4,5}" steps="${STEPS:-1500}"
 source scripts/figures.sh
 mkdir -p "$folder"
 for size in 350 700; do
@@ -23,7 +23,7 @@ done
 variant() {
   local run="$1-$2" stage cameras_of=() options
   for stage in ${4//,/ }; do cameras_of+=("$stage.data.cameras=[$cameras]"); done
-  as_options seed="$2" capture="$folder/prepared-$3" "${cameras_of[@]}" "${@:5}"
+  as_options seed="$2" capture="$folder/prepared-$3" egnet.train.iterations="$steps" "${cameras_of[@]}" "${@:5}"
   [ -f "$folder/$run.json" ] || train "$run" configs/ablation/thesis.yaml "${options[@]}" --stages "$4"
   evaluate "$run" "$run" --split test --every 2
 }
@@ -72,7 +72,7 @@ training_variants() {
 geometry_table() {
   pass=train "$1" >&2
   all_done
-  echo "| EGNet, 1,500 steps | AMVIoU |"
+  echo "| EGNet, $steps steps | AMVIoU |"
   echo "|---|---:|"
   row "pure skinning" thesis skinning AMVIoU 4
   pass=row "$1"

@@ -50,8 +50,8 @@ class DetectTables {
     for (const Keypoint& point : people[0]) confidence_ += point.confidence;
   }
 
-  DetectReport write(const DetectFiles& files, const std::string& camera) {
-    write_keypoint_table(files.keypoints, mediapipe_layout(), camera, frames_);
+  DetectReport write(const DetectFiles& files) {
+    write_keypoint_table(files.keypoints, mediapipe_layout(), frames_);
     write_atomically(files.joints, "frame,index,name,x_mm,y_mm,z_mm\n" + joints_);
     if (report_.with_person > 0)
       report_.mean_confidence = confidence_ / static_cast<double>(report_.with_person * kNumBodyLandmarks);
@@ -84,7 +84,7 @@ std::optional<DetectReport> detect_camera(const DetectSource& source, const Dete
     if (!files.masks.empty()) write_mask(files.masks, frame, pose, image.size());
     if (!advance()) return std::nullopt;
   }
-  return tables.write(files, source.camera);
+  return tables.write(files);
 }
 
 }  // namespace doppel::tools

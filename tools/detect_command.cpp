@@ -10,7 +10,9 @@
 
 #include "command.h"
 #include "detect_camera.h"
+#include "detect_network.h"
 #include "detect_sources.h"
+#include "detected_capture.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -28,20 +30,40 @@ using Json = nlohmann::ordered_json;
 constexpr char kDetectExample[] =
     "Examples:\n"
     "  doppel detect street.mp4 --out street/detected\n"
-    "  doppel detect recordings/anna --out recordings/anna/detected --model heavy --masks";
+    "  doppel detect recordings/anna --out recordings/anna/detected --model heavy --masks\n"
+    "  doppel detect street.mp4 --out street/detected --network rtmpose.onnx --config rtmpose --layout coco17";
 constexpr std::chrono::milliseconds kPollInterval{100};
 
 struct DetectArguments {
-  std::string source, model = "full";
+  std::string source, model = "full", network, config, layout;
   fs::path out;
   std::vector<double> person;
   bool masks = false;
+
+  bool has_network() const { return !network.empty() || !config.empty(); }
 };
 
-BlazePoseModel parse_model(const std::string& word) {
-  for (const BlazePoseModel model : {BlazePoseModel::lite, BlazePoseModel::full, BlazePoseModel::heavy})
-    if (to_string(model) == word) return model;
-  fail<UsageError>("--model is \"{}\"; expected lite, full or heavy", word);
+/// Searches the images of one camera.
+using CameraWorker = std::function<std::optional<DetectReport>(const DetectSource&, const DetectFiles&,
+                                                               const std::function<bool()>& advance)>;
+
+std::optional<Eigen::Vector2d> person_hint(const DetectArguments& arguments) {
+  if (arguments.person.empty()) return std::nullopt;
+  return Eigen::Vector2d(arguments.person[0], arguments.person[1]);
+}
+
+CameraWorker worker_of(const DetectNetwork& chosen, std::optional<Eigen::Vector2d> person) {
+  const auto network = std::make_shared<PersonNetwork>(chosen.options, static_cast<int>(chosen.layout.points.size()));
+  return [=](const DetectSource& source, const DetectFiles& files, const std::function<bool()>& advance) {
+    return detect_camera_with(chosen, *network, source, files, person, advance);
+  };
+}
+
+CameraWorker worker_of(const BodyDetectorOptions& options, std::optional<Eigen::Vector2d> person) {
+  const auto detector = std::make_shared<BodyDetector>(options);
+  return [=](const DetectSource& source, const DetectFiles& files, const std::function<bool()>& advance) {
+    return detect_camera(source, files, *detector, person, advance);
+  };
 }
 
 /// Works on several cameras at a time: more threads for one camera gain less than one thread for each camera.
@@ -53,15 +75,19 @@ class DetectJob {
     if (!arguments.person.empty() && sources_.size() != 1)
       fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
     const int workers = std::clamp(static_cast<int>(sources_.size()), 1, threads);
+    if (arguments.has_network())
+      network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
     const BodyDetectorOptions options{
-        parse_model(arguments.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
-    for (int i = 0; i < workers; ++i) detectors_.push_back(std::make_unique<BodyDetector>(options));
+        parse_blazepose_model(arguments.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
+    const auto person = person_hint(arguments);
+    for (int i = 0; i < workers; ++i)
+      workers_.push_back(network_ ? worker_of(*network_, person) : worker_of(options, person));
   }
 
   /// @return whether all cameras are done; otherwise the user has stopped the job
   bool run() {
     std::vector<std::thread> workers;
-    for (const auto& detector : detectors_) workers.emplace_back([&] { work(*detector); });
+    for (const CameraWorker& worker : workers_) workers.emplace_back([&] { work(worker); });
     show_progress();
     for (std::thread& worker : workers) worker.join();
     if (error_) std::rethrow_exception(error_);
@@ -69,7 +95,11 @@ class DetectJob {
   }
 
   Json report() const {
-    Json json{{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage}};
+    Json json;
+    if (network_)
+      json = {{"layout", network_->layout.name}, {"network", network_->options.network.model.string()}};
+    else
+      json = {{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage}};
     json["cameras"] = Json::array();
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       const DetectFiles files = files_of(sources_[i]);
@@ -89,20 +119,20 @@ class DetectJob {
   /// The files of several sequences are in a folder each.
   DetectFiles files_of(const DetectSource& source) const {
     const fs::path folder = sequences_ > 0 ? arguments_.out / source.sequence : arguments_.out;
-    return {folder / (source.camera + ".csv"), folder / (source.camera + "_joints3d.csv"),
-            arguments_.masks ? folder / "masks" / source.camera : fs::path()};
+    const bool only_masks = network_ && network_->layout.points.empty();
+    return {only_masks ? fs::path() : folder / (source.camera + ".csv"),
+            network_ ? fs::path() : folder / (source.camera + "_joints3d.csv"),
+            arguments_.masks || only_masks ? folder / "masks" / source.camera : fs::path()};
   }
 
-  void work(BodyDetector& detector) {
-    std::optional<Eigen::Vector2d> person;
-    if (!arguments_.person.empty()) person = Eigen::Vector2d(arguments_.person[0], arguments_.person[1]);
+  void work(const CameraWorker& worker) {
     const auto advance = [&] {
       ++frames_done_;
       return !stop_requested() && !failed_;
     };
     try {
       for (std::size_t i = next_++; i < sources_.size() && !stop_requested() && !failed_; i = next_++)
-        reports_[i] = detect_camera(sources_[i], files_of(sources_[i]), detector, person, advance);
+        reports_[i] = worker(sources_[i], files_of(sources_[i]), advance);
     } catch (...) {
       const std::lock_guard lock(error_mutex_);
       if (!error_) error_ = std::current_exception();
@@ -116,7 +146,7 @@ class DetectJob {
     for (const DetectSource& source : sources_) total += static_cast<long>(source.frames.size());
     Progress progress("detect", total);
     for (bool ended = false; !ended;) {
-      ended = workers_done_ == detectors_.size();
+      ended = workers_done_ == workers_.size();
       if (!ended) std::this_thread::sleep_for(kPollInterval);
       const long done = frames_done_;
       progress.advance(done - shown);
@@ -128,7 +158,8 @@ class DetectJob {
   std::vector<DetectSource> sources_;
   int sequences_ = 0;  ///< sources of another sequence than the first
   std::vector<std::optional<DetectReport>> reports_;
-  std::vector<std::unique_ptr<BodyDetector>> detectors_;
+  std::optional<DetectNetwork> network_;  ///< not given: BlazePose
+  std::vector<CameraWorker> workers_;
   std::atomic<std::size_t> next_{0}, workers_done_{0};
   std::atomic<long> frames_done_{0};
   std::atomic<bool> failed_{false};
@@ -147,14 +178,26 @@ void print_table(const Json& report) {
   }
 }
 
-int run(const DetectArguments& arguments, const CommonOptions& common) {
+/// The files of all cameras, and for a capture its description with these files. @return nothing: stopped
+std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions& common) {
+  if (!arguments.has_network() && !arguments.layout.empty())
+    fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
+  check_detect_out(arguments.source, arguments.out);
   DetectJob job(arguments, resolve_threads(common.threads));
   if (!job.run()) {
     log::warn("stopped; cameras that were not finished have no tables");
-    return 1;
+    return std::nullopt;
   }
   const Json report = job.report();
   write_atomically(arguments.out / "detect.json", report.dump(2) + "\n");
+  write_detected_capture(arguments.source, arguments.out, report);
+  return report;
+}
+
+int run(const DetectArguments& arguments, const CommonOptions& common) {
+  const std::optional<Json> found = detect(arguments, common);
+  if (!found) return 1;
+  const Json& report = *found;
   if (common.json)
     fmt::print("{}\n", report.dump(2));
   else
@@ -163,6 +206,14 @@ int run(const DetectArguments& arguments, const CommonOptions& common) {
 }
 
 }  // namespace
+
+bool detect_capture(const fs::path& capture, const fs::path& out, bool masks, const CommonOptions& common) {
+  DetectArguments arguments;
+  arguments.source = capture.string();
+  arguments.out = out;
+  arguments.masks = masks;
+  return detect(arguments, common).has_value();
+}
 
 Command add_detect(CLI::App& program) {
   auto arguments = std::make_shared<DetectArguments>();
@@ -178,6 +229,13 @@ Command add_detect(CLI::App& program) {
   app->add_option("--person", arguments->person,
                   "Of several people, follow the one whose hips are nearest to this pixel in the first frame (x y)")
       ->expected(2);
+  app->add_option("--network", arguments->network, "A network of your own (.onnx) instead of BlazePose");
+  app->add_option("--config", arguments->config,
+                  "Its input and outputs: rtmpose, hrnet, vitpose or a YAML file (docs/detect.md)");
+  app->add_option(
+      "--layout", arguments->layout,
+      "Its points: a built-in layout (coco17, halpe26, ...) or the file of a keypoint map; without a layout "
+      "the network finds masks");
   app->footer(kDetectExample);
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

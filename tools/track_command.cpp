@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "command.h"
+#include "detected_capture.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
@@ -15,6 +17,7 @@
 #include "doppel/track/live/posenet_joints.h"
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/method_trackers.h"
+#include "doppel/track/points/track_points.h"
 #include "doppel/track/track_capture.h"
 
 namespace doppel::tools {
@@ -27,12 +30,14 @@ constexpr char kTrackExample[] =
     "Example:\n"
     "  doppel track recordings/anna --method multiview --out recordings/anna/tracked\n"
     "  doppel prepare recordings/anna/tracked --out prepared/anna\n"
+    "  doppel track recordings/anna --method points\n"
     "  doppel track recordings/street --method livecap --vertices\n"
     "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
     "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
+    "  doppel track recordings/street --method livecap --source street.mp4 --detect\n"
     "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
-    "(docs/tracking.md). multiview needs at least two cameras. Sequences need no motion. The capture.yaml in the "
-    "output folder names the tracked motions.";
+    "(docs/tracking.md). multiview needs at least two cameras. points needs no character. Sequences need no motion.\n"
+    "The capture.yaml in the output folder names the tracked motions.";
 
 struct TrackArguments {
   std::string capture, method = "multiview", config, camera;
@@ -44,8 +49,10 @@ struct TrackArguments {
   std::string source, preview, texture;
   SourceOptions playing;
   int empty_frames = 0;
+  std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
 
   bool live() const { return !source.empty(); }
+  bool needs_masks() const { return method == "livecap" || method == "deepcap" || surface; }
 };
 
 ConfigDocument config_document(const TrackArguments& arguments) {
@@ -92,6 +99,19 @@ void print_table(const TrackReport& report) {
   }
 }
 
+void print_points(const TrackPointsReport& report) {
+  for (const TrackedPoints& tracked : report.sequences) {
+    const PointMotion& motion = tracked.motion;
+    fmt::print("{}: {} frames, {} points, {:.1f} % found, {} filled\n", tracked.sequence, motion.frames.size(),
+               motion.points.size(), 100.0 * motion.found(), motion.filled);
+    fmt::print("  {:<16} {:>9} {:>12} {:>14}\n", "camera", "points", "agreeing (%)", "residual (px)");
+    for (const PointCamera& camera : motion.cameras)
+      fmt::print("  {:<16} {:>9} {:>12.1f} {:>14.2f}\n", camera.name, camera.seen,
+                 100.0 * static_cast<double>(camera.agreeing) / static_cast<double>(std::max(1L, camera.seen)),
+                 camera.residual_px);
+  }
+}
+
 fs::path default_track_out(const fs::path& capture) {
   return (fs::is_directory(capture) ? capture : capture.parent_path()) / "tracked";
 }
@@ -130,6 +150,7 @@ TrackReport track_source(const TrackArguments& arguments) {
   seeing.sequence = arguments.task.sequences.empty() ? "" : arguments.task.sequences.front();
   seeing.outline_pixels = config.fit.outline_pixels;
   seeing.from_camera = is_camera(arguments.source);
+  if (!arguments.detect.empty()) seeing.blazepose = parse_blazepose_model(arguments.detect);
   LiveView view(arguments.capture, source->size(), seeing);
   std::optional<TrainedPose> trained;
   if (!arguments.deepcap.run.empty()) trained.emplace(TrainedPose::load(arguments.deepcap.run));
@@ -169,6 +190,30 @@ TrackReport track_with_all_cameras(const TrackArguments& arguments) {
   return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
 }
 
+/// Points in space have a report of their own: no pose is known.
+int run_points(const TrackArguments& arguments, const CommonOptions& common) {
+  TrackPointsOptions options;
+  static_cast<TrackTask&>(options) = arguments.task;
+  const TrackPointsReport report = track_points(arguments.capture, options);
+  if (common.json)
+    fmt::print("{}\n", to_json(report).dump(2));
+  else
+    print_points(report);
+  log::info("points in {}", options.out.string());
+  return 0;
+}
+
+/// @throws UsageError for options that cannot be combined with --method points
+void check_points(const TrackArguments& arguments) {
+  const TrackTask& task = arguments.task;
+  if (arguments.surface || task.vertices || arguments.live() || !arguments.preview.empty() ||
+      !arguments.texture.empty() || !arguments.camera.empty() || !arguments.deepcap.run.empty() ||
+      !arguments.config.empty() || !arguments.set.empty())
+    fail<UsageError>(
+        "--method points knows no body and uses all cameras; of the options only --out, --sequences and "
+        "--limit-frames belong to it");
+}
+
 /// @throws UsageError for options that cannot be combined
 void check(const TrackArguments& arguments) {
   const bool livecap = arguments.method == "livecap", deepcap = arguments.method == "deepcap";
@@ -187,8 +232,9 @@ void check(const TrackArguments& arguments) {
   if (!deepcap && !arguments.deepcap.run.empty() && !(livecap && arguments.live()))
     fail<UsageError>(
         "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
-  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1))
-    fail<UsageError>("--empty-frames, --live and --repeat belong to --source");
+  if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 ||
+                            !arguments.detect.empty()))
+    fail<UsageError>("--empty-frames, --live, --repeat and --detect belong to --source");
   if (deepcap && !arguments.live() && !arguments.preview.empty())
     fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
   if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
@@ -196,9 +242,14 @@ void check(const TrackArguments& arguments) {
 }
 
 int run(TrackArguments arguments, const CommonOptions& common) {
-  check(arguments);
+  const bool points = arguments.method == "points";
+  points ? check_points(arguments) : check(arguments);
   TrackTask& task = arguments.task;
   if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  if (!arguments.live())
+    arguments.capture =
+        with_keypoints(arguments.capture, task.out / "detected", {arguments.needs_masks(), !points}, common).string();
+  if (points) return run_points(arguments, common);
   const TrackReport report = arguments.live()                ? track_source(arguments)
                              : arguments.method == "livecap" ? track_with_one_camera(arguments)
                              : arguments.method == "deepcap" ? track_with_networks(arguments)
@@ -224,8 +275,9 @@ Command add_track(CLI::App& program) {
   app->add_option("capture", arguments->capture, "Capture folder, its capture.yaml, or a prepared capture")->required();
   app->add_option(
          "--method", arguments->method,
-         "multiview: a fit to all cameras; livecap: a fit to one camera; deepcap: trained networks, one camera")
-      ->check(CLI::IsMember({"multiview", "livecap", "deepcap"}))
+         "multiview: a fit to all cameras; livecap: a fit to one camera; deepcap: trained networks, one camera; "
+         "points: the keypoints in space, without a character")
+      ->check(CLI::IsMember({"multiview", "livecap", "deepcap", "points"}))
       ->capture_default_str();
   app->add_option("--out", task.out, "Folder to write into (default: CAPTURE/tracked)");
   app->add_option("--sequences", task.sequences, "Names of the sequences to track (default: all)")->delimiter(',');
@@ -264,6 +316,14 @@ Command add_track(CLI::App& program) {
   app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
+  const CLI::Option* detect =
+      app->add_option(
+             "--detect", arguments->detect,
+             "With --source: keypoints, 3D joints and masks of its images by MediaPipe's BlazePose, instead of "
+             "the capture's files and detector (default: full)")
+          ->check(CLI::IsMember({"lite", "full", "heavy"}))
+          ->expected(0, 1)
+          ->type_name("[MODEL]");
   const CLI::Option* preview =
       app->add_option(
              "--preview", arguments->preview,
@@ -273,7 +333,8 @@ Command add_track(CLI::App& program) {
           ->type_name("[FILE.mp4]");
   app->add_option("--texture", arguments->texture,
                   "Texture image for the surface in the preview, or in the film of deepcap");
-  return {app, [arguments, preview](const CommonOptions& common) {
+  return {app, [arguments, preview, detect](const CommonOptions& common) {
+            if (detect->count() > 0 && arguments->detect.empty()) arguments->detect = "full";
             if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
             return run(*arguments, common);
           }};

@@ -21,12 +21,14 @@ constexpr std::uintmax_t kColmapMaxBytes = std::uintmax_t{1} << 30;
 constexpr std::size_t kColmapHeadBytes = 16 << 10;
 constexpr std::uint64_t kColmapMaxSide = 1 << 16;
 constexpr std::int32_t kColmapMaxModel = 64;  // ids beyond are no COLMAP file; 17 is the last one in use
+constexpr std::size_t kFisheyeCoefficients = 4;
 constexpr double kColmapSamePose = 1e-6;
 // The smallest records of the binary files, for the check of their counts.
 constexpr std::size_t kColmapCameraBytes = 4 + 4 + 8 + 8, kColmapImageBytes = 4 + 7 * 8 + 4 + 1 + 8;
 constexpr std::size_t kColmapPointBytes = 8 + 8 + 8;
 constexpr const char* kColmapReadable =
-    "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE and FULL_OPENCV";
+    "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV, SIMPLE_RADIAL_FISHEYE and "
+    "RADIAL_FISHEYE";
 
 /// A lens model: its parameters are `focal_lengths` focal lengths, cx, cy and the coefficients in the order of `lens`.
 struct ColmapModel {
@@ -45,8 +47,8 @@ constexpr ColmapModel kColmapModels[] = {{"SIMPLE_PINHOLE", 3, 1},
                                          {"OPENCV_FISHEYE", 8, 2, Lens::fisheye},
                                          {"FULL_OPENCV", 12, 2},
                                          {"FOV", 5},
-                                         {"SIMPLE_RADIAL_FISHEYE", 4},
-                                         {"RADIAL_FISHEYE", 5},
+                                         {"SIMPLE_RADIAL_FISHEYE", 4, 1, Lens::fisheye},
+                                         {"RADIAL_FISHEYE", 5, 1, Lens::fisheye},
                                          {"THIN_PRISM_FISHEYE", 12},
                                          {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
                                          {"SIMPLE_DIVISION", 4},
@@ -433,7 +435,10 @@ Camera colmap_camera(const ColmapImage& image, const ColmapContent& content, con
   const double* p = lens.parameters.data();
   const std::size_t focals = model->focal_lengths;
   camera.K = intrinsics(p[0], p[focals - 1], p[focals], p[focals + 1], PixelCentre::half);
-  set_distortion(camera, model->lens, std::span(lens.parameters).subspan(focals + 2), lens.where);
+  std::vector<double> coefficients(lens.parameters.begin() + static_cast<std::ptrdiff_t>(focals) + 2,
+                                   lens.parameters.end());
+  if (model->lens == Lens::fisheye) coefficients.resize(kFisheyeCoefficients, 0.0);
+  set_distortion(camera, model->lens, coefficients, lens.where);
   const double* pose = image.pose;
   camera.R = rotation_from_quaternion(pose[0], pose[1], pose[2], pose[3], image.where);
   camera.t = {pose[4], pose[5], pose[6]};

@@ -11,6 +11,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/dnn/network_config.h"
 
 namespace doppel {
 
@@ -155,26 +156,12 @@ SequenceEntry read_sequence(const ConfigReader& reader, bool has_background) {
   return sequence;
 }
 
-PoseDetectorOptions read_detector(const ConfigReader& reader) {
-  PoseDetectorOptions detector;
-  detector.model = reader.get<std::string>("model");
-  detector.weights = reader.get("weights", "");
-  detector.input_height = reader.get("input_height", detector.input_height, between(8, 4096));
-  detector.scale = reader.get("scale", detector.scale, between(1e-9, 1e9));
-  if (reader.has("mean")) detector.mean = reader.list<double>("mean");
-  if (detector.mean.size() != 3)
-    reader.fail_at_key("mean", "must be three numbers, one for each channel of the network, as in [104, 117, 123]");
-  detector.rgb = reader.get("rgb", detector.rgb);
-  detector.threshold = reader.get("threshold", detector.threshold, between(1e-6, 1.0));
-  return detector;
-}
-
 /// Reads the landmarks, the keypoint map, the filter and the detector.
 void read_evidence(const ConfigReader& reader, Capture& capture) {
   capture.landmarks = reader.get("landmarks", "");
   capture.keypoint_map = reader.get("keypoint_map", "");
   capture.person = read_person(reader);
-  if (reader.has("detector")) capture.detector = read_detector(reader.section("detector"));
+  if (reader.has("detector")) capture.detector = read_person_network(reader.section("detector"));
   const ConfigReader filter = reader.section("keypoint_filter");
   KeypointFilter& options = capture.keypoint_filter;
   options.window = filter.get("window", options.window, between(0, 1000));
@@ -235,19 +222,6 @@ YAML::Node subtraction_node(const BackgroundSubtraction& subtraction) {
   node["threshold"] = subtraction.model.threshold;
   node["shadow"] = subtraction.model.shadow;
   node["refine"] = subtraction.model.refine;
-  return node;
-}
-
-YAML::Node detector_node(const PoseDetectorOptions& detector) {
-  YAML::Node node;
-  node["model"] = detector.model.string();
-  if (!detector.weights.empty()) node["weights"] = detector.weights.string();
-  node["input_height"] = detector.input_height;
-  node["scale"] = detector.scale;
-  node["mean"] = detector.mean;
-  node["mean"].SetStyle(YAML::EmitterStyle::Flow);
-  node["rgb"] = detector.rgb;
-  node["threshold"] = detector.threshold;
   return node;
 }
 
@@ -323,7 +297,8 @@ void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;
   fail(
       "sequence {} has no masks, which {} needs; name `masks`, or let them be computed by a `chroma_key`, or by a "
-      "`background_subtraction` with images of the empty scene (docs/capture.md)",
+      "`background_subtraction` with images of the empty scene (docs/capture.md). `doppel detect CAPTURE --out DIR "
+      "--masks` finds masks in the videos; DIR is then a capture with them",
       name, command);
 }
 
@@ -408,7 +383,7 @@ void write_capture(const fs::path& path, const Capture& capture, const std::vect
   if (!capture.landmarks.empty()) node["landmarks"] = capture.landmarks;
   if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
   if (capture.person.names_person()) node["person"] = person_node(capture.person);
-  if (capture.detector) node["detector"] = detector_node(*capture.detector);
+  if (capture.detector) node["detector"] = person_network_node(*capture.detector);
   if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
   YAML::Emitter emitter;

@@ -11,8 +11,8 @@
 #include "doppel/capture/camera_paths.h"
 #include "doppel/capture/chroma_key.h"
 #include "doppel/capture/frame_clock.h"
-#include "doppel/capture/pose_detector.h"
 #include "doppel/core/config.h"
+#include "doppel/dnn/network_options.h"
 #include "doppel/keypoints/keypoint_filter.h"
 #include "doppel/keypoints/person_choice.h"
 
@@ -78,8 +78,8 @@ struct Capture {
   std::string landmarks;                     ///< placement file of the landmarks; empty: the skeleton's markers
   std::string keypoint_map;                  ///< a built-in map's name or a file; empty: chosen by the keypoint files
   KeypointFilter keypoint_filter;
-  PersonChoiceOptions person;                   ///< of several people, the one to follow: key `person`
-  std::optional<PoseDetectorOptions> detector;  ///< for sequences without `keypoints`; paths as written in the file
+  PersonChoiceOptions person;                    ///< of several people, the one to follow: key `person`
+  std::optional<PersonNetworkOptions> detector;  ///< for sequences without `keypoints`; paths as written in the file
   std::vector<SequenceEntry> sequences;
 
   /// The absolute path of `written`. Relative paths start at `root`.

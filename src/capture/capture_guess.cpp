@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <regex>
 
 #include "doppel/capture/camera_pattern.h"
@@ -19,6 +20,7 @@ namespace {
 
 constexpr double kLargestDrift = 0.5;  // frames; more at the end of a video needs a rate of its own
 constexpr std::size_t kShownFiles = 3;
+constexpr double kSameCentre = 0.01;  ///< metres between two calibrations of one camera
 
 std::string folder_of_path(const std::string& path) {
   const std::size_t slash = path.rfind('/');
@@ -34,6 +36,14 @@ std::string some_of(const std::vector<std::string>& paths) {
   const std::size_t shown = std::min(paths.size(), kShownFiles);
   return fmt::format("{}{}", fmt::join(paths.begin(), paths.begin() + static_cast<std::ptrdiff_t>(shown), ", "),
                      paths.size() > shown ? fmt::format(" and {} more", paths.size() - shown) : "");
+}
+
+/// The largest distance between cameras of the same place in two lists; nothing if the lists differ in length.
+std::optional<double> largest_distance(const std::vector<Camera>& a, const std::vector<Camera>& b) {
+  if (a.size() != b.size()) return std::nullopt;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, (a[i].centre() - b[i].centre()).norm());
+  return largest;
 }
 
 using Streams = std::vector<FileStream>;
@@ -118,14 +128,16 @@ class Guesser {
     return names;
   }
 
-  /// More matched cameras are better, then names that match, then cameras with sizes, then the upper folder.
+  /// More matched cameras are better, then names that match, then cameras with sizes, then fewer assumptions about
+  /// unit and axes, then the upper folder. Of equals, the first by name is taken.
   auto rank(const FoundCalibration& candidate) const {
     const auto& cameras = candidate.calibration.cameras;
     const bool sized =
         std::all_of(cameras.begin(), cameras.end(), [](const Camera& camera) { return camera.width > 0; });
     const auto depth = -static_cast<long>(path_parts(candidate.path).size());
     const SortedFiles files = footage_of(names_of(candidate));
-    return std::make_tuple(files.most_cameras(), -static_cast<int>(files.way), sized, depth);
+    const auto assumptions = -static_cast<long>(candidate.calibration.notes.size());
+    return std::make_tuple(files.most_cameras(), -static_cast<int>(files.way), sized, assumptions, depth);
   }
 
   void choose_calibration() {
@@ -156,13 +168,27 @@ class Guesser {
           chosen.unit, chosen.up);
     for (const std::string& note : chosen.notes) found("calibration: {}", note);
     for (const FoundCalibration* other : candidates)
-      if (other != calibration_)
-        found("calibration: {} ({}, {} cameras) is not used; name it as `calibration` to use it", other->path,
-              other->calibration.format, other->calibration.cameras.size());
+      if (other != calibration_) tell_other_calibration(*other);
     if (chosen.up == "unknown") missing("the axis that points up is not known; state `up` (+x ... -z)");
     if (!chosen.has_scale)
       missing(
           "the calibration has no scale; lengths of the person will be wrong until the cameras are scaled to metres");
+  }
+
+  void tell_other_calibration(const FoundCalibration& other) {
+    const Calibration& chosen = calibration_->calibration;
+    const std::string what = fmt::format("calibration: {} ({}, {} cameras)", other.path, other.calibration.format,
+                                         other.calibration.cameras.size());
+    const std::optional<double> apart = largest_distance(chosen.cameras, other.calibration.cameras);
+    if (!apart)
+      found("{} is not used; name it as `calibration` to use it", what);
+    else if (*apart <= kSameCentre)
+      found("{} has the same cameras within {:.1f} mm; it is not used", what, 1e3 * *apart);
+    else
+      found(
+          "{} has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it is the right "
+          "one, name it as `calibration`",
+          what, *apart);
   }
 
   // ---- sequences ----
@@ -420,8 +446,9 @@ class Guesser {
             entry.keypoints.to_string());
     else
       missing(
-          "sequence {} has no keypoints, which `doppel track` needs; run a detector (OpenPose, MMPose, ...) on each "
-          "video and put its files into folders named like the cameras, or name a `detector` (docs/capture.md)",
+          "sequence {} has no keypoints; `doppel track` then runs `doppel detect`. Files of another detector "
+          "(OpenPose, "
+          "MMPose, ...) belong into folders named like the cameras (docs/capture.md)",
           entry.name);
   }
 
@@ -440,8 +467,12 @@ class Guesser {
       return;
     const std::vector<std::string>& maps = content_.keypoint_maps.at(files.front().first_file);
     guess_.capture.keypoint_map = maps.front();
-    found("keypoint_map: {}, by the number of points; another detector with as many points needs another map{}",
-          maps.front(), maps.size() > 1 ? fmt::format(" (as many have {})", fmt::join(maps, ", ")) : "");
+    found("keypoint_map: {}, by the number and the order of the points", maps.front());
+    if (maps.size() > 1)
+      missing(
+          "certainty about `keypoint_map`: {} have as many points, and the limbs do not decide between them; {} is "
+          "taken",
+          fmt::join(maps, ", "), maps.front());
   }
 
   std::vector<std::string> files_with(const std::string& extension) const {

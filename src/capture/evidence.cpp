@@ -9,6 +9,7 @@
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
+#include "doppel/dnn/network_config.h"
 #include "doppel/keypoints/guess_layout.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
@@ -21,8 +22,17 @@ namespace {
 constexpr char kDefaultMap[] = "body25", kNamesMap[] = "names";
 constexpr float kLargestShare = 1.5f;  ///< pixels: all coordinates of a body in pixels exceed this
 
-/// The layout of the keypoint files, by the files of one camera. Nothing for tables with names, and, with a warning, if
-/// the files do not decide it; reading them then checks the number of points.
+/// The built-in layout that has exactly these points, in any order. Nothing: the names are those of landmarks.
+std::optional<std::string> layout_with_points(const std::vector<std::string>& points) {
+  for (const PointLayout& known : builtin_layouts()) {
+    const bool has_all = std::all_of(points.begin(), points.end(), [&](const auto& p) { return known.find(p); });
+    if (has_all && known.points.size() == points.size()) return known.name;
+  }
+  return std::nullopt;
+}
+
+/// The layout of the keypoint files, by the files of one camera. Nothing for tables with other names, and, with a
+/// warning, if the files do not decide it; reading them then checks the number of points.
 std::optional<std::string> detected_layout(const Capture& capture) {
   try {
     const CaptureCameras filmed = choose_cameras(capture);
@@ -30,8 +40,9 @@ std::optional<std::string> detected_layout(const Capture& capture) {
     for (const SequenceEntry& sequence : capture.sequences) {
       if (sequence.keypoints.empty()) continue;
       const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
-      if (is_keypoint_table(source)) continue;
-      const auto found = guess_layout(source, keypoint_camera(camera, filmed.file_index[0]));
+      const KeypointCamera seen = keypoint_camera(camera, filmed.file_index[0]);
+      const auto found = is_keypoint_table(source) ? layout_with_points(read_detections(source, seen).points)
+                                                   : guess_layout(source, seen);
       if (found) return found;
     }
   } catch (const Error& e) {
@@ -63,12 +74,7 @@ PointLayout layout_of_tables(const Capture& capture) {
   for (const SequenceEntry& sequence : capture.sequences) {
     if (sequence.keypoints.empty()) continue;
     const std::string source = capture.source(sequence.keypoints, filmed.file_index[0], camera.name);
-    const std::vector<std::string> points = read_detections(source, camera).points;
-    for (const PointLayout& known : builtin_layouts()) {
-      const bool has_all = std::all_of(points.begin(), points.end(), [&](const auto& p) { return known.find(p); });
-      if (has_all && known.points.size() == points.size()) return known;
-    }
-    return {kNamesMap, points};
+    return {kNamesMap, read_detections(source, camera).points};
   }
   fail("{} names no `keypoints`, and no points are known without them", capture.name);
 }
@@ -193,9 +199,11 @@ std::vector<Keypoint> pick_person(std::optional<People> people, const std::funct
 }
 
 PoseDetector open_detector(const Capture& capture, const PointLayout& layout) {
-  PoseDetectorOptions options = *capture.detector;
-  options.model = capture.resolve(options.model.string());
-  if (!options.weights.empty()) options.weights = capture.resolve(options.weights.string());
+  PersonNetworkOptions options = *capture.detector;
+  for_each_network(options, [&](NetworkOptions& network) {
+    network.model = capture.resolve(network.model.string());
+    if (!network.weights.empty()) network.weights = capture.resolve(network.weights.string());
+  });
   return PoseDetector(options, layout);
 }
 

@@ -7,6 +7,7 @@
 
 #include "doppel/capture/capture.h"
 #include "doppel/capture/mask.h"
+#include "doppel/capture/pose_detector.h"
 #include "doppel/character/character.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/keypoints/keypoint_map.h"
@@ -22,9 +23,9 @@ struct EvidencePlan {
 
 /// Chooses the map and the landmarks. The landmarks are those of the placement file; without a placement file, the
 /// skeleton's markers that the map contains. Without `keypoint_map`, the points of a table (.csv) have the names of
-/// landmarks, the layout of other files is found by their content (guess_layout.h), BODY_25 if it does not decide, and
-/// the points of a detector are BODY_25. When there is no landmark, the keypoints are
-/// ignored with a warning; when the capture names a map, this is an error.
+/// landmarks unless they are those of a built-in layout, the layout of other files is found by their content
+/// (guess_layout.h), BODY_25 if it does not decide, and the points of a detector are BODY_25. When there is no
+/// landmark, the keypoints are ignored with a warning; when the capture names a map, this is an error.
 /// @throws Error for a detector with the map `names`, which defines no order of points; for landmarks that the map does
 /// not contain; and the errors of the readers
 EvidencePlan plan_evidence(const Capture& capture, const Character& character);

@@ -1,14 +1,15 @@
 #include "doppel/capture/folder_content.h"
 
 #include <algorithm>
-#include <fstream>
 #include <set>
 
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/name_words.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/keypoints/guess_layout.h"
 #include "doppel/keypoints/keypoint_map.h"
+#include "doppel/keypoints/keypoint_table.h"
 #include "doppel/keypoints/read_keypoints.h"
 
 namespace doppel {
@@ -21,7 +22,6 @@ constexpr int kDepth = 6;
 constexpr std::size_t kMostFiles = 500'000;
 constexpr std::size_t kFilesTried = 20;      // files of a stream that are searched for a person
 constexpr long kMostCalibrationFiles = 100;  // RealityCapture writes a file per camera; longer streams are frames
-constexpr char kKeypointTableHeader[] = "frame,camera,name,x,y,confidence";
 
 /// Reads the folder step by step.
 class FolderReader {
@@ -117,12 +117,10 @@ class FolderReader {
   void inspect_keypoints(const FileStream& stream) {
     std::vector<std::string> maps;
     if (stream.kind == FileKind::table) {
-      std::ifstream file(full(stream.first_file));
-      std::string header;
-      std::getline(file, header);
-      if (header.compare(0, sizeof(kKeypointTableHeader) - 1, kKeypointTableHeader) == 0) maps = {"names"};
+      if (is_keypoint_table(full(stream.first_file))) maps = {"names"};
     } else {
       maps = maps_of(stream);
+      if (maps.size() > 1) maps = decided(std::move(maps), stream);
     }
     if (!maps.empty()) content_.keypoint_maps[stream.first_file] = maps;
   }
@@ -135,6 +133,17 @@ class FolderReader {
       const PointLayout layout = read_keypoint_map(name).layout;
       if (std::any_of(paths.begin(), paths.end(), [&](const auto& path) { return has_people(path, layout, stream); }))
         maps.push_back(name);
+    }
+    return maps;
+  }
+
+  /// Of several maps, the one whose order of points fits the limbs; all of them where the limbs do not decide.
+  std::vector<std::string> decided(std::vector<std::string> maps, const FileStream& stream) const {
+    try {
+      const auto layout = guess_layout(full(stream.per_frame ? stream.path : stream.first_file).string(), {});
+      if (layout) return {*layout};
+    } catch (const FileError&) {
+      return maps;
     }
     return maps;
   }

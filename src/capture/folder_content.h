@@ -25,7 +25,8 @@ struct FolderContent {
   std::map<std::string, FootageFacts> footage;  ///< of videos, and of the first images of streams
   std::map<std::string, std::vector<std::string>>
       keypoint_maps;               ///< first files of streams of keypoints, and the
-                                   ///< built-in maps whose number of points they have ("names": a table)
+                                   ///< built-in map that fits; several where number and limbs do not decide
+                                   ///< ("names": a table)
   std::vector<std::string> notes;  ///< files that look usable and are not, in sentences
 };
 

@@ -58,8 +58,11 @@ cv::Mat MaskSource::find(long frame, const cv::Mat& image) {
   return model_ ? model_->mask(image) : chroma_key_mask(image, *sequence_.chroma_key, background_);
 }
 
-cv::Mat MaskSource::read(long frame, const cv::Mat& image) {
-  cv::Mat grey = find(frame, image);
+MaskSource::MaskSource(const SequenceEntry& sequence, const Camera& camera) : sequence_(sequence), undistort_(camera) {}
+
+cv::Mat MaskSource::read(long frame, const cv::Mat& image) { return cut(find(frame, image)); }
+
+cv::Mat MaskSource::cut(cv::Mat grey) const {
   const cv::Size size(undistort_.pinhole().width, undistort_.pinhole().height);
   if (grey.size() != size) {
     cv::Mat resized;

@@ -22,12 +22,16 @@ class MaskSource {
   MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
   /// Computes masks by a model that has learnt the empty scene, whatever the sequence configures.
   MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera);
+  /// Finds no masks itself: only `cut` may be called.
+  MaskSource(const SequenceEntry& sequence, const Camera& camera);
 
   /// Whether `read` needs the image.
   bool needs_image() const { return !masks_; }
   /// @param frame of the video, in ascending order
   /// @param image of this frame, BGR, as filmed; used only if `needs_image`
   cv::Mat read(long frame, const cv::Mat& image);
+  /// The mask of an image whose pixels are the person by a probability (times 255, 8-bit, as filmed).
+  cv::Mat cut(cv::Mat grey) const;
 
  private:
   cv::Mat find(long frame, const cv::Mat& image);

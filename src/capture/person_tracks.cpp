@@ -29,6 +29,13 @@ PeopleInCameras open_people(const Capture& capture, const SequenceEntry& sequenc
   return seen;
 }
 
+/// Who is followed. People may differ between cameras even if each camera found only one.
+std::vector<ChoiceOfFrame> choose(const PeopleInCameras& seen, const PointLayout& layout,
+                                  const PersonChoiceOptions& options) {
+  if (seen.cameras.size() > 1) return follow_in_cameras(seen, layout, options, {});
+  return {[&](long frame) { return index_of_person(seen.people[0](frame).value_or(People())); }};
+}
+
 CameraTrack track_of(const PeopleInCameras& seen, std::size_t c, const ChoiceOfFrame& chosen, double fps,
                      std::size_t num_points) {
   const FrameClock& clock = seen.clocks[c];
@@ -55,8 +62,7 @@ PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequ
          capture.name);
   const PointLayout layout = layout_of_keypoints(capture);
   const PeopleInCameras seen = open_people(capture, sequence, filmed, layout);
-  // People may differ between cameras even if each camera found only one.
-  const std::vector<ChoiceOfFrame> chosen = follow_in_cameras(seen, layout, capture.person_of(sequence), {});
+  const std::vector<ChoiceOfFrame> chosen = choose(seen, layout, capture.person_of(sequence));
   PointTracks tracks;
   tracks.points = layout.points;
   for (std::size_t c = 0; c < seen.cameras.size(); ++c)

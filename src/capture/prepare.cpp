@@ -334,7 +334,7 @@ class Preparation {
       frames[frame] = detector.detect(videos->read(frame));
       progress.advance(1, title(job));
     }
-    write_keypoint_table(table, plan_.evidence.map.layout, camera(job).name, frames);
+    write_keypoint_table(table, plan_.evidence.map.layout, frames);
     return true;
   }
 

@@ -10,6 +10,7 @@
 #include "doppel/capture/video.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/dnn/network_config.h"
 #include "doppel/keypoints/joint_detections.h"
 
 namespace doppel {
@@ -261,15 +262,20 @@ std::string describe_settings(const PreparePlan& plan, const PrepareOptions& opt
 }
 
 std::string describe_detector(const Capture& capture) {
-  const PoseDetectorOptions& detector = *capture.detector;
-  const auto file = [&](const fs::path& path) {
-    const fs::path found = capture.resolve(path.string());
-    if (!path.empty() && !fs::is_regular_file(found)) fail_at({found, 0}, "the detector's file does not exist");
-    return path.empty() ? std::string("none") : describe_source(found.string());
-  };
-  return fmt::format("detected by {}, weights {}, input height {}, scale {}, mean {}, rgb {}, threshold {}",
-                     file(detector.model), file(detector.weights), detector.input_height, detector.scale,
-                     fmt::join(detector.mean, " "), detector.rgb, detector.threshold);
+  PersonNetworkOptions options = *capture.detector;
+  std::string files;
+  for_each_network(options, [&](NetworkOptions& network) {
+    for (const fs::path& path : {network.model, network.weights}) {
+      if (path.empty()) continue;
+      const fs::path found = capture.resolve(path.string());
+      if (!fs::is_regular_file(found)) fail_at({found, 0}, "the detector's file does not exist");
+      files += " " + describe_source(found.string());
+    }
+  });
+  YAML::Emitter settings;
+  settings.SetMapFormat(YAML::Flow);
+  settings << person_network_node(options);
+  return fmt::format("detected by{}, {}", files, settings.c_str());
 }
 
 std::string describe_paths(const Capture& capture, const CameraPaths& paths) {

@@ -108,6 +108,12 @@ std::string to_string(BlazePoseModel model) {
   return model == BlazePoseModel::lite ? "lite" : model == BlazePoseModel::full ? "full" : "heavy";
 }
 
+BlazePoseModel parse_blazepose_model(const std::string& word) {
+  for (const BlazePoseModel model : {BlazePoseModel::lite, BlazePoseModel::full, BlazePoseModel::heavy})
+    if (to_string(model) == word) return model;
+  fail<UsageError>("the model of BlazePose is \"{}\"; expected lite, full or heavy", word);
+}
+
 const ModelFile& landmark_file(BlazePoseModel model) { return kLandmarkFiles.at(as_size(model)); }
 
 fs::path models_folder() {

@@ -10,6 +10,8 @@ namespace doppel {
 /// Which of BlazePose's landmark networks: larger ones are slower and more accurate.
 enum class BlazePoseModel { lite, full, heavy };
 std::string to_string(BlazePoseModel model);
+/// @throws UsageError for a word that `to_string` does not return
+BlazePoseModel parse_blazepose_model(const std::string& word);
 
 /// One file of trained weights.
 struct ModelFile {

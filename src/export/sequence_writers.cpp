@@ -32,7 +32,7 @@ class ObjWriter : public SequenceWriter {
       write_obj(folder / (character.name + ".obj"), mesh, 1.0);
       std::filesystem::remove(folder / (character.name + ".obj"));
       head_ = "mtllib " + character.name + ".mtl\n";
-      tail_ = "usemtl material\n";
+      tail_ = fmt::format("usemtl {}\n", kObjMaterial);
     }
     for (const Eigen::Vector2d& uv : mesh.uvs) tail_ += fmt::format("vt {:.7g} {:.7g}\n", uv.x(), uv.y());
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {

@@ -29,6 +29,8 @@ struct TriangleMesh {
 /// @param metres_per_unit scales the positions (0.001 for Skeletool files)
 /// @throws FileError with the line: bad index, NaN, no faces, a texture that the MTL names but that is missing, ...
 TriangleMesh read_obj(const std::filesystem::path& path, double metres_per_unit);
+/// The name of the material in the files of write_obj.
+inline constexpr const char* kObjMaterial = "material_0";
 /// Writes an OBJ file. If the mesh has a texture, `<stem>.mtl` and `<stem>.png` are written beside it.
 void write_obj(const std::filesystem::path& path, const TriangleMesh& mesh, double metres_per_unit);
 

@@ -210,7 +210,7 @@ class ObjReader {
 std::string obj_text(const TriangleMesh& mesh, double metres_per_unit, const std::string& material_file) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
-  if (!material_file.empty()) fmt::format_to(out, "mtllib {}\nusemtl material_0\n", material_file);
+  if (!material_file.empty()) fmt::format_to(out, "mtllib {}\nusemtl {}\n", material_file, kObjMaterial);
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const Eigen::Vector3d v = mesh.vertices[i] / metres_per_unit;
     fmt::format_to(out, "v {} {} {}", v.x(), v.y(), v.z());
@@ -253,7 +253,7 @@ void write_obj(const fs::path& path, const TriangleMesh& mesh, double metres_per
     const fs::path texture = fs::path(path).replace_extension(".png"),
                    material = fs::path(path).replace_extension(".mtl");
     write_image(texture, mesh.texture);
-    write_atomically(material, "newmtl material_0\nmap_Kd " + texture.filename().string() + "\n");
+    write_atomically(material, fmt::format("newmtl {}\nmap_Kd {}\n", kObjMaterial, texture.filename().string()));
     material_file = material.filename().string();
   }
   write_atomically(path, obj_text(mesh, metres_per_unit, material_file));

@@ -15,24 +15,33 @@ namespace doppel {
 
 namespace {
 
-constexpr char kTableHeader[] = "frame,camera,name,x,y,confidence";
+constexpr char kTableHeader[] = "frame,name,x,y,confidence";
+constexpr char kTableOfCameras[] = "frame,camera,name,x,y,confidence";  ///< one table may hold several cameras
 constexpr double kFarthestOfTable = 1e7;
 constexpr std::size_t kOthersInMessage = 20;
 
-bool has_table_header(const std::string& text) {
+/// The first line without blanks and byte order mark.
+std::string table_header(const std::string& text) {
   std::string line = text.substr(0, text.find_first_of("\r\n"));
   if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
   std::erase(line, ' ');
-  return line == kTableHeader;
+  return line;
+}
+bool has_table_header(const std::string& text) {
+  const std::string header = table_header(text);
+  return header == kTableHeader || header == kTableOfCameras;
 }
 
-/// Reads the rows of one camera.
+/// Reads the rows of one camera: all rows of a table without a column `camera`.
 class TableReader {
  public:
-  TableReader(const std::filesystem::path& path, std::string camera)
-      : reader_(path, "a table of keypoints", Separator::comma), camera_(std::move(camera)) {
-    reader_.require_header(kTableHeader);
-    while (reader_.next_row(6)) read_row();
+  TableReader(const KeypointFile& file, std::string camera)
+      : reader_(file.path, "a table of keypoints", Separator::comma),
+        camera_(std::move(camera)),
+        name_column_(table_header(file.head) == kTableOfCameras ? 2 : 1) {
+    reader_.require_header(name_column_ == 2 ? kTableOfCameras : kTableHeader);
+    while (reader_.next_row(name_column_ + 4)) read_row();
+    if (images_.empty() && name_column_ == 1) reader_.fail_here("the table has no rows");
     if (images_.empty())
       reader_.fail_here("the table has no row of camera '{}'; it has rows of: {}", camera_, fmt::join(others_, ", "));
   }
@@ -50,16 +59,17 @@ class TableReader {
  private:
   void read_row() {
     const long frame = reader_.integer(0, "the frame", 0, INT_MAX);
-    const double x = reader_.number(3, "x"), y = reader_.number(4, "y"), sure = reader_.number(5, "the confidence");
+    const double x = reader_.number(name_column_ + 1, "x"), y = reader_.number(name_column_ + 2, "y");
+    const double sure = reader_.number(name_column_ + 3, "the confidence");
     if (sure < 0.0 || sure > 1.0) reader_.fail_here("the confidence is {}, allowed is 0 to 1", sure);
     if (std::abs(x) > kFarthestOfTable || std::abs(y) > kFarthestOfTable)
       reader_.fail_here("({}, {}) lies in no image", x, y);
-    if (reader_.tokens()[1] != camera_) {
+    if (name_column_ == 2 && reader_.tokens()[1] != camera_) {
       if (others_.size() < kOthersInMessage) others_.emplace(reader_.tokens()[1].substr(0, 60));
       return;
     }
     const auto [place, is_new] =
-        places_.emplace(std::string(reader_.tokens()[2]), static_cast<int>(result_.points.size()));
+        places_.emplace(std::string(reader_.tokens()[name_column_]), static_cast<int>(result_.points.size()));
     if (is_new) result_.points.push_back(place->first);
     if (!given_.emplace(frame, place->second).second)
       reader_.fail_here("the point '{}' of frame {} is given twice", place->first, frame);
@@ -70,6 +80,7 @@ class TableReader {
 
   TextReader reader_;
   std::string camera_;
+  std::size_t name_column_;
   std::map<std::string, int> places_;
   std::map<long, Person> images_;
   std::set<std::pair<long, int>> given_;
@@ -83,7 +94,7 @@ class TableKeypoints : public KeypointFormat {
   std::string name() const override { return "table"; }
   bool recognises(const KeypointFile& file) const override { return has_table_header(file.head); }
   Detections read(const KeypointFile& file, const KeypointCamera& camera) const override {
-    return TableReader(file.path, camera.name).take();
+    return TableReader(file, camera.name).take();
   }
 };
 
@@ -97,7 +108,7 @@ bool is_keypoint_table(const std::filesystem::path& path) {
   return std::filesystem::is_regular_file(path) && std::getline(file, line) && has_table_header(line);
 }
 
-void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout, const std::string& camera,
+void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout,
                           const std::map<long, People>& frames) {
   const std::string header = std::string(kTableHeader) + "\n";
   std::string text = header;
@@ -105,12 +116,12 @@ void write_keypoint_table(const std::filesystem::path& path, const PointLayout& 
     for (std::size_t i = 0; !people.empty() && i < layout.points.size(); ++i) {
       const Keypoint& point = people[0].at(i);
       if (point.confidence > 0.0f)
-        text += fmt::format("{},{},{},{:.3f},{:.3f},{:.4f}\n", frame, camera, layout.points[i], point.x, point.y,
-                            point.confidence);
+        text +=
+            fmt::format("{},{},{:.3f},{:.3f},{:.4f}\n", frame, layout.points[i], point.x, point.y, point.confidence);
     }
   }
   if (text == header && !frames.empty())
-    text += fmt::format("{},{},{},0,0,0\n", frames.begin()->first, camera, layout.points.at(0));
+    text += fmt::format("{},{},0,0,0\n", frames.begin()->first, layout.points.at(0));
   write_atomically(path, text);
 }
 

@@ -18,12 +18,13 @@ using Limb = std::array<int, 2>;
 struct RefineOptions {
   bool focal = false;            ///< also refine the focal lengths (one factor per camera)
   bool principal_point = false;  ///< also refine the principal points
-  double kernel = 2.5;           ///< pixels of an image 1024 wide beyond which a residual counts less (Geman-McClure)
+  double kernel = 2.5;           ///< pixels of an image 1024 wide beyond which a residual counts less (Geman-McClure);
+                                 ///< at least three times the median residual
   std::vector<Limb> limbs;       ///< pairs of points at constant distance; empty: not used
   double limb_sigma = 0.02;      ///< metres by which the distance of a limb's points varies
   std::size_t most_times = 250;  ///< times whose points are used; more are thinned out
   std::vector<int> fixed;        ///< cameras that are not changed; then the result is not aligned to the old centres
-  double largest_start_error = 60.0;  ///< pixels of an image 1024 wide up to which a view may take part at the start
+  double largest_start_error = 120.0;  ///< pixels of an image 1024 wide by which views may disagree at the start
 };
 
 /// What became of one camera.
@@ -61,17 +62,5 @@ struct RigRefinement {
 /// UsageError for impossible options
 RigRefinement refine_rig(const std::vector<Camera>& cameras, const PointTracks& tracks,
                          const RefineOptions& options = {});
-
-/// The similarity x -> scale * rotation * x + shift of a world.
-struct Similarity {
-  double scale = 1.0;
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-};
-/// The similarity that brings cameras closest to others: centres by least squares, and viewing directions, which count
-/// as much as the spread of the centres. Two cameras, and cameras on a line, are aligned too.
-Similarity align_cameras(const std::vector<Camera>& from, const std::vector<Camera>& to);
-/// The camera in the moved world.
-Camera moved_camera(const Camera& camera, const Similarity& world);
 
 }  // namespace doppel

@@ -278,7 +278,8 @@ class CaptureFootage : public Footage {
   void add_sequence(const SequenceEntry& entry) {
     if (entry.keypoints.empty())
       fail("sequence {} of {} names no `keypoints`, which tracking needs{}", entry.name, capture_.name,
-           capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder" : "");
+           capture_.detector ? ". Prepare the capture, which runs its detector, and track the prepared folder"
+                             : "; `doppel detect` finds them (docs/detect.md)");
     const RowRange rows = rows_of_sequence(capture_, entry, filmed_);
     FootageSequence sequence{
         static_cast<int>(sequences_.size()), entry.name, rows.first, rows.last, {}, {}, entry.has_masks()};

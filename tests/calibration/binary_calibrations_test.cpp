@@ -242,6 +242,28 @@ TEST(ColmapCalibration, KeepsExtensionsThatTellNamesApart) {
   EXPECT_THAT(names_of(folder.read()), ElementsAre("a.jpg", "a.png", "dir.d/b"));
 }
 
+TEST(ColmapCalibration, RadialFisheyeLensesHaveOneOrTwoCoefficients) {
+  ColmapFolder folder;
+  folder.text(
+      "1 SIMPLE_RADIAL_FISHEYE 640 480 500 320 240 -0.1\n"
+      "2 RADIAL_FISHEYE 640 480 500 320 240 -0.1 0.02\n",
+      "1 1 0 0 0 1 2 3 1 a.jpg\n\n2 1 0 0 0 4 5 6 2 b.jpg\n\n");
+  const std::vector<Camera> cameras = folder.read().cameras;
+  ASSERT_THAT(cameras, SizeIs(2));
+  for (const Camera& camera : cameras) {
+    EXPECT_EQ(camera.lens, Lens::fisheye);
+    EXPECT_EQ(camera.K(0, 0), 500.0);
+    EXPECT_EQ(camera.K(1, 1), 500.0);
+    EXPECT_EQ(camera.K(0, 2), 320.0);
+    EXPECT_EQ(camera.distortion[0], -0.1);
+  }
+  EXPECT_EQ(cameras[0].distortion[1], 0.0);
+  EXPECT_EQ(cameras[1].distortion[1], 0.02);
+  // COLMAP: u = theta (1 + k1 theta^2 + k2 theta^4) in the direction of the point.
+  const double theta = std::atan(0.5), moved = theta * (1.0 - 0.1 * theta * theta + 0.02 * std::pow(theta, 4));
+  EXPECT_NEAR(cameras[1].distorted({0.5, 0.0}).x(), moved, 1e-12);
+}
+
 TEST(ColmapCalibration, RefusesOtherLensModelsByName) {
   const std::string image = "1 1 0 0 0 1 2 3 1 a.jpg\n\n";
   EXPECT_THAT(refusal_of_text("1 FOV 640 480 500 500 320 240 0.9\n", image),

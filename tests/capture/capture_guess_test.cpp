@@ -270,6 +270,20 @@ TEST(CaptureGuessOnDisk, HostileFilesAreLeftOut) {
     support::expect_rejects_or_reads(hostile.what, [&] { guess_with(people, hostile.content, ""); });
 }
 
+TEST(CaptureGuess, OfCalibrationsThatFitTheOneWithFewerAssumptions) {
+  const std::vector<std::string> files{"videos/cam01.mp4", "videos/cam02.mp4"};
+  FoundCalibration vague = calibration_of({"cam_01", "cam_02"}, "a.toml"), stated = vague;
+  stated.path = "b/qualisys.txt";
+  vague.calibration.notes = {"the file does not state its unit; metres was assumed"};
+  const CaptureGuess same = guess_capture(folder_of(files, {vague, stated}));
+  EXPECT_EQ(same.capture.calibration, "b/qualisys.txt");
+  EXPECT_THAT(all_of(same.found), HasSubstr("a.toml (toml, 2 cameras) has the same cameras within 0.0 mm"));
+  vague.calibration.cameras[1].t += Eigen::Vector3d(0.5, 0.0, 0.0);
+  const CaptureGuess other = guess_capture(folder_of(files, {vague, stated}));
+  EXPECT_EQ(other.capture.calibration, "b/qualisys.txt");
+  EXPECT_THAT(all_of(other.found), HasSubstr("in other places, up to 0.5 m apart"));
+}
+
 class RealCaptureGuess : public support::SharedFolderTest {
  protected:
   fs::path p2s(const std::string& name) const { return shared_ / "captures/p2s" / name; }
@@ -300,6 +314,7 @@ TEST_F(RealCaptureGuess, AFolderOfVideosAndACalibration) {
                 (capture.root / ("openpose/cam0" + number + "/cam0" + number + ".{frame:04}.json")).string());
     }
     EXPECT_EQ(entry.keypoints.empty(), !keypoints);
+    EXPECT_EQ(capture.keypoint_map, keypoints ? "body25b" : "");
     EXPECT_THAT(all_of(guess.found),
                 HasSubstr("videos/cam01.mp4 is 1080x1920, the calibration of cam_01 is for 1088x1920"));
     const Camera fitted = fit_to_images(chosen.cameras[0], {1080, 1920}, "cam01");
@@ -307,6 +322,16 @@ TEST_F(RealCaptureGuess, AFolderOfVideosAndACalibration) {
     EXPECT_NEAR(fitted.K(0, 0) / chosen.cameras[0].K(0, 0), 1080.0 / 1088.0, 1e-12);
     EXPECT_EQ(fitted.K(1, 1), chosen.cameras[0].K(1, 1));
   }
+}
+
+// The whole folder has two calibrations, of Qualisys and of Pose2Sim.
+TEST_F(RealCaptureGuess, TwoCalibrationsOfTheSameCameras) {
+  const CaptureGuess guess = guess_capture(read_folder(p2s("")));
+  ASSERT_TRUE(guess.complete) << all_of(guess.missing);
+  EXPECT_EQ(guess.capture.calibration, "Calib.qca.txt");
+  EXPECT_THAT(all_of(guess.found), HasSubstr("calibration.toml (toml, 4 cameras) has the same cameras within"));
+  EXPECT_EQ(guess.capture.keypoint_map, "body25b");
+  EXPECT_EQ(guess.missing.size(), 2u) << "masks and a character: " << all_of(guess.missing);
 }
 
 }  // namespace

@@ -59,6 +59,8 @@ sequences:
     videos: park/{name}.mp4
     background_subtraction: {empty: "empty/{name}/{frame:04}.png"}
     joints3d: park/{name}.csv
+    person: {near: [0.5, 1, -2]}
+person: 1
 detector: {model: pose.prototxt, weights: pose.caffemodel, input_height: 256, mean: [104, 117, 123], rgb: true}
 unit: cm
 up: -z
@@ -131,11 +133,14 @@ TEST(CaptureReference, ReadsEveryField) {
   EXPECT_TRUE(park.subtraction->model.refine);
   EXPECT_EQ(park.joints3d, "park/{name}.csv");
   EXPECT_EQ(park.motion, "");
+  EXPECT_EQ(capture.person_of(walk).person, 1);
+  EXPECT_FALSE(capture.person_of(park).person.has_value());
+  EXPECT_EQ(*capture.person_of(park).near, Eigen::Vector3d(0.5, 1.0, -2.0));
   ASSERT_TRUE(capture.detector.has_value());
-  EXPECT_EQ(capture.detector->weights, "pose.caffemodel");
-  EXPECT_EQ(capture.detector->input_height, 256);
-  EXPECT_EQ(capture.detector->mean, (std::vector<double>{104, 117, 123}));
-  EXPECT_TRUE(capture.detector->rgb);
+  EXPECT_EQ(capture.detector->network.weights, "pose.caffemodel");
+  EXPECT_EQ(capture.detector->network.input_height, 256);
+  EXPECT_EQ(capture.detector->network.mean, (std::array<double, 3>{104, 117, 123}));
+  EXPECT_TRUE(capture.detector->network.rgb);
   EXPECT_EQ(capture.source(park.subtraction->empty, 3, "left"), (capture.root / "empty/left/{frame:04}.png").string());
 }
 
@@ -156,9 +161,12 @@ TEST(CaptureReference, WritingAndReadingGivesTheSame) {
   EXPECT_EQ(again.sequences[2].subtraction->model.shadow, 0.4);
   EXPECT_EQ(again.sequences[3].subtraction->empty, capture.sequences[3].subtraction->empty);
   EXPECT_EQ(again.sequences[3].joints3d, capture.sequences[3].joints3d);
-  EXPECT_EQ(again.detector->mean, capture.detector->mean);
-  EXPECT_EQ(again.detector->weights, capture.detector->weights);
-  EXPECT_TRUE(again.detector->rgb);
+  EXPECT_EQ(again.detector->network.mean, capture.detector->network.mean);
+  EXPECT_EQ(again.detector->network.weights, capture.detector->network.weights);
+  EXPECT_TRUE(again.detector->network.rgb);
+  EXPECT_EQ(again.person.person, 1);
+  EXPECT_FALSE(again.sequences[0].person.has_value());
+  EXPECT_EQ(again.sequences[3].person->near, capture.sequences[3].person->near);
   write_capture(second, again);
   write_capture(first, read_capture(second));
   EXPECT_EQ(read_capture(first).sequences[0].keypoints, capture.sequences[0].keypoints);
@@ -251,6 +259,9 @@ TEST(CaptureRejects, NamesFileLineAndKey) {
   EXPECT_THAT(CaptureFile(changed("[104, 117, 123]", "[104, 117]")).error(), HasSubstr("three numbers"));
   EXPECT_THAT(CaptureFile(changed("model: pose.prototxt, ", "")).error(), HasSubstr("model"));
   EXPECT_THAT(CaptureFile(changed("[0, 19]", "[19, 0]")).error(), HasSubstr("[0, 19]"));
+  EXPECT_THAT(CaptureFile(changed("[0.5, 1, -2]", "[0.5, 1]")).error(), HasSubstr("as in [0.2, 1.0, -0.5]"));
+  EXPECT_THAT(CaptureFile(changed("person: 1\n", "person: -1\n")).error(), HasSubstr("person"));
+  EXPECT_THAT(CaptureFile(changed("{near: [0.5", "{far: [0.5")).error(), HasSubstr("near"));
   EXPECT_THAT(CaptureFile(changed("shadow: 0.4", "shadow: 4")).error(), HasSubstr("shadow"));
   EXPECT_THAT(
       CaptureFile(changed("    background_subtraction: {frames", "    masks: m\n    background_subtraction: {frames"))

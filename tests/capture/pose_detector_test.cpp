@@ -37,11 +37,11 @@ class PoseDetection : public ::testing::Test {
     support::write_bytes(folder_ / "net.caffemodel", caffemodel());
     support::write_bytes(folder_ / "net.prototxt", kPrototxt);
   }
-  PoseDetectorOptions options(bool caffe = false) const {
-    PoseDetectorOptions result;
-    result.model = folder_ / (caffe ? "net.prototxt" : "net.onnx");
-    if (caffe) result.weights = folder_ / "net.caffemodel";
-    result.input_height = 64;
+  PersonNetworkOptions options(bool caffe = false) const {
+    PersonNetworkOptions result;
+    result.network.model = folder_ / (caffe ? "net.prototxt" : "net.onnx");
+    if (caffe) result.network.weights = folder_ / "net.caffemodel";
+    result.network.input_height = 64;
     return result;
   }
   support::TemporaryFolder folder_;
@@ -79,8 +79,8 @@ TEST_F(PoseDetection, WorksAtItsOwnScale) {
 }
 
 TEST_F(PoseDetection, SwapsChannelsAndSeesNobody) {
-  PoseDetectorOptions swapped = options();
-  swapped.rgb = true;
+  PersonNetworkOptions swapped = options();
+  swapped.network.rgb = true;
   PoseDetector detector(swapped, three_points());
   cv::Mat image = cv::Mat::zeros(64, 96, CV_8UC3);
   EXPECT_TRUE(detector.detect(image).empty());
@@ -90,27 +90,27 @@ TEST_F(PoseDetection, SwapsChannelsAndSeesNobody) {
 }
 
 TEST_F(PoseDetection, RefusesWhatIsNoDetector) {
-  const auto refusal = [&](const PoseDetectorOptions& chosen, const PointLayout& layout = three_points()) {
+  const auto refusal = [&](const PersonNetworkOptions& chosen, const PointLayout& layout = three_points()) {
     return message_of<Error>([&] { PoseDetector(chosen, layout).detect(cv::Mat::zeros(64, 96, CV_8UC3)); });
   };
-  PoseDetectorOptions wrong = options();
-  wrong.model = folder_ / "none.onnx";
+  PersonNetworkOptions wrong = options();
+  wrong.network.model = folder_ / "none.onnx";
   EXPECT_THAT(refusal(wrong), AllOf(HasSubstr("none.onnx"), HasSubstr("no such file")));
-  wrong.model = folder_ / "net.caffemodel";
+  wrong.network.model = folder_ / "net.caffemodel";
   EXPECT_THAT(refusal(wrong), HasSubstr(".prototxt"));
-  wrong.model = folder_ / "net.prototxt";
+  wrong.network.model = folder_ / "net.prototxt";
   EXPECT_THAT(refusal(wrong), HasSubstr("weights"));
   support::write_bytes(folder_ / "bad.onnx", "this is no network at all, but it is long enough to look at");
-  wrong.model = folder_ / "bad.onnx";
+  wrong.network.model = folder_ / "bad.onnx";
   EXPECT_THAT(refusal(wrong), HasSubstr("cannot read the network"));
   EXPECT_THAT(refusal(options(), {"five", {"a", "b", "c", "d", "e"}}), AllOf(HasSubstr("at least 5"), HasSubstr("4")));
   wrong = options();
-  wrong.input_height = 2;
+  wrong.network.input_height = 2;
   EXPECT_THROW(PoseDetector(wrong, three_points()), UsageError);
 }
 
 TEST_F(PoseDetection, SurvivesHostileFiles) {
-  const auto look_with = [&](const PoseDetectorOptions& chosen) {
+  const auto look_with = [&](const PersonNetworkOptions& chosen) {
     return [chosen](const std::filesystem::path&) {
       const People people = PoseDetector(chosen, three_points()).detect(cv::Mat(64, 96, CV_8UC3, cv::Scalar::all(90)));
       for (const Person& person : people)

@@ -277,6 +277,21 @@ TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
   EXPECT_NEAR(mesh.vertices.back().x(), expected[expected.size() - 3], 1e-6);
 }
 
+TEST(AnimationReference, ATexturedObjSequenceKeepsItsTexture) {
+  const TemporaryFolder folder;
+  Character character = make_test_character();
+  character.mesh.uvs = {{0, 0}, {1, 0}, {0, 1}};
+  character.mesh.face_uvs.assign(character.mesh.faces.size(), {0, 1, 2});
+  character.mesh.texture = cv::Mat(4, 4, CV_8UC3, cv::Scalar(10, 20, 200));
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_obj_writer(folder.path(), character));
+  animate(character, test_motion(character.num_dofs(), 2), nullptr, writers);
+  const TriangleMesh mesh = read_obj(folder / "frame_000001.obj", 1.0);
+  ASSERT_FALSE(mesh.texture.empty());
+  EXPECT_EQ(mesh.texture.at<cv::Vec3b>(0, 0), cv::Vec3b(10, 20, 200));
+  EXPECT_EQ(mesh.face_uvs, character.mesh.face_uvs);
+}
+
 TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
   const Motion motion = test_motion(4, 5);
   const torch::Tensor window = motion_window(motion, 1, 2);

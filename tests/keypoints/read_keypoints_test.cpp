@@ -255,15 +255,26 @@ TEST_F(KeypointFiles, TablesOfOneCamera) {
 
 TEST_F(KeypointFiles, TablesAreWrittenAndReadAgain) {
   const std::map<long, People> frames{{3, {{{1.5f, 2.0f, 0.5f}, {}, {20.5f, 2.0f, 0.75f}}}}, {5, {}}};
-  write_keypoint_table(file_, layout_of(3), "left", frames);
+  write_keypoint_table(file_, layout_of(3), frames);
   EXPECT_TRUE(is_keypoint_table(file_));
   const auto read = read_all_people(file_, layout_of(3), {"left"});
   ASSERT_EQ(read.size(), 1u);
   EXPECT_EQ(read.at(3)[0][0].x, 1.5f);
   EXPECT_EQ(read.at(3)[0][1].confidence, 0.0f);
   EXPECT_EQ(read.at(3)[0][2].confidence, 0.75f);
-  write_keypoint_table(file_, layout_of(3), "left", {{5, {}}});
+  write_keypoint_table(file_, layout_of(3), {{5, {}}});
   EXPECT_TRUE(read_all_people(file_, layout_of(3), {"left"}).at(5).empty());
+}
+
+TEST_F(KeypointFiles, TablesWithoutACameraAreOfOneCamera) {
+  const std::string header = "frame,name,x,y,confidence\n";
+  const auto found = all(header + "3,p2,20.5,2,0.5\n3,p0,1.5,2,0.25\n", 3, {"any"});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.at(3)[0][0].x, 1.5f);
+  EXPECT_EQ(found.at(3)[0][2].confidence, 0.5f);
+  const auto refusal = [&](const std::string& text) { return message_of<FileError>([&] { all(text, 3, {"any"}); }); };
+  EXPECT_THAT(refusal(header), HasSubstr("no rows"));
+  EXPECT_THAT(refusal(header + "3,cam,p0,1,1,1\n"), HasSubstr("k.any:2"));
 }
 
 constexpr char kDeepLabCut[] =

@@ -36,28 +36,38 @@ CaptureCameras find_camera(Capture capture, const std::string& name, cv::Size im
   return chosen;
 }
 
-/// Chooses the source of keypoints.
+/// The finder of keypoints in files. @return nothing when the sequence names none, or they belong to other images
 PeopleFinder people_finder(const Capture& capture, const SequenceEntry& entry, const PointLayout& layout,
-                           const CaptureCameras& filmed, bool from_camera) {
-  if (!entry.keypoints.empty() && !from_camera) {
-    const Camera& camera = filmed.cameras.front();
-    const int index = filmed.file_index.front();
-    const auto source = std::make_shared<KeypointSource>(capture.source(entry.keypoints, index, camera.name), layout,
-                                                         keypoint_camera(camera, index));
-    return [source](const SourceImage& image) { return source->people(image.frame); };
-  }
+                           const CaptureCameras& filmed, const LiveViewOptions& options) {
+  if (entry.keypoints.empty() || options.from_camera || options.blazepose) return {};
+  const Camera& camera = filmed.cameras.front();
+  const int index = filmed.file_index.front();
+  const auto source = std::make_shared<KeypointSource>(capture.source(entry.keypoints, index, camera.name), layout,
+                                                       keypoint_camera(camera, index));
+  return [source](const SourceImage& image) { return source->people(image.frame); };
+}
+
+NetworkFinder network_finder(const Capture& capture, const PointLayout& layout, const LiveViewOptions& options) {
+  if (options.blazepose) return blazepose_finder(*options.blazepose);
   if (!capture.detector)
     fail<UsageError>(
-        "nothing finds the keypoints of these images: {} names no `detector`{} (docs/capture.md says how to add one)",
-        capture.name, from_camera ? "" : ", and its sequence no `keypoints`");
-  const auto detector = std::make_shared<PoseDetector>(open_detector(capture, layout));
-  return [detector](const SourceImage& image) { return std::optional(detector->detect(image.image)); };
+        "nothing finds the keypoints of these images: {} names no `detector`{} (docs/capture.md says how to add one), "
+        "and --detect, which finds them without one, is not given",
+        capture.name, options.from_camera ? "" : ", and its sequence no `keypoints`");
+  return detector_finder(capture, layout);
+}
+
+/// Whether masks come from the network: BlazePose, or a detector with a `mask` where the capture has no masks.
+bool network_has_masks(const Capture& capture, const SequenceEntry& entry, const LiveViewOptions& options) {
+  if (options.blazepose) return true;
+  const bool own = options.from_camera ? entry.masks_from_images() : entry.has_masks();
+  return !own && capture.detector && capture.detector->mask;
 }
 
 }  // namespace
 
 LiveView::LiveView(const fs::path& capture, cv::Size images, const LiveViewOptions& options)
-    : capture_(find_capture(capture)),
+    : capture_(options.blazepose ? with_blazepose(find_capture(capture)) : find_capture(capture)),
       character_(load_character(capture_.character_path())),
       plan_(plan_evidence(capture_, character_)),
       options_(options),
@@ -65,8 +75,13 @@ LiveView::LiveView(const fs::path& capture, cv::Size images, const LiveViewOptio
       filmed_(find_camera(capture_, options.camera, images)),
       undistort_(filmed_.cameras.front()),
       picker_(plan_.map, plan_.landmarks),
-      people_(people_finder(capture_, entry_, plan_.map.layout, filmed_, options.from_camera)) {
-  if (!entry_.joints3d.empty() && !options.from_camera)
+      people_(people_finder(capture_, entry_, plan_.map.layout, filmed_, options)),
+      cutter_(entry_, filmed_.cameras.front()) {
+  if (!people_) {
+    network_ = network_finder(capture_, plan_.map.layout, options);
+    network_masks_ = network_has_masks(capture_, entry_, options);
+  }
+  if (!entry_.joints3d.empty() && !options.from_camera && !options.blazepose)
     joint_table_ = read_joint_detections(capture_.source(entry_.joints3d, filmed_.file_index.front(), camera().name),
                                          plan_.map.layout);
 }
@@ -92,19 +107,40 @@ void LiveView::open_masks(long frame) {
   masks_.emplace(capture_, entry_, filmed_.cameras.front(), filmed_.file_index.front());
 }
 
+void LiveView::look(const cv::Mat& image, const std::function<cv::Mat()>& mask, FootageFrame& seen) const {
+  NetworkPerson found = network_(image);
+  seen.evidence.front().keypoints = pick_person(std::move(found.people), mask, picker_, undistort_);
+  seen.joints = {found.joints.empty() ? std::vector<JointDetection>() : picker_.pick(found.joints)};
+  if (masks_by_network()) seen.masks = {found.mask.empty() ? cv::Mat(image.size(), CV_8U, cv::Scalar(0)) : found.mask};
+}
+
 FootageFrame LiveView::preprocess(const SourceImage& image) {
-  open_masks(image.frame);
   FootageFrame seen;
-  seen.masks.push_back(masks_->read(image.frame, image.image));
+  seen.evidence.emplace_back();
+  if (masks_by_network()) {
+    // One person at most, so no mask is needed to choose.
+    const auto no_mask = [] { return cv::Mat(); };
+    look(image.image, no_mask, seen);
+  } else {
+    open_masks(image.frame);
+    seen.masks.push_back(masks_->read(image.frame, image.image));
+    seen.evidence.front().outline = OutlineField(seen.masks.front(), options_.outline_pixels);
+  }
   seen.images.push_back(undistort_.apply(image.image));
-  seen.evidence.push_back({{}, OutlineField(seen.masks.front(), options_.outline_pixels)});
   return seen;
 }
 
 void LiveView::detect(const SourceImage& image, FootageFrame& seen) const {
   const auto mask = [&] { return seen.masks.front(); };
-  seen.evidence.front().keypoints = pick_person(people_(image), mask, picker_, undistort_);
-  seen.joints = {joints(image.frame, seen)};
+  if (masks_by_network()) {
+    seen.masks.front() = cutter_.cut(seen.masks.front());
+    seen.evidence.front().outline = OutlineField(seen.masks.front(), options_.outline_pixels);
+  } else if (people_) {
+    seen.evidence.front().keypoints = pick_person(people_(image), mask, picker_, undistort_);
+  } else {
+    look(image.image, mask, seen);
+  }
+  if (joint_finder_ || seen.joints.empty() || seen.joints.front().empty()) seen.joints = {joints(image.frame, seen)};
 }
 
 std::vector<JointDetection> LiveView::joints(long frame, const FootageFrame& seen) const {

@@ -15,6 +15,7 @@
 #include "doppel/character/character.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/live/frame_source.h"
+#include "doppel/track/live/network_finder.h"
 
 namespace doppel {
 
@@ -28,10 +29,13 @@ struct LiveViewOptions {
   std::string sequence;      ///< whose masks and keypoints belong to the images; empty: the first sequence
   int outline_pixels = 256;  ///< side of the window of the outline field
   bool from_camera = false;  ///< no files belong to the images: keypoints come from the capture's detector
+  /// BlazePose finds keypoints, 3D joints and masks, instead of the capture's files and its detector.
+  std::optional<BlazePoseModel> blazepose;
 };
 
 /// The evidence of one camera's live images. A capture supplies the rest: character, calibration, landmarks and their
-/// map, the way masks are found, and the source of keypoints (tables or files by frame, or a detector).
+/// map, the way masks are found, and the source of keypoints (tables or files by frame, or a detector). A network can
+/// be the source of all evidence.
 ///
 /// The two stages use separate data, so that each may run on its own thread.
 class LiveView {
@@ -52,13 +56,16 @@ class LiveView {
   /// Sets a finder of 3D joints that replaces the capture's table.
   void find_joints_by(JointFinder finder) { joint_finder_ = std::move(finder); }
 
-  /// The first stage: image and mask without lens distortion, and the outline field.
+  /// The first stage: image and mask without lens distortion, and the outline field. When a network finds the masks, it
+  /// runs here, and mask and outline field are made in the second stage.
   FootageFrame preprocess(const SourceImage& image);
   /// The second stage: keypoints, and 3D joints where the capture or a finder supplies them.
   void detect(const SourceImage& image, FootageFrame& seen) const;
 
  private:
   void open_masks(long frame);
+  bool masks_by_network() const { return network_masks_ && !masks_; }
+  void look(const cv::Mat& image, const std::function<cv::Mat()>& mask, FootageFrame& seen) const;
   std::vector<JointDetection> joints(long frame, const FootageFrame& seen) const;
 
   Capture capture_;
@@ -69,7 +76,10 @@ class LiveView {
   CaptureCameras filmed_;  ///< one camera, with its distortion
   Undistorter undistort_;
   LandmarkPicker picker_;
-  PeopleFinder people_;
+  PeopleFinder people_;              ///< files by frame
+  NetworkFinder network_;            ///< used without `people_`
+  bool network_masks_ = false;       ///< unless an empty scene was learnt
+  MaskSource cutter_;                ///< for the masks of the network
   std::optional<MaskSource> masks_;  ///< opened for the first image
   long last_frame_ = -1;
   std::map<long, std::vector<JointDetection>> joint_table_;

@@ -1,0 +1,282 @@
+#include "doppel/rig/bundle_problem.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/as_size.h"
+#include "doppel/rig/reprojection.h"
+
+namespace doppel {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kNearestDepthOfPoint = 0.05;  // metres
+constexpr double kLensStep = 1e-6;
+constexpr double kSigmasOfKernel = 3.0;  // the kernel's scale in standard deviations of a residual
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d cross;
+  cross << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return cross;
+}
+
+Matrix3d exponential(const Vector3d& turn) {
+  const double angle = turn.norm();
+  return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Matrix3d(Matrix3d::Identity());
+}
+
+Vector3d logarithm(const Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+}  // namespace
+
+BundleProblem::BundleProblem(Bundle bundle, const BundleOptions& options)
+    : bundle_(std::move(bundle)), options_(options), kernel_(RobustKernel::geman_mcclure_of(options.kernel)) {
+  options_.fixed.resize(bundle_.cameras.size(), false);
+  for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    index_.push_back(options_.fixed[c] ? -1 : num_camera_unknowns_);
+    if (!options_.fixed[c]) num_camera_unknowns_ += camera_unknowns();
+  }
+  for (const Bundle::Point& point : bundle_.points) {
+    if (as_size(point.group) >= group_sizes_.size()) group_sizes_.resize(as_size(point.group) + 1, 0);
+    in_group_.push_back(group_sizes_[as_size(point.group)]);
+    group_sizes_[as_size(point.group)] += 3;
+  }
+  std::vector<Eigen::Index> begins;
+  Eigen::Index begin = num_shared();
+  for (const int size : group_sizes_) {
+    begins.push_back(begin);
+    begin += size;
+  }
+  for (std::size_t p = 0; p < bundle_.points.size(); ++p)
+    in_state_.push_back(begins[as_size(bundle_.points[p].group)] + in_group_[p]);
+}
+
+Eigen::Index BundleProblem::num_shared() const {
+  return num_camera_unknowns_ + static_cast<Eigen::Index>(bundle_.lengths.size());
+}
+
+Eigen::Index BundleProblem::state_size() const {
+  return num_shared() + 3 * static_cast<Eigen::Index>(bundle_.points.size());
+}
+
+Camera BundleProblem::camera_at(const Eigen::VectorXd& state, int index) const {
+  Camera camera = bundle_.cameras[as_size(index)];
+  int at = index_[as_size(index)];
+  if (at < 0) return camera;
+  const Vector3d centre = camera.centre() + state.segment<3>(at + 3);
+  camera.R = exponential(state.segment<3>(at)) * camera.R;
+  camera.t = -camera.R * centre;
+  at += 6;
+  if (options_.focal) camera.K.topLeftCorner<2, 2>() *= std::exp(state[at++]);
+  if (options_.principal_point) camera.K.topRightCorner<2, 1>() += state.segment<2>(at);
+  return camera;
+}
+
+Vector3d BundleProblem::point_at(const Eigen::VectorXd& state, int point) const {
+  return bundle_.points[as_size(point)].position + state.segment<3>(in_state_[as_size(point)]);
+}
+
+Bundle BundleProblem::bundle(const Eigen::VectorXd& state) const {
+  Bundle result = bundle_;
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) result.cameras[c] = camera_at(state, static_cast<int>(c));
+  for (std::size_t p = 0; p < result.points.size(); ++p)
+    result.points[p].position = point_at(state, static_cast<int>(p));
+  for (std::size_t l = 0; l < result.lengths.size(); ++l)
+    result.lengths[l] += state[num_camera_unknowns_ + static_cast<Eigen::Index>(l)];
+  return result;
+}
+
+Eigen::VectorXd BundleProblem::moved(const Eigen::VectorXd& state, const Eigen::VectorXd& step) const {
+  Eigen::VectorXd result = state + step;
+  for (const int at : index_)
+    if (at >= 0)
+      result.segment<3>(at) = logarithm(exponential(step.segment<3>(at)) * exponential(state.segment<3>(at)));
+  return result;
+}
+
+BundleProblem::Projected BundleProblem::projected(const Camera& camera, const Bundle::Observation& seen,
+                                                  const Vector3d& point, bool jacobian) const {
+  Projected result;
+  const Vector3d in_camera = camera.camera_from_world(point);
+  if (!(in_camera.z() >= kNearestDepthOfPoint)) return result;
+  const Vector2d plane = in_camera.hnormalized(), bent = camera.distorted(plane);
+  const Matrix2d scale = camera.K.topLeftCorner<2, 2>();
+  const double unit = rig_reference_pixels(camera);
+  result.residual = unit * (scale * bent + camera.K.topRightCorner<2, 1>() - seen.pixel);
+  result.valid = result.residual.allFinite();
+  if (!jacobian || !result.valid) return result;
+  Matrix2d lens = Matrix2d::Identity();
+  if (camera.has_distortion())
+    for (int axis = 0; axis < 2; ++axis) {
+      const Vector2d step = kLensStep * Vector2d::Unit(axis);
+      lens.col(axis) = (camera.distorted(plane + step) - camera.distorted(plane - step)) / (2.0 * kLensStep);
+    }
+  Eigen::Matrix<double, 2, 3> onto_plane;
+  onto_plane << 1.0, 0.0, -plane.x(), 0.0, 1.0, -plane.y();
+  const Eigen::Matrix<double, 2, 3> by_camera_point = unit / in_camera.z() * scale * lens * onto_plane;
+  result.by_point = by_camera_point * camera.R;
+  result.by_camera.resize(2, camera_unknowns());
+  result.by_camera.leftCols<3>() = -by_camera_point * cross_matrix(in_camera);
+  result.by_camera.middleCols<3>(3) = -result.by_point;
+  int at = 6;
+  if (options_.focal) result.by_camera.col(at++) = unit * scale * bent;
+  if (options_.principal_point) result.by_camera.middleCols<2>(at) = unit * Matrix2d::Identity();
+  return result;
+}
+
+/// The residual of a link is in pixels too: as many as a reprojection error that is as many standard deviations long.
+double BundleProblem::link_scale() const { return options_.kernel / kSigmasOfKernel / options_.link_sigma; }
+
+double BundleProblem::cost(const Eigen::VectorXd& state) {
+  std::vector<Camera> cameras;
+  for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) cameras.push_back(camera_at(state, static_cast<int>(c)));
+  last_cost_ = 0.0;
+  for (const Bundle::Observation& seen : bundle_.observations) {
+    const Projected found = projected(cameras[as_size(seen.camera)], seen, point_at(state, seen.point), false);
+    const double worst = options_.kernel * options_.kernel;
+    last_cost_ += seen.weight * (found.valid ? kernel_.cost(found.residual.squaredNorm()) : worst);
+  }
+  for (const Bundle::Link& link : bundle_.links) {
+    const double length = bundle_.lengths[as_size(link.length)] + state[num_camera_unknowns_ + link.length];
+    const double distance = (point_at(state, link.points[0]) - point_at(state, link.points[1])).norm();
+    last_cost_ += kernel_.cost(std::pow(link_scale() * (distance - length), 2));
+  }
+  return last_cost_;
+}
+
+void BundleProblem::add(const Bundle::Observation& seen, const Projected& found) {
+  const double weight = seen.weight * kernel_.weight(found.residual.squaredNorm());
+  const Bundle::Point& point = bundle_.points[as_size(seen.point)];
+  SchurSystem::Group& group = system_.group(as_size(point.group));
+  const int own = in_group_[as_size(seen.point)], shared = index_[as_size(seen.camera)];
+  const Eigen::Matrix<double, 3, 2> pull = weight * found.by_point.transpose();
+  group.hessian.block<3, 3>(own, own) += pull * found.by_point;
+  group.gradient.segment<3>(own) += pull * found.residual;
+  if (shared < 0) return;
+  const int size = camera_unknowns();
+  group.cross.block(own, shared, 3, size) += pull * found.by_camera;
+  system_.hessian().block(shared, shared, size, size) += weight * found.by_camera.transpose() * found.by_camera;
+  system_.gradient().segment(shared, size) += weight * found.by_camera.transpose() * found.residual;
+}
+
+void BundleProblem::add_link(const Bundle::Link& link, const Eigen::VectorXd& state) {
+  const Vector3d apart = point_at(state, link.points[0]) - point_at(state, link.points[1]);
+  const double distance = apart.norm();
+  if (!(distance > 1e-9)) return;
+  const Eigen::Index shared = num_camera_unknowns_ + link.length;
+  const double residual = link_scale() * (distance - bundle_.lengths[as_size(link.length)] - state[shared]);
+  const double weight = kernel_.weight(residual * residual);
+  const Vector3d by_first = link_scale() / distance * apart;
+  const double by_length = -link_scale();
+  SchurSystem::Group& group = system_.group(as_size(bundle_.points[as_size(link.points[0])].group));
+  for (int i = 0; i < 2; ++i) {
+    const int row = in_group_[as_size(link.points[as_size(i)])];
+    const double sign = i == 0 ? 1.0 : -1.0;
+    for (int j = 0; j < 2; ++j)
+      group.hessian.block<3, 3>(row, in_group_[as_size(link.points[as_size(j)])]) +=
+          (i == j ? weight : -weight) * by_first * by_first.transpose();
+    group.gradient.segment<3>(row) += sign * weight * residual * by_first;
+    group.cross.block<3, 1>(row, shared) += sign * weight * by_length * by_first;
+  }
+  system_.hessian()(shared, shared) += weight * by_length * by_length;
+  system_.gradient()[shared] += weight * by_length * residual;
+}
+
+double BundleProblem::linearise(const Eigen::VectorXd& state) {
+  const double found = cost(state);
+  linearised_at_ = state;
+  system_.reset(num_shared(), group_sizes_);
+  std::vector<Camera> cameras;
+  for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) cameras.push_back(camera_at(state, static_cast<int>(c)));
+  for (const Bundle::Observation& seen : bundle_.observations) {
+    const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(state, seen.point), true);
+    if (here.valid) add(seen, here);
+  }
+  for (const Bundle::Link& link : bundle_.links) add_link(link, state);
+  return found;
+}
+
+bool BundleProblem::solve(double damping, Eigen::VectorXd& step) { return system_.solve(damping, step); }
+
+/// The directions of the shared unknowns that no point can see, orthonormal columns: shift, turn and scale of the
+/// world; with one fixed camera the scale about its centre; with more, none.
+Eigen::MatrixXd BundleProblem::gauge_directions() const {
+  std::vector<Camera> cameras;
+  Vector3d middle = Vector3d::Zero(), held = Vector3d::Zero();
+  int free = 0, fixed = 0;
+  for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) {
+    cameras.push_back(camera_at(linearised_at_, static_cast<int>(c)));
+    const bool is_fixed = index_[c] < 0;
+    (is_fixed ? held : middle) += cameras.back().centre();
+    ++(is_fixed ? fixed : free);
+  }
+  if (fixed > 1 || free == 0) return Eigen::MatrixXd(num_shared(), 0);
+  const Vector3d about = fixed == 1 ? held : Vector3d(middle / free);
+  Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(num_shared(), 7);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const int at = index_[c];
+    if (at < 0) continue;
+    const Vector3d arm = cameras[c].centre() - about;
+    directions.block<3, 1>(at + 3, 0) = arm;
+    if (fixed == 1) continue;
+    directions.block<3, 3>(at, 1) = -cameras[c].R;
+    directions.block<3, 3>(at + 3, 1) = -cross_matrix(arm);
+    directions.block<3, 3>(at + 3, 4) = Matrix3d::Identity();
+  }
+  for (std::size_t l = 0; l < bundle_.lengths.size(); ++l) {
+    const Eigen::Index at = num_camera_unknowns_ + static_cast<Eigen::Index>(l);
+    directions(at, 0) = bundle_.lengths[l] + linearised_at_[at];
+  }
+  if (fixed == 1) directions.conservativeResize(Eigen::NoChange, 1);
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(directions);
+  return qr.householderQ() * Eigen::MatrixXd::Identity(num_shared(), directions.cols());
+}
+
+Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
+  Eigen::MatrixXd reduced = system_.reduced_hessian();
+  const Eigen::MatrixXd gauge = gauge_directions();
+  const double level = std::max(1e-12, reduced.diagonal().mean());
+  reduced += level * gauge * gauge.transpose();
+  for (Eigen::Index i = 0; i < reduced.rows(); ++i)
+    reduced(i, i) = reduced(i, i) > 0.0 ? reduced(i, i) * (1.0 + 1e-9) : 1.0;
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(reduced.rows(), reduced.cols());
+  const Eigen::MatrixXd constrained = unit - gauge * gauge.transpose();
+  const Eigen::MatrixXd inverse = constrained * reduced.ldlt().solve(unit) * constrained;
+
+  // The gradient of each group for itself: what its rows add to the shared gradient, less what its points take up.
+  std::vector<Eigen::VectorXd> gradients = system_.reduced_gradients();
+  std::vector<Camera> cameras;
+  for (std::size_t c = 0; c < bundle_.cameras.size(); ++c)
+    cameras.push_back(camera_at(linearised_at_, static_cast<int>(c)));
+  for (const Bundle::Observation& seen : bundle_.observations) {
+    const int at = index_[as_size(seen.camera)];
+    if (at < 0) continue;
+    const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(linearised_at_, seen.point), true);
+    if (!here.valid) continue;
+    const double weight = seen.weight * kernel_.weight(here.residual.squaredNorm());
+    gradients[as_size(bundle_.points[as_size(seen.point)].group)].segment(at, camera_unknowns()) +=
+        weight * here.by_camera.transpose() * here.residual;
+  }
+  Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(reduced.rows(), reduced.cols());
+  std::size_t stretches = 0;
+  for (std::size_t first = 0; first < gradients.size(); first += groups_per_stretch, ++stretches) {
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(reduced.rows());
+    for (std::size_t g = first; g < std::min(gradients.size(), first + groups_per_stretch); ++g) sum += gradients[g];
+    spread += sum * sum.transpose();
+  }
+  const auto count = static_cast<double>(stretches);
+  return inverse * spread * inverse * (count / std::max(1.0, count - 1.0));
+}
+
+}  // namespace doppel

@@ -1,0 +1,81 @@
+#include "doppel/rig/epipolar.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "doppel/core/as_size.h"
+#include "doppel/rig/quantiles.h"
+
+namespace doppel {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+EpipolarPair::EpipolarPair(const Camera& a, const Camera& b) {
+  const Matrix3d b_from_a = b.R * a.R.transpose();
+  const Vector3d t = b.t - b_from_a * a.t;
+  Matrix3d cross;
+  cross << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
+  fundamental_ = b.K.inverse().transpose() * cross * b_from_a * a.K.inverse();
+  if (fundamental_.norm() > 0.0) fundamental_.normalize();
+}
+
+double EpipolarPair::distance(const Vector2d& a, const Vector2d& b) const {
+  const Vector3d line_in_b = fundamental_ * a.homogeneous(), line_in_a = fundamental_.transpose() * b.homogeneous();
+  const double slope = std::sqrt(line_in_b.head<2>().squaredNorm() + line_in_a.head<2>().squaredNorm());
+  if (!(slope > 0.0)) return std::numeric_limits<double>::infinity();
+  return b.homogeneous().dot(line_in_b) / slope;
+}
+
+std::optional<Vector2d> straight_pixel(const Camera& camera, const Vector2d& pixel) {
+  if (!pixel.allFinite()) return std::nullopt;
+  const Eigen::Matrix2d scale = camera.K.topLeftCorner<2, 2>();
+  const Vector2d centre = camera.K.topRightCorner<2, 1>();
+  const auto plane = camera.undistorted(scale.inverse() * (pixel - centre));
+  if (!plane || !plane->allFinite()) return std::nullopt;
+  return Vector2d(scale * *plane + centre);
+}
+
+PointTracks straight_tracks(const std::vector<Camera>& cameras, const PointTracks& tracks) {
+  PointTracks straight = tracks;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    CameraTrack& track = straight.cameras[c];
+    for (long frame = 0; frame < track.num_frames(); ++frame)
+      for (int k = 0; k < track.num_points(); ++k) {
+        TrackPoint& point = track.at(frame, k);
+        if (!point.seen()) continue;
+        const auto pixel = straight_pixel(cameras[c], point.pixel);
+        point = pixel ? TrackPoint{*pixel, point.confidence} : TrackPoint{};
+      }
+  }
+  return straight;
+}
+
+std::vector<EpipolarAgreement> epipolar_agreement(const std::vector<Camera>& cameras, const PointTracks& tracks,
+                                                  const std::vector<double>& times) {
+  check_tracks(cameras, tracks, 2, "comparing pairs of cameras");
+  const PointTracks straight = straight_tracks(cameras, tracks);
+  std::vector<EpipolarAgreement> all;
+  for (int a = 0; a < tracks.num_cameras(); ++a)
+    for (int b = a + 1; b < tracks.num_cameras(); ++b) {
+      const EpipolarPair pair(cameras[as_size(a)], cameras[as_size(b)]);
+      const CameraTrack &in_a = straight.cameras[as_size(a)], &in_b = straight.cameras[as_size(b)];
+      std::vector<double> distances;
+      for (const double time : times)
+        for (int k = 0; k < tracks.num_points(); ++k) {
+          const TrackPoint p = in_a.sample(in_a.frame_at(time), k), q = in_b.sample(in_b.frame_at(time), k);
+          if (!p.seen() || !q.seen()) continue;
+          const double distance = std::abs(pair.distance(p.pixel, q.pixel));
+          if (std::isfinite(distance)) distances.push_back(distance);
+        }
+      const auto samples = static_cast<long>(distances.size());
+      all.push_back({a, b, samples, quantile(distances, 0.5), quantile(distances, 0.9)});
+    }
+  return all;
+}
+
+}  // namespace doppel

@@ -1,0 +1,189 @@
+#include "doppel/rig/lag_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "doppel/core/as_size.h"
+#include "doppel/rig/epipolar.h"
+#include "doppel/rig/quantiles.h"
+#include "doppel/solver/residuals.h"
+
+namespace doppel {
+namespace {
+
+constexpr int kAllPairsUpTo = 9;           // cameras
+constexpr std::size_t kPartners = 6;       // of each camera, if there are more
+constexpr double kBestAngle = 1.2;         // radians between the viewing directions of partners
+constexpr double kMostFrames = 160.0;      // of one camera that are compared at each lag
+constexpr double kSmallestOverlap = 0.35;  // of the samples at the lag with the most
+constexpr double kFewestOfLag = 30.0;
+constexpr int kCoarse = 4;  // every fourth lag is looked at for the kernel's scale
+constexpr double kScaleOfLagMedian = 2.0;
+constexpr int kSweeps = 3;
+
+/// The absolute distances of a pair at one lag, pixels of an image 1024 wide.
+class PairAtLags {
+ public:
+  PairAtLags(const std::vector<Camera>& cameras, const PointTracks& tracks, int a, int b)
+      : pair_(cameras[as_size(a)], cameras[as_size(b)]),
+        in_a_(tracks.cameras[as_size(a)]),
+        in_b_(tracks.cameras[as_size(b)]),
+        scale_(2048.0 / (cameras[as_size(a)].width + cameras[as_size(b)].width)) {
+    const double first = in_a_.frame_at(in_b_.seconds_at(0.0));
+    const double last = in_a_.frame_at(in_b_.seconds_at(static_cast<double>(in_b_.num_frames() - 1)));
+    first_ = std::max(0L, static_cast<long>(std::floor(first)));
+    last_ = std::min(in_a_.num_frames() - 1, static_cast<long>(std::ceil(last)));
+  }
+
+  std::vector<double> at(double lag) const {
+    const auto reach = static_cast<long>(std::abs(lag) * in_a_.fps) + 1;
+    const long first = std::max(0L, first_ - reach), last = std::min(in_a_.num_frames() - 1, last_ + reach);
+    const long stride = std::max(1L, std::lround(static_cast<double>(last_ - first_ + 1) / kMostFrames));
+    std::vector<double> found;
+    for (long frame = first; frame <= last; frame += stride) {
+      const double other = in_b_.frame_at(in_a_.seconds_at(static_cast<double>(frame)) + lag);
+      for (int k = 0; k < in_a_.num_points(); ++k) {
+        const TrackPoint& p = in_a_.at(frame, k);
+        if (!p.seen()) continue;
+        const TrackPoint q = in_b_.sample(other, k);
+        if (!q.seen()) continue;
+        const double distance = scale_ * std::abs(pair_.distance(p.pixel, q.pixel));
+        if (std::isfinite(distance)) found.push_back(distance);
+      }
+    }
+    return found;
+  }
+
+ private:
+  EpipolarPair pair_;
+  const CameraTrack &in_a_, &in_b_;
+  double scale_;
+  long first_ = 0, last_ = 0;
+};
+
+LagCurve curve_of(const std::vector<Camera>& cameras, const PointTracks& tracks, int a, int b,
+                  const LagSearchOptions& options) {
+  const PairAtLags pair(cameras, tracks, a, b);
+  const bool has_reference = a == options.reference || b == options.reference;
+  const int reach = has_reference ? options.steps : 2 * options.steps;
+  LagCurve curve{a, b, std::vector<double>(as_size(2 * reach + 1), 1.0), 0.0, options.kernel};
+  double least_median = std::numeric_limits<double>::infinity(), most = 0.0;
+  for (int i = -reach; i <= reach; i += kCoarse) {
+    const std::vector<double> distances = pair.at(i * options.step);
+    most = std::max(most, static_cast<double>(distances.size()));
+    if (static_cast<double>(distances.size()) < std::max(kFewestOfLag, kSmallestOverlap * most)) continue;
+    least_median = std::min(least_median, quantile(distances, 0.5));
+  }
+  if (!std::isfinite(least_median)) return curve;
+  curve.scale = std::max(options.kernel, kScaleOfLagMedian * least_median);
+  const RobustKernel kernel = RobustKernel::geman_mcclure_of(curve.scale);
+  std::vector<double> counts(curve.costs.size());
+  for (int i = -reach; i <= reach; ++i) {
+    const std::vector<double> distances = pair.at(i * options.step);
+    double sum = 0.0;
+    for (const double distance : distances) sum += kernel.cost(distance * distance);
+    counts[as_size(i + reach)] = static_cast<double>(distances.size());
+    if (!distances.empty())
+      curve.costs[as_size(i + reach)] = sum / (curve.scale * curve.scale * static_cast<double>(distances.size()));
+  }
+  curve.samples = *std::max_element(counts.begin(), counts.end());
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    if (counts[i] < std::max(kFewestOfLag, kSmallestOverlap * curve.samples)) curve.costs[i] = 1.0;
+  return curve;
+}
+
+/// Places cameras by the curves of their pairs.
+class LagGraph {
+ public:
+  LagGraph(int cameras, std::vector<LagCurve> curves, const LagSearchOptions& options)
+      : curves_(std::move(curves)), options_(options), found_(as_size(cameras)) {}
+
+  std::vector<FoundLag> place() {
+    found_[as_size(options_.reference)].reached = true;
+    while (place_clearest()) {
+    }
+    for (int sweep = 0; sweep < kSweeps; ++sweep)
+      for (int c = 0; c < static_cast<int>(found_.size()); ++c)
+        if (c != options_.reference && found_[as_size(c)].reached) found_[as_size(c)] = *best_of(c);
+    return found_;
+  }
+
+ private:
+  bool place_clearest() {
+    int clearest = -1;
+    FoundLag best;
+    for (int c = 0; c < static_cast<int>(found_.size()); ++c) {
+      if (found_[as_size(c)].reached) continue;
+      const auto found = best_of(c);
+      if (found && (clearest < 0 || found->contrast > best.contrast)) {
+        clearest = c;
+        best = *found;
+      }
+    }
+    if (clearest >= 0) found_[as_size(clearest)] = best;
+    return clearest >= 0;
+  }
+
+  /// The lag with the lowest cost over the pairs of a camera with cameras that were placed.
+  std::optional<FoundLag> best_of(int camera) const {
+    std::vector<double> sums(as_size(2 * options_.steps + 1), 0.0);
+    double samples = 0.0;
+    for (const LagCurve& curve : curves_) {
+      if ((curve.a != camera && curve.b != camera) || curve.samples < kFewestOfLag) continue;
+      const int other = curve.a == camera ? curve.b : curve.a;
+      if (!found_[as_size(other)].reached) continue;
+      samples += curve.samples;
+      const auto reach = static_cast<int>(curve.costs.size() / 2);
+      for (int i = -options_.steps; i <= options_.steps; ++i) {
+        const int later = curve.b == camera ? i - found_[as_size(other)].step : found_[as_size(other)].step - i;
+        const bool inside = std::abs(later) <= reach;
+        sums[as_size(i + options_.steps)] += curve.samples * (inside ? curve.costs[as_size(later + reach)] : 1.0);
+      }
+    }
+    if (samples <= 0.0) return std::nullopt;
+    const auto best = std::min_element(sums.begin(), sums.end());
+    FoundLag found{true, static_cast<int>(best - sums.begin()) - options_.steps, 1.0};
+    double second = samples;
+    for (int i = 0; i < static_cast<int>(sums.size()); ++i)
+      if (std::abs(i - found.step - options_.steps) > options_.guard) second = std::min(second, sums[as_size(i)]);
+    found.contrast = second / std::max(*best, 1e-9 * samples);
+    return found;
+  }
+
+  std::vector<LagCurve> curves_;
+  LagSearchOptions options_;
+  std::vector<FoundLag> found_;
+};
+
+}  // namespace
+
+std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cameras) {
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t a = 0; a < cameras.size(); ++a) {
+    std::vector<std::pair<double, std::size_t>> partners;
+    for (std::size_t b = 0; b < cameras.size(); ++b) {
+      const double baseline = (cameras[a].centre() - cameras[b].centre()).norm();
+      if (a == b || !(baseline > 1e-6)) continue;  // cameras in one place have no epipolar lines
+      const double cosine = cameras[a].R.row(2).dot(cameras[b].R.row(2));
+      partners.emplace_back(std::abs(std::acos(std::clamp(cosine, -1.0, 1.0)) - kBestAngle), b);
+    }
+    std::sort(partners.begin(), partners.end());
+    if (cameras.size() > as_size(kAllPairsUpTo) && partners.size() > kPartners) partners.resize(kPartners);
+    for (const auto& [difference, b] : partners)
+      pairs.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
+  }
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
+std::vector<FoundLag> search_lags(const std::vector<Camera>& cameras, const PointTracks& tracks,
+                                  const LagSearchOptions& options) {
+  std::vector<LagCurve> curves;
+  for (const auto& [a, b] : pairs_to_compare(cameras)) curves.push_back(curve_of(cameras, tracks, a, b, options));
+  return LagGraph(tracks.num_cameras(), std::move(curves), options).place();
+}
+
+}  // namespace doppel

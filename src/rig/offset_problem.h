@@ -1,0 +1,96 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <utility>
+#include <vector>
+
+#include "doppel/geometry/camera.h"
+#include "doppel/rig/epipolar.h"
+#include "doppel/rig/point_tracks.h"
+#include "doppel/rig/smooth_track.h"
+#include "doppel/solver/least_squares.h"
+#include "doppel/solver/residuals.h"
+
+namespace doppel {
+
+struct OffsetProblemOptions {
+  int reference = 0;
+  bool drift = false;
+  double width = 0.04;             ///< seconds; of smooth_sample
+  double calibration_error = 3.0;  ///< pixels of an image 1024 wide: standard deviation of each pair's bias terms
+};
+
+/// Fractions of frames of all cameras at once, by least squares on Sampson distances. The error of a calibration also
+/// moves points off their epipolar lines, and a camera's motion would be taken for time. Each pair therefore has five
+/// bias terms, a constant and one per coordinate of the two pixels, which the calibration is allowed.
+///
+/// The state: per camera but the reference the change of its offset in seconds, and with drift the relative change of
+/// its frame rate; then five terms per pair, pixels.
+class OffsetProblem : public LeastSquaresProblem {
+ public:
+  /// @param tracks without lens distortion; their offsets are right to about a frame
+  /// @param times seconds at which the cameras are compared
+  OffsetProblem(const std::vector<Camera>& cameras, const PointTracks& tracks,
+                const std::vector<std::pair<int, int>>& pairs, std::vector<double> times,
+                const OffsetProblemOptions& options);
+
+  /// Chooses the rows, and for each pair the scale of its robust kernel: `factor` times the median residual, at least
+  /// `kernel`. Until the next call, a row without a sample counts as an outlier.
+  void begin_round(const Eigen::VectorXd& state, double kernel, double factor);
+
+  double cost(const Eigen::VectorXd& state) override;
+  double linearise(const Eigen::VectorXd& state) override;
+  bool solve(double damping, Eigen::VectorXd& step) override;
+  std::vector<TermCost> term_costs() const override { return {{"epipolar", last_cost_}}; }
+
+  Eigen::Index num_unknowns() const { return num_camera_unknowns_ + 5 * static_cast<Eigen::Index>(pairs_.size()); }
+  /// Index of a camera's offset in the state, -1 for the reference. Its rate comes next.
+  int offset_index(int camera) const { return index_[static_cast<std::size_t>(camera)]; }
+  /// The middle of the times: rates turn about it.
+  double middle() const { return middle_; }
+  /// [C] rows that depend on a camera.
+  std::vector<long> samples() const;
+  /// The covariance of the state by the last linearisation. Errors of keypoints last for several frames and concern all
+  /// pairs of a camera; gradients are therefore summed over stretches of time (a cluster-robust covariance).
+  Eigen::MatrixXd covariance() const;
+
+ private:
+  struct Row {
+    int time, point;
+  };
+  struct Pair {
+    int a, b;
+    EpipolarPair geometry;
+    double scale;  ///< pixels of an image 1024 wide per pixel
+    RobustKernel kernel;
+    std::vector<Row> rows;
+  };
+  using Terms = Eigen::Matrix<double, 5, 1>;
+  struct Residual {
+    bool valid = false;
+    double value = 0.0;
+    double by_a = 0.0, by_b = 0.0;  ///< d value / d the frame of the camera
+    Terms terms = Terms::Zero();    ///< d value / d the bias terms
+  };
+
+  void sample(const Eigen::VectorXd& state);
+  const MovingPoint& sampled(int camera, int time, int point) const;
+  Residual residual(std::size_t pair, const Row& row, const Eigen::VectorXd& state) const;
+  double prior_weight(const Pair& pair) const;
+  void add(std::size_t pair, const Row& row, const Residual& residual);
+
+  const std::vector<Camera>& cameras_;
+  PointTracks tracks_;
+  std::vector<double> times_;
+  OffsetProblemOptions options_;
+  double middle_ = 0.0, last_cost_ = 0.0;
+  std::vector<int> index_;
+  Eigen::Index num_camera_unknowns_ = 0;
+  std::vector<Pair> pairs_;
+  std::vector<MovingPoint> samples_;  ///< [C, T, K]
+  Eigen::MatrixXd hessian_;
+  Eigen::VectorXd gradient_;
+  std::vector<Eigen::VectorXd> stretches_;  ///< gradients of stretches of time
+};
+
+}  // namespace doppel

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "doppel/rig/point_tracks.h"
+
+namespace doppel {
+
+/// A point at a fractional frame, and how fast it moves.
+struct MovingPoint {
+  bool seen = false;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< pixels per frame
+};
+
+/// The weighted straight line through the points of neighbouring frames, at a fractional frame. The weights fall off as
+/// a Gaussian around the frame. Linear interpolation would not do for synchronisation: its noise is smallest in the
+/// middle between two frames, which draws every estimate there.
+/// @param width standard deviation of the Gaussian, frames
+/// @return not seen unless frames on both sides see the point, and three in all
+MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, double width);
+
+/// The track with every point replaced by its smooth sample; points without one are not seen.
+CameraTrack smooth_track(const CameraTrack& track, double width);
+
+/// Takes out points that are farther than `limit` pixels from the median of the two frames before, the frame itself and
+/// the two frames after it, per coordinate. Points that are seen in fewer than three of these frames go too.
+void drop_jumps(CameraTrack& track, double limit);
+
+}  // namespace doppel

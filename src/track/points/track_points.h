@@ -1,0 +1,37 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/track/points/point_motion.h"
+#include "doppel/track/track_task.h"
+
+namespace doppel {
+
+struct TrackPointsOptions : TrackTask {
+  PointMotionOptions motion;
+};
+
+/// A sequence of the report.
+struct TrackedPoints {
+  std::string sequence;
+  PointMotion motion;
+};
+struct TrackPointsReport {
+  std::vector<TrackedPoints> sequences;
+};
+/// The content of `track.json`.
+nlohmann::ordered_json to_json(const TrackPointsReport& report);
+
+/// Finds one person's points in space in a capture with keypoints of at least two cameras. No character is needed.
+/// Writes into `options.out`:
+/// - `points.npy` float32 [F, K, 3], world metres; of several sequences `<sequence>_points.npy`
+/// - `<sequence>.trc`: the same with names
+/// - `track.json`: the report that is returned
+/// @param path of a capture, not prepared
+/// @throws Error when a sequence has no keypoints, one camera, or no point that two cameras agree on; UsageError for an
+/// unknown sequence; FileError as the readers
+TrackPointsReport track_points(const std::filesystem::path& path, const TrackPointsOptions& options);
+
+}  // namespace doppel

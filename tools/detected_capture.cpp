@@ -1,0 +1,118 @@
+#include "detected_capture.h"
+
+#include <algorithm>
+
+#include "doppel/capture/capture_cameras.h"
+#include "doppel/capture/capture_layouts.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/path_pattern.h"
+#include "doppel/keypoints/keypoint_map.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Videos, images and prepared folders have no description.
+bool is_capture(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (!fs::is_directory(path)) return extension == ".yaml" || extension == ".yml";
+  return fs::exists(path / "capture.yaml") || recognise_capture(path).has_value();
+}
+
+/// A path as capture.yaml should have it: relative to the root where it lies inside.
+std::string written(const fs::path& path, const Capture& capture) {
+  const fs::path full = fs::absolute(path).lexically_normal();
+  const fs::path inside = full.lexically_relative(capture.root);
+  return inside.empty() || *inside.begin() == ".." ? full.string() : inside.string();
+}
+
+/// The path of a sequence's files for all cameras, with `{name}` in place of the camera's name, with which the last
+/// part of the path begins. Empty: none were written. @param key of the report
+std::string pattern_of(const Json& report, const std::string& sequence, const char* key, const Capture& capture) {
+  for (const Json& camera : report["cameras"]) {
+    const fs::path path = camera[key].get<std::string>();
+    if (camera["sequence"] != sequence || path.empty()) continue;
+    const std::string rest = path.filename().string().substr(camera["camera"].get<std::string>().size());
+    return written(path.parent_path() / ("{name}" + rest), capture);
+  }
+  return "";
+}
+
+bool needs_masks(const Capture& capture) {
+  return std::any_of(capture.sequences.begin(), capture.sequences.end(),
+                     [](const SequenceEntry& sequence) { return !sequence.has_masks(); });
+}
+
+/// Whether earlier results fit: they are newer than the capture and its videos, and have the masks that are needed.
+bool is_current(const Capture& capture, const fs::path& results, bool masks) {
+  if (!fs::exists(results)) return false;
+  const fs::file_time_type made = fs::last_write_time(results);
+  if (!capture.file.empty() && fs::last_write_time(capture.file) > made) return false;
+  const CaptureCameras filmed = choose_cameras(capture);
+  for (const SequenceEntry& sequence : capture.sequences)
+    for (std::size_t c = 0; c < filmed.cameras.size(); ++c) {
+      const std::string video = capture.source(sequence.videos, filmed.file_index[c], filmed.cameras[c].name);
+      if (!has_frame_placeholder(video) && fs::exists(video) && fs::last_write_time(video) > made) return false;
+    }
+  return !masks || !needs_masks(read_capture(results));
+}
+
+/// The layout of the detected points becomes the keypoint map of a capture.
+void name_layout(const std::string& layout, Capture& capture) {
+  capture.detector.reset();
+  const std::vector<std::string> maps = builtin_keypoint_maps();
+  if (std::find(maps.begin(), maps.end(), layout) != maps.end())
+    capture.keypoint_map = layout;
+  else
+    log::warn("no built-in map has the layout {}; set `keypoint_map` in capture.yaml to the file of the map", layout);
+}
+
+}  // namespace
+
+void check_detect_out(const fs::path& source, const fs::path& out) {
+  const fs::path file = fs::is_directory(source) ? source / "capture.yaml" : source;
+  if (fs::exists(file) && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
+    fail<UsageError>("{} holds the capture itself; choose another folder with --out", out.string());
+}
+
+void write_detected_capture(const fs::path& source, const fs::path& out, const Json& report) {
+  if (!is_capture(source)) return;
+  Capture capture = find_capture(source);
+  bool found_points = false;
+  for (SequenceEntry& sequence : capture.sequences) {
+    const std::string keypoints = pattern_of(report, sequence.name, "keypoints", capture);
+    const std::string joints = pattern_of(report, sequence.name, "joints3d", capture);
+    const std::string masks = pattern_of(report, sequence.name, "masks", capture);
+    if (!keypoints.empty()) sequence.keypoints = keypoints;
+    found_points = found_points || !keypoints.empty();
+    if (!joints.empty()) sequence.joints3d = joints;
+    if (!masks.empty() && !sequence.has_masks()) sequence.masks = masks + "/{frame:06}.png";
+  }
+  if (found_points) name_layout(report["layout"], capture);
+  write_capture(out / "capture.yaml", capture, {"Written by `doppel detect`: the capture with the detected files."});
+  log::info("{} names the detected files", (out / "capture.yaml").string());
+}
+
+fs::path with_keypoints(const fs::path& path, const fs::path& folder, const DetectNeeds& needs,
+                        const CommonOptions& common) {
+  if (fs::is_directory(path / "store") || !is_capture(path)) return path;
+  const Capture capture = find_capture(path);
+  if (capture.has_keypoints()) return path;
+  if (needs.character) capture.character_path();  // an error now saves the time of the detection
+  const bool masks = needs.masks && needs_masks(capture);
+  const fs::path results = folder / "capture.yaml";
+  if (is_current(capture, results, masks)) {
+    log::info("{} names no keypoints; those of {} are used", path.string(), folder.string());
+    return results;
+  }
+  log::info("{} names no keypoints; running `doppel detect {} --out {}{}`", path.string(), path.string(),
+            folder.string(), masks ? " --masks" : "");
+  if (!detect_capture(path, folder, masks, common)) fail("stopped; no keypoints were written");
+  return results;
+}
+
+}  // namespace doppel::tools
