@@ -22,7 +22,7 @@ constexpr double kSmallestPerson = 0.6, kLargestPerson = 3.0;       ///< metres;
 constexpr double kSmallestUsual = 0.9, kLargestUsual = 2.35;        ///< beyond, the unit is doubtful
 constexpr double kLying = 55.0, kUpsideDownAngle = 125.0;           ///< degrees between the trunk and up
 constexpr double kCamerasAgree = 35.0;                              ///< degrees between the trunk and the cameras' up
-constexpr double kFewestInView = 0.7, kFewestInViewWarning = 0.93;  ///< share of the body's points in the image
+constexpr double kFewestInView = 0.7, kFewestInViewWarning = 0.95;  ///< share of the body's points in the image
 constexpr double kDetectedFault = 0.5, kDetectedWarning = 0.85;     ///< share of the instants
 constexpr double kFlipFault = 0.4,
                  kFlipWarning = 0.12;   ///< share of the instants in which left and right are exchanged

@@ -45,6 +45,11 @@ Vector3d BodyTrack::later(const Sightings& seen, int instant, double delay, int 
   return (1.0 - share) * at(before, point) + share * at(after, point);
 }
 
+double SupposedView::delay_at(const Sightings& seen, int instant, int window) const {
+  const double step = steps.empty() ? 0.0 : steps[as_size(window)];
+  return delay + drift * static_cast<double>(seen.instants[as_size(instant)].row) + step;
+}
+
 std::optional<Vector2d> SupposedView::pixel(const Vector3d& point) const {
   if (camera.camera_from_world(point).z() < kNearestDepth) return std::nullopt;
   return Vector2d(turn * camera.project(point) + shift);
@@ -125,8 +130,7 @@ ViewResiduals residuals_of(const Sightings& seen, int camera, const SupposedView
     const int instant = chosen.instants[i];
     const auto& people = seen.people[as_size(camera)][as_size(instant)];
     if (people.empty()) continue;
-    double delay = view.delay + view.drift * (instant - 0.5 * seen.num_instants());
-    if (!view.steps.empty()) delay += view.steps[as_size(chosen.window[i])];
+    const double delay = view.delay_at(seen, instant, chosen.window[i]);
     const std::vector<ProjectedPoint> points = projected_body(seen, view, body, instant, delay);
     double best = std::numeric_limits<double>::infinity();
     const SeenPerson* nearest = nullptr;

@@ -36,9 +36,11 @@ struct SupposedView {
   Eigen::Vector2d shift = Eigen::Vector2d::Zero();
   bool sides_swapped = false;  ///< the detector's left is the body's right
   double delay = 0.0;          ///< rows by which the body is later than the camera's frame says
-  double drift = 0.0;          ///< rows per instant that are added to it
+  double drift = 0.0;          ///< rows that are added to it with each row of a sequence
   std::vector<double> steps;   ///< [windows] rows that are added to it; empty: none
 
+  /// The delay at an instant, with drift and step.
+  double delay_at(const Sightings& seen, int instant, int window) const;
   /// Where the camera shows a point; nothing behind the camera.
   std::optional<Eigen::Vector2d> pixel(const Eigen::Vector3d& point) const;
 };

@@ -331,25 +331,25 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
   nominal.camera = seen.cameras[as_size(camera)];
   SupposedView steps = nominal;
   steps.steps.assign(seen.windows.size(), 0.0);
-  std::vector<std::pair<double, double>> found;  // instant, delay
+  std::vector<std::pair<double, double>> found;  // row, delay
   std::set<int> windows(chosen.window.begin(), chosen.window.end());
   for (const int window : windows) {
     const ChosenInstants part = instants_of(seen, {window});
     const auto delay = find_delay(seen, camera, nominal, body, part, kLongestDelay / 2);
     if (!delay) continue;
     steps.steps[as_size(window)] = *delay;
-    found.emplace_back(part.instants[part.instants.size() / 2], *delay);
+    found.emplace_back(seen.instants[as_size(part.instants[part.instants.size() / 2])].row, *delay);
   }
   std::vector<Explanation> all(2);
   // The line through the delays with the median slope of all pairs (Theil and Sen).
   std::vector<double> slopes, starts;
   for (std::size_t a = 0; a < found.size(); ++a)
     for (std::size_t b = a + 1; b < found.size(); ++b)
-      slopes.push_back((found[b].second - found[a].second) / (found[b].first - found[a].first));
+      if (found[a].first != found[b].first)
+        slopes.push_back((found[b].second - found[a].second) / (found[b].first - found[a].first));
   all[0].view = nominal;
   all[0].view.drift = median(slopes);
-  for (const auto& [instant, delay] : found)
-    starts.push_back(delay - all[0].view.drift * (instant - 0.5 * seen.num_instants()));
+  for (const auto& [row, delay] : found) starts.push_back(delay - all[0].view.drift * row);
   all[0].view.delay = median(starts);
   all[0].fault = faults::kRollingOffset;
   all[0].parameters = 2;

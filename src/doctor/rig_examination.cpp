@@ -25,12 +25,15 @@ constexpr double kBadWindowRatio = 2.2;    ///< the same for the median of one w
 constexpr double kSmallestShare = 0.004;   ///< of the person's size: less is no fault
 constexpr double kExplains = 0.65;         ///< share of the residual that an explanation may leave
 constexpr int kManyParameters = 3;
+constexpr double kTakesMost = 0.35;  ///< share of the residual that is left by an explanation that is not near
 constexpr double kNearExpected = 4.0, kNearShare = 0.04;  ///< of the expectation; of the person's size
 constexpr double kNoHarm = 1.3;                           ///< ratio of residuals with and without an explanation
 constexpr double kWholeRigExplains = 0.5;                 ///< the same for an explanation of all cameras
 constexpr double kOtherPerson = 0.06;  ///< share of the person's size: a larger residual is another person
 constexpr double kMostWindows = 0.8;   ///< share of the windows: the fault holds all the time
 constexpr double kFewestWindows = 0.08;
+constexpr double kDoubtfulQuality = 0.008;  ///< share of the person's size: mistakes with all cameras are tried
+constexpr double kLensOfAll = 0.75;         ///< share of the quality that another focal length of all may leave
 constexpr int kMostCamerasTriedAlone = 4;
 constexpr double kSmallestDelay = 0.75;  ///< rows
 constexpr double kDelayExplains = 0.8;
@@ -50,7 +53,7 @@ class RigExaminer {
     result_.faulty.assign(seen_.cameras.size(), false);
     result_.nominal = find_consensus(seen_, result_.views, result_.person);
     result_.explained.assign(seen_.cameras.size(), 0.0);
-    if (!result_.nominal.found) explain_whole_rig();
+    if (!result_.nominal.found || result_.nominal.quality > kDoubtfulQuality) explain_whole_rig();
     if (!result_.nominal.found) {
       add("", faults::kDisagrees, Severity::fault,
           fmt::format("the best cameras differ by {} of the person's size", percent(result_.nominal.quality)),
@@ -136,7 +139,7 @@ class RigExaminer {
     accept(*best, before);
   }
 
-  void accept(const RigGuess& guess, double before) {
+  void accept(const RigGuess& guess, double before, Severity severity = Severity::fault) {
     result_.views = guess.views;
     result_.nominal = find_consensus(seen_, result_.views, result_.person);
     const std::string figure = fmt::format(
@@ -146,7 +149,7 @@ class RigExaminer {
       add_swap(guess.cameras[0], guess.cameras[1], figure);
       return;
     }
-    add(guess.camera, guess.fault, Severity::fault, figure, guess.advice);
+    add(guess.camera, guess.fault, severity, figure, guess.advice);
     for (const int c : guess.cameras) result_.faulty[as_size(c)] = true;
     result_.whole_rig_faulty = guess.cameras.empty();
   }
@@ -193,7 +196,8 @@ class RigExaminer {
       if (any) consider(std::move(guess), best);
     }
     const double before = consensus_quality(seen_, result_.views, result_.person);
-    if (best && best->quality < kWholeRigExplains * before && before > 2.0 * kSmallestShare) accept(*best, before);
+    if (best && best->quality < kLensOfAll * before)
+      accept(*best, before, best->quality < kWholeRigExplains * before ? Severity::fault : Severity::warning);
   }
 
   // ---- one camera ----
@@ -279,10 +283,11 @@ class RigExaminer {
     return residual(explanation.view) < kNoHarm * residual(result_.views[as_size(c)]);
   }
 
-  /// A pose that is fitted freely lowers the residual of any points, so it must bring them near what is expected.
+  /// Any mistake that is supposed lowers the residual of any points a little, so it must bring them near what is
+  /// expected, or take most of the residual away.
   static bool explains(const Explanation& explanation, double before, double expected) {
-    const bool near = explanation.parameters < kManyParameters ||
-                      explanation.residual < std::max(kNearExpected * expected, kNearShare);
+    const bool near = explanation.residual < std::max(kNearExpected * expected, kNearShare) ||
+                      (explanation.parameters < kManyParameters && explanation.residual < kTakesMost * before);
     return near && explanation.residual < kExplains * before;
   }
 

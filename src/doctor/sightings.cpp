@@ -242,17 +242,21 @@ class SightingsReader {
       return;
     }
     std::vector<People> frames;
-    long missing = 0;
+    std::vector<bool> there;
     try {
       for (const long row : rows) {
         const auto people = reader->people(clock.frame(row));
-        missing += !people;
+        there.push_back(people.has_value());
         frames.push_back(people.value_or(People()));
       }
     } catch (const Error& error) {
       add_unreadable(seen_.cameras[c], error, findings_);
     }
     frames.resize(rows.size());
+    // The first and last rows may lie outside of the recording.
+    const auto first = std::find(there.begin(), there.end(), true);
+    const auto last = std::find(there.rbegin(), there.rend(), true).base();
+    const long missing = first == there.end() ? static_cast<long>(there.size()) : std::count(first, last, false);
     if (10 * missing > static_cast<long>(rows.size()))
       findings_.push_back({seen_.cameras[c].name, faults::kNoKeypoints,
                            2 * missing > static_cast<long>(rows.size()) ? Severity::fault : Severity::warning,

@@ -117,20 +117,13 @@ class ViewProblem : public LeastSquaresProblem {
 
 /// The observations behind residuals, at most kMostPoints of them.
 std::vector<ViewProblem::Observation> observations_of(const Sightings& seen, const SupposedView& view,
-                                                      const BodyTrack& body, const ViewResiduals& residuals,
-                                                      const ChosenInstants& chosen) {
+                                                      const BodyTrack& body, const ViewResiduals& residuals) {
   std::vector<ViewProblem::Observation> found;
-  std::vector<double> delay_of(as_size(seen.num_instants()), view.delay);
-  for (std::size_t i = 0; i < chosen.instants.size(); ++i) {
-    double& delay = delay_of[as_size(chosen.instants[i])];
-    delay += view.drift * (chosen.instants[i] - 0.5 * seen.num_instants());
-    if (!view.steps.empty()) delay += view.steps[as_size(chosen.window[i])];
-  }
   const std::size_t stride = 1 + residuals.shares.size() / kMostPoints;
   for (std::size_t i = 0; i < residuals.shares.size(); i += stride) {
     const int instant = residuals.instant[i], seen_as = residuals.point[i];
     const int k = view.sides_swapped ? seen.mirrored[as_size(seen_as)] : seen_as;
-    const Vector3d point = body.later(seen, instant, delay_of[as_size(instant)], k);
+    const Vector3d point = body.later(seen, instant, view.delay_at(seen, instant, residuals.window[i]), k);
     if (!point.allFinite()) continue;
     const auto projected = view.pixel(point);
     // The pixel of the nearest detection: residuals hold it relative to the projection.
@@ -151,7 +144,7 @@ SupposedView fit_view(const Sightings& seen, int camera, SupposedView view, cons
     const ViewResiduals residuals = residuals_of(seen, camera, view, body, chosen);
     if (residuals.shares.size() < 6) return view;
     ViewProblem problem(view, parts, seen.size[as_size(camera)]);
-    problem.observations = observations_of(seen, view, body, residuals, chosen);
+    problem.observations = observations_of(seen, view, body, residuals);
     problem.kernel = std::clamp(3.0 * median(residuals.shares), kNarrowestKernel, kWidestKernel);
     VectorXd state = VectorXd::Zero(parts.parameters());
     minimise(problem, state);

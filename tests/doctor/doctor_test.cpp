@@ -214,7 +214,7 @@ std::vector<Planted> planted_faults() {
     p.save();
   });
   plant("aimed beside the person", "out_of_view", "5", kFiles, [](Patient& p) {
-    const double shift = 0.42 * width_of(p), width = width_of(p);
+    const double shift = 0.48 * width_of(p), width = width_of(p);
     change_camera(p, 5, [=](Camera& camera) { camera.K(0, 2) += shift; });
     change_people(p, 5, [=](long, std::vector<Numbers>& people) {
       for (Numbers& numbers : people)
