@@ -179,9 +179,13 @@ double share_of_flips(const Sightings& seen, int camera, const SupposedView& vie
 void examine_sides(const Sightings& seen, const RigExamination& rig, const BodyMeasurer& measurer,
                    std::vector<Finding>& findings) {
   for (int c = 0; c < seen.num_cameras(); ++c) {
-    if (rig.faulty[as_size(c)]) continue;
+    const auto unexplained = std::find_if(findings.begin(), findings.end(), [&](const Finding& finding) {
+      return finding.camera == seen.cameras[as_size(c)].name && finding.fault == faults::kDisagrees;
+    });
+    if (rig.faulty[as_size(c)] && unexplained == findings.end()) continue;
     const double share = share_of_flips(seen, c, rig.views[as_size(c)], rig.nominal.body);
     if (share < kFlipWarning) continue;
+    if (unexplained != findings.end()) findings.erase(unexplained);  // this explains it
     add_finding(findings, seen.cameras[as_size(c)].name, faults::kLeftRight,
                 share > kFlipFault ? Severity::fault : Severity::warning,
                 fmt::format("left and right are exchanged in {:.0f} % of the frames", 100.0 * share),

@@ -27,6 +27,7 @@ constexpr double kPricePerParameter = 0.04;  ///< log of the residual that a fit
 constexpr double kFloorOfChoice = 0.0015;    ///< shares below this do not differ
 constexpr int kLongestDelay = 60;            ///< rows
 constexpr int kFitInstants = 120;
+constexpr int kStepParameters = 10;     ///< a step in each window is worth about as many numbers
 constexpr double kLongestFactor = 2.5;  ///< of the focal length, in the search
 
 class Mistakes {
@@ -357,7 +358,7 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
   all[0].advice = "Correct the camera's rate with `camera_fps`: it films at another rate than the capture says.";
   all[1].view = steps;
   all[1].fault = faults::kFrameDrops;
-  all[1].parameters = 4;
+  all[1].parameters = kStepParameters;
   const auto [low, high] = std::minmax_element(steps.steps.begin(), steps.steps.end());
   all[1].what = fmt::format("its offset jumps during the recording, between {:.3g} and {:.3g} rows", *low, *high);
   all[1].advice =

@@ -17,6 +17,7 @@ constexpr double kOnMaskWarning = 0.95, kOnMaskFault = 0.85;  ///< share of the 
 constexpr double kOnMaskBad = 0.7;                            ///< the same, whatever others have
 constexpr double kBelowOthers = 0.04;                         ///< by which it must lie below the other cameras
 constexpr double kMarginWarning = 0.06, kMarginFault = 0.1;   ///< sizes of the person, against the other cameras
+constexpr double kSideways = 0.5;  ///< weight of the margins left and right, which depend on the pose
 constexpr double kMaskSpread = 4.0;
 constexpr double kFlickerShare = 0.04;                          ///< of the mask's area: more is flicker
 constexpr double kFlickerTimes = 3.0;                           ///< of what the other cameras have in the same frames
@@ -135,15 +136,17 @@ class MaskJudge {
       }
       const AgainstOthers against = against_others(values, c);
       if (against.others < 2 || std::abs(against.difference) < kMaskSpread * against.spread) continue;
-      if (std::abs(against.difference) <= std::abs(largest)) continue;
-      largest = against.difference;
+      const double difference = (s % 2 == 0 ? kSideways : 1.0) * against.difference;
+      if (std::abs(difference) <= std::abs(largest)) continue;
+      largest = difference;
       side = s;
     }
     if (std::abs(largest) < kMarginWarning) return;
     static constexpr std::array<const char*, 4> kSides{"left", "top", "right", "bottom"};
     add(c, faults::kWrongMasks, std::abs(largest) > kMarginFault ? Severity::fault : Severity::warning,
         fmt::format("its masks reach {:.0f} % of the person's size {} at the {} than those of the other cameras",
-                    100.0 * std::abs(largest), largest > 0.0 ? "further" : "less far", kSides[side]),
+                    100.0 * std::abs(largest) / (side % 2 == 0 ? kSideways : 1.0),
+                    largest > 0.0 ? "further" : "less far", kSides[side]),
         "Make the masks of this camera again: they are of another size, shifted, or contain a shadow or another "
         "object.");
   }

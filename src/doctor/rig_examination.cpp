@@ -26,14 +26,15 @@ constexpr double kSmallestShare = 0.004;   ///< of the person's size: less is no
 constexpr double kExplains = 0.65;         ///< share of the residual that an explanation may leave
 constexpr int kManyParameters = 3;
 constexpr double kTakesMost = 0.35;  ///< share of the residual that is left by an explanation that is not near
-constexpr double kNearExpected = 4.0, kNearShare = 0.04;  ///< of the expectation; of the person's size
-constexpr double kNoHarm = 1.3;                           ///< ratio of residuals with and without an explanation
-constexpr double kWholeRigExplains = 0.5;                 ///< the same for an explanation of all cameras
+constexpr double kNearExpected = 4.0, kNearShare = 0.04;     ///< of the expectation; of the person's size
+constexpr double kExactExplains = 0.2, kLargestRest = 0.05;  ///< of the residual; of the person's size
+constexpr double kTimeGain = 0.7;                            ///< ratio of what a changing and a constant offset leave
+constexpr double kNoHarm = 1.3;                              ///< ratio of residuals with and without an explanation
+constexpr double kWholeRigExplains = 0.5;                    ///< the same for an explanation of all cameras
 constexpr double kOtherPerson = 0.06;  ///< share of the person's size: a larger residual is another person
 constexpr double kMostWindows = 0.8;   ///< share of the windows: the fault holds all the time
 constexpr double kFewestWindows = 0.08;
 constexpr double kDoubtfulQuality = 0.008;  ///< share of the person's size: mistakes with all cameras are tried
-constexpr double kLensOfAll = 0.75;         ///< share of the quality that another focal length of all may leave
 constexpr int kMostCamerasTriedAlone = 4;
 constexpr double kSmallestDelay = 0.75;  ///< rows
 constexpr double kDelayExplains = 0.8;
@@ -139,7 +140,7 @@ class RigExaminer {
     accept(*best, before);
   }
 
-  void accept(const RigGuess& guess, double before, Severity severity = Severity::fault) {
+  void accept(const RigGuess& guess, double before) {
     result_.views = guess.views;
     result_.nominal = find_consensus(seen_, result_.views, result_.person);
     const std::string figure = fmt::format(
@@ -149,7 +150,7 @@ class RigExaminer {
       add_swap(guess.cameras[0], guess.cameras[1], figure);
       return;
     }
-    add(guess.camera, guess.fault, severity, figure, guess.advice);
+    add(guess.camera, guess.fault, Severity::fault, figure, guess.advice);
     for (const int c : guess.cameras) result_.faulty[as_size(c)] = true;
     result_.whole_rig_faulty = guess.cameras.empty();
   }
@@ -196,8 +197,7 @@ class RigExaminer {
       if (any) consider(std::move(guess), best);
     }
     const double before = consensus_quality(seen_, result_.views, result_.person);
-    if (best && best->quality < kLensOfAll * before)
-      accept(*best, before, best->quality < kWholeRigExplains * before ? Severity::fault : Severity::warning);
+    if (best && best->quality < kWholeRigExplains * before) accept(*best, before);
   }
 
   // ---- one camera ----
@@ -247,26 +247,33 @@ class RigExaminer {
         residuals_of(seen_, c, result_.views[as_size(c)], body, chosen).mean_of_windows(seen_.windows.size());
     const std::vector<Explanation> explanations = explain_camera(seen_, c, body, chosen);
     const Explanation best = best_of(explanations, before, expected);
-    if (explains(best, before, expected) && (!part || holds_always(c, best, body, windows))) {
+    const bool always = explains(best, before, expected) && (!part || holds_always(c, best, body, windows));
+    if (always && best.fault != faults::kOutOfSync) {
       judge(c, BadWindows(), best, before, expected);
       return;
     }
     const ChosenInstants all = instants_of(seen_, windows.all);
     const Explanation by_time = best_of(explain_by_time(seen_, c, body, all), residual, expected);
     const bool time_explains = explains(by_time, residual, expected) &&
-                               (best.fault == faults::kOutOfSync || !explains(best, before, expected) ||
-                                by_time.residual / residual < best.residual / before);
+                               (!explains(best, before, expected) ||
+                                by_time.residual / residual < (always ? kTimeGain : 1.0) * best.residual / before);
     if (time_explains)
       judge(c, BadWindows(), by_time, residual, expected);
     else
-      judge(c, part ? windows : BadWindows(), best, before, expected);
+      judge(c, part && !always ? windows : BadWindows(), best, before, expected);
   }
 
-  /// The best of those that explain the residual, or of all if none does.
+  /// The best of those that explain the residual, or of all if none does. A mistake without fitted numbers that takes
+  /// nearly all of the residual away is no coincidence, and what it leaves are small errors of the calibration.
   static Explanation best_of(const std::vector<Explanation>& explanations, double before, double expected) {
-    std::vector<Explanation> good;
-    std::copy_if(explanations.begin(), explanations.end(), std::back_inserter(good),
-                 [&](const Explanation& explanation) { return explains(explanation, before, expected); });
+    std::vector<Explanation> good, exact;
+    for (const Explanation& explanation : explanations) {
+      if (explains(explanation, before, expected)) good.push_back(explanation);
+      if (explanation.parameters == 0 &&
+          explanation.residual < std::min(kExactExplains * before, kLargestRest + expected))
+        exact.push_back(explanation);
+    }
+    if (!exact.empty()) return *best_explanation(exact);
     return *best_explanation(good.empty() ? explanations : good);
   }
 

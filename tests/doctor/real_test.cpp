@@ -28,8 +28,15 @@ class RealDoctor : public support::SharedFolderTest {
  protected:
   /// Links to all files of a capture, with a capture.yaml of its own.
   Patient patient_of(const std::string& name) {
-    fs::copy(shared_ / "captures" / name, folder_ / name,
-             fs::copy_options::recursive | fs::copy_options::create_symlinks);
+    const fs::path original = shared_ / "captures" / name;
+    fs::create_directories(folder_ / name);
+    for (const auto& entry : fs::recursive_directory_iterator(original)) {
+      const fs::path copy = folder_ / name / entry.path().lexically_relative(original);
+      if (entry.is_directory())
+        fs::create_directories(copy);
+      else
+        fs::create_symlink(entry.path(), copy);
+    }
     Capture capture = name == "p2s" ? guess_capture(read_folder(folder_ / name)).capture : find_capture(folder_ / name);
     write_capture(folder_ / name / "capture.yaml", capture);
     return Patient(folder_ / name);
