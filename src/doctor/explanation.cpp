@@ -27,6 +27,7 @@ constexpr double kPricePerParameter = 0.04;  ///< log of the residual that a fit
 constexpr double kFloorOfChoice = 0.0015;    ///< shares below this do not differ
 constexpr int kLongestDelay = 60;            ///< rows
 constexpr int kFitInstants = 120;
+constexpr double kLargestDrift = 0.32;  ///< rows per row, in the search
 constexpr int kStepParameters = 10;     ///< a step in each window is worth about as many numbers
 constexpr double kLongestFactor = 2.5;  ///< of the focal length, in the search
 
@@ -326,6 +327,49 @@ std::vector<Explanation> explain_camera(const Sightings& seen, int camera, const
   return all;
 }
 
+namespace {
+
+/// A delay that grows in a line. The search begins at the line with the median slope of all pairs of windows (Theil and
+/// Sen) and at lines through a common start, and goes on in ever smaller steps.
+/// @param found row and delay of windows
+SupposedView growing_delay(const Sightings& seen, int camera, const SupposedView& nominal, const BodyTrack& body,
+                           const ChosenInstants& chosen, const std::vector<std::pair<double, double>>& found) {
+  const auto left_by = [&](const SupposedView& view) {
+    return residuals_of(seen, camera, view, body, chosen).mean_of_windows(seen.windows.size());
+  };
+  std::vector<double> slopes, starts;
+  for (std::size_t a = 0; a < found.size(); ++a)
+    for (std::size_t b = a + 1; b < found.size(); ++b)
+      if (found[a].first != found[b].first)
+        slopes.push_back((found[b].second - found[a].second) / (found[b].first - found[a].first));
+  SupposedView best = nominal;
+  best.drift = median(slopes);
+  for (const auto& [row, delay] : found) starts.push_back(delay - best.drift * row);
+  best.delay = median(starts);
+  double least = left_by(best);
+  const auto consider = [&](double delay, double drift) {
+    SupposedView view = nominal;
+    view.delay = delay;
+    view.drift = drift;
+    if (const double value = left_by(view); value < least) {
+      least = value;
+      best = view;
+    }
+  };
+  for (double drift = -kLargestDrift; drift <= kLargestDrift; drift += kLargestDrift / 16.0) consider(0.0, drift);
+  for (double step = 1.0; step > 0.1; step *= 0.5) {
+    const SupposedView from = best;
+    for (const double sign : {-1.0, 1.0}) {
+      consider(from.delay + sign * step, from.drift);
+      consider(from.delay, from.drift + sign * step * kLargestDrift / 16.0);
+      consider(from.delay - sign * step, from.drift + sign * step * kLargestDrift / 16.0);
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
 std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, const BodyTrack& body,
                                          const ChosenInstants& chosen) {
   SupposedView nominal;
@@ -342,16 +386,7 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
     found.emplace_back(seen.instants[as_size(part.instants[part.instants.size() / 2])].row, *delay);
   }
   std::vector<Explanation> all(2);
-  // The line through the delays with the median slope of all pairs (Theil and Sen).
-  std::vector<double> slopes, starts;
-  for (std::size_t a = 0; a < found.size(); ++a)
-    for (std::size_t b = a + 1; b < found.size(); ++b)
-      if (found[a].first != found[b].first)
-        slopes.push_back((found[b].second - found[a].second) / (found[b].first - found[a].first));
-  all[0].view = nominal;
-  all[0].view.drift = median(slopes);
-  for (const auto& [row, delay] : found) starts.push_back(delay - all[0].view.drift * row);
-  all[0].view.delay = median(starts);
+  all[0].view = growing_delay(seen, camera, nominal, body, chosen, found);
   all[0].fault = faults::kRollingOffset;
   all[0].parameters = 2;
   all[0].what = fmt::format("its offset grows by {:.3g} rows in 100", 100.0 * all[0].view.drift);

@@ -25,8 +25,9 @@ constexpr double kBadWindowRatio = 2.2;    ///< the same for the median of one w
 constexpr double kSmallestShare = 0.004;   ///< of the person's size: less is no fault
 constexpr double kExplains = 0.65;         ///< share of the residual that an explanation may leave
 constexpr int kManyParameters = 3;
-constexpr double kTakesMost = 0.35;  ///< share of the residual that is left by an explanation that is not near
-constexpr double kNearExpected = 4.0, kNearShare = 0.04;     ///< of the expectation; of the person's size
+constexpr double kTakesMost = 0.35;    ///< share of the residual that is left by an explanation that is not near
+constexpr double kNearExpected = 4.0;  ///< of the expectation, within these shares of the person's size
+constexpr double kNearShare = 0.04, kFarShare = 0.05;
 constexpr double kExactExplains = 0.2, kLargestRest = 0.05;  ///< of the residual; of the person's size
 constexpr double kTimeGain = 0.7;                            ///< ratio of what a changing and a constant offset leave
 constexpr double kNoHarm = 1.3;                              ///< ratio of residuals with and without an explanation
@@ -37,6 +38,8 @@ constexpr double kFewestWindows = 0.08;
 constexpr double kDoubtfulQuality = 0.008;  ///< share of the person's size: mistakes with all cameras are tried
 constexpr int kMostCamerasTriedAlone = 4;
 constexpr double kSmallestDelay = 0.75;  ///< rows
+constexpr double kSureDelay = 2.0;       ///< rows
+constexpr int kSearchedDelay = 15;       ///< rows
 constexpr double kDelayExplains = 0.8;
 /// Fitted faults that matter in any rig. Smaller ones are faults only where the other cameras are more precise.
 constexpr double kLargeZoom = 0.03, kLargeShift = 0.025;  ///< of the focal length; of the image's longer side
@@ -238,7 +241,7 @@ class RigExaminer {
     const BodyTrack body = body_without(c);
     const bool high = residual > std::max(kSuspectRatio * expected, kSmallestShare);
     if (!high && !windows.some()) {
-      examine_small_delay(c, body, residual);
+      examine_small_delay(c);
       return;
     }
     const bool part = windows.some() && !windows.always();
@@ -293,7 +296,7 @@ class RigExaminer {
   /// Any mistake that is supposed lowers the residual of any points a little, so it must bring them near what is
   /// expected, or take most of the residual away.
   static bool explains(const Explanation& explanation, double before, double expected) {
-    const bool near = explanation.residual < std::max(kNearExpected * expected, kNearShare) ||
+    const bool near = explanation.residual < std::clamp(kNearExpected * expected, kNearShare, kFarShare) ||
                       (explanation.parameters < kManyParameters && explanation.residual < kTakesMost * before);
     return near && explanation.residual < kExplains * before;
   }
@@ -408,19 +411,28 @@ class RigExaminer {
                              last.row, last.sequence + 1);
   }
 
-  /// A small delay hardly raises the residual, but lowers it when it is corrected.
-  void examine_small_delay(int c, const BodyTrack& body, double residual) {
+  /// A delay hardly raises the residual while the person moves little, but correcting it lowers the residual.
+  void examine_small_delay(int c) {
+    std::vector<int> others;
+    for (int other = 0; other < seen_.num_cameras(); ++other)
+      if (other != c && !result_.faulty[as_size(other)]) others.push_back(other);
+    if (others.size() < 2) return;
     const ChosenInstants all = all_instants(seen_);
+    const BodyTrack body = SightTable(seen_, result_.views, result_.person, all).triangulate(others, all);
     const SupposedView& nominal = result_.views[as_size(c)];
-    const auto delay = find_delay(seen_, c, nominal, body, all, 3);
+    const double before = residuals_of(seen_, c, nominal, body, all).mean_of_windows(seen_.windows.size());
+    const auto delay = find_delay(seen_, c, nominal, body, all, kSearchedDelay);
     if (!delay || std::abs(*delay) < kSmallestDelay) return;
     SupposedView view = nominal;
     view.delay = *delay;
     const double after = residuals_of(seen_, c, view, body, all).mean_of_windows(seen_.windows.size());
-    if (after > kDelayExplains * residual) return;
-    add(seen_.cameras[as_size(c)].name, faults::kOutOfSync, Severity::warning,
-        fmt::format("its keypoints are {} of the person's size off, {} if its frames are {:.2g} rows late",
-                    percent(residual), percent(after), *delay),
+    if (after > kDelayExplains * before) return;
+    add(seen_.cameras[as_size(c)].name, faults::kOutOfSync,
+        std::abs(*delay) >= kSureDelay ? Severity::fault : Severity::warning,
+        fmt::format(
+            "its keypoints are {} of the person's size off, {} if its frames show the person {:.2g} rows later than "
+            "they should",
+            percent(before), percent(after), *delay),
         "Correct `frame_offset` of this camera by this number of frames.");
     result_.views[as_size(c)] = view;
   }
