@@ -16,7 +16,8 @@ figure() {
     cut -d: -f2 | xargs -r printf "%.$4f"
 }
 
-# spread DIGITS: mean and largest distance from the mean of the numbers on standard input, one a line
+# spread DIGITS: mean and largest distance from the mean of the numbers on standard input, one a line; one number alone
+# is printed as such
 spread() {
   awk -v digits="$1" '
     NF == 0 { missing = 1 }
@@ -24,6 +25,7 @@ spread() {
     END {
       if (missing || NR == 0) { printf "missing"; exit }
       mean = sum / NR
+      if (NR == 1) { printf "%.*f", digits, mean; exit }
       for (i in x) { e = x[i] - mean; if (e < 0) e = -e; if (e > widest) widest = e }
       printf "%.*f ± %.*f", digits, mean, digits, widest
     }'

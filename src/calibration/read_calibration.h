@@ -15,6 +15,10 @@ namespace doppel {
 /// with another value; Camera::faults checks every camera
 Calibration load_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
 
+/// The rotation that turns the axis `up` of a file's world to +y: the program's world from the file's.
+/// @param up "+x" ... "-z" @throws UsageError for another word
+Eigen::Matrix3d y_up_from_file(const std::string& up);
+
 /// Whether a file or a folder is of one of the formats.
 bool is_calibration(const std::filesystem::path& path);
 

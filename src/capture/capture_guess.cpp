@@ -386,7 +386,7 @@ class Guesser {
       } else {
         missing(
             "sequence {} has no masks; without them the outline does not count. Add masks (a folder `masks`), or film "
-            "the empty scene (a folder `empty`) and run this command again",
+            "the empty scene (a folder `empty`) and run this command again, or find them with `doppel detect --masks`",
             entry.name);
       }
     }

@@ -9,7 +9,7 @@
 namespace doppel {
 
 struct MaskAgreement {
-  double share = 0.75;  ///< of the other views that see a point; so many must have it on their masks
+  double share = 0.5;   ///< of the other views that see a point; so many must have it on their masks
   int tolerance = 3;    ///< pixels: a point that near to a mask is on the mask
   double step = 0.01;   ///< between tested points of a ray, metres
   double radius = 1.5;  ///< of the tested ball around the person, metres

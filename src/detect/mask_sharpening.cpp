@@ -8,17 +8,18 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/detect/repeated_chroma.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr int kPerson = 128;                          // probability 1/2
-constexpr double kCellsOfPerson = 200;                // a person is about that high in BlazePose's mask
 constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, the network is right
 constexpr std::array kWindows{2.3, 1.15, 1.15, 0.6};  // cells, of the passes
 constexpr int kFinePasses = 2;
-constexpr float kDeviation = 8;  // of colours, levels of 255
+constexpr double kSmallestPart = 16, kSmallestHole = 4;  // squared cells
+constexpr float kDeviation = 8;                          // of colours, levels of 255
 constexpr float kLargestLogit = 4;
 constexpr float kBrightnessWeight = 0.15f;           // squared: brightness counts 0.4 of other differences
 constexpr float kLeastSupport = 1e-3f;               // share of a window
@@ -49,30 +50,51 @@ cv::Mat disc(double radius) {
   return cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * whole + 1, 2 * whole + 1});
 }
 
-struct LocalMean {
-  cv::Mat value;    ///< float
-  cv::Mat support;  ///< float: share of the window that counted
-};
-
-/// The Gaussian mean of the values where `counted` is not 0. Large windows are computed at a lower resolution.
-LocalMean local_mean(const cv::Mat& values, const cv::Mat& counted, double window) {
-  int shrink = 1;
-  while (window / shrink >= 4) shrink *= 2;
-  const cv::Size size(std::max(1, values.cols / shrink), std::max(1, values.rows / shrink));
-  LocalMean mean{cv::Mat::zeros(values.size(), values.type()), {}};
-  values.copyTo(mean.value, counted);
-  counted.convertTo(mean.support, CV_32F, 1.0 / 255.0);
-  for (cv::Mat* part : {&mean.value, &mean.support}) {
-    cv::Mat small;
-    cv::resize(*part, small, size, 0, 0, cv::INTER_AREA);
-    cv::GaussianBlur(small, small, {}, window / shrink);
-    cv::resize(small, *part, values.size(), 0, 0, cv::INTER_LINEAR);
+/// The Gaussian means of the values near to each pixel, where `counted` is not 0. Large windows are stored at a lower
+/// resolution.
+class LocalMean {
+ public:
+  LocalMean() = default;
+  LocalMean(const cv::Mat& values, const cv::Mat& counted, double window) {
+    while (window / shrink_ >= 4) shrink_ *= 2;
+    const cv::Size size(std::max(1, values.cols / shrink_), std::max(1, values.rows / shrink_));
+    scale_ = {static_cast<float>(size.width) / static_cast<float>(values.cols),
+              static_cast<float>(size.height) / static_cast<float>(values.rows)};
+    sums_ = cv::Mat::zeros(values.size(), values.type());
+    values.copyTo(sums_, counted);
+    counted.convertTo(support_, CV_32F, 1.0 / 255.0);
+    for (cv::Mat* part : {&sums_, &support_}) {
+      if (shrink_ > 1) cv::resize(*part, *part, size, 0, 0, cv::INTER_AREA);
+      cv::GaussianBlur(*part, *part, {}, window / shrink_);
+    }
   }
-  cv::Mat divisor = cv::max(mean.support, 1e-6f);
-  if (values.channels() > 1) cv::merge(std::vector<cv::Mat>(as_size(values.channels()), divisor), divisor);
-  cv::divide(mean.value, divisor, mean.value);
-  return mean;
-}
+
+  /// @return false where too little of the window counts
+  template <typename Value>
+  bool at(int row, int column, Value& mean) const {
+    const float support = interpolate<float>(support_, row, column);
+    if (support < kLeastSupport) return false;
+    mean = interpolate<Value>(sums_, row, column) * (1.0f / support);
+    return true;
+  }
+
+ private:
+  template <typename Value>
+  Value interpolate(const cv::Mat& grid, int row, int column) const {
+    if (shrink_ == 1) return grid.at<Value>(row, column);
+    const float x = std::clamp((static_cast<float>(column) + 0.5f) * scale_[0] - 0.5f, 0.0f, grid.cols - 1.0f);
+    const float y = std::clamp((static_cast<float>(row) + 0.5f) * scale_[1] - 0.5f, 0.0f, grid.rows - 1.0f);
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    const int right = std::min(left + 1, grid.cols - 1), bottom = std::min(top + 1, grid.rows - 1);
+    const float u = x - static_cast<float>(left), v = y - static_cast<float>(top);
+    return (grid.at<Value>(top, left) * (1 - u) + grid.at<Value>(top, right) * u) * (1 - v) +
+           (grid.at<Value>(bottom, left) * (1 - u) + grid.at<Value>(bottom, right) * u) * v;
+  }
+
+  int shrink_ = 1;
+  cv::Vec2f scale_;
+  cv::Mat sums_, support_;  ///< float
+};
 
 /// log(p / (1 - p)) of a mask's value.
 std::array<float, 256> logits() {
@@ -103,17 +125,14 @@ class Outline {
   }
 
   void refine(const Pass& pass) {
-    cv::Mat inside, outside;
-    cv::erode(mask_, inside, disc(pass.inset));
-    cv::dilate(mask_, outside, disc(pass.offset));
-    outside = ~outside;
-    person_ = local_mean(image_, inside, pass.person_window);
-    background_ = local_mean(image_, outside, pass.background_window);
-    if (!known_.empty()) shade_ = local_mean(ratio_, outside & known_, std::max(3.0, pass.background_window));
-    cv::Mat band, core;
-    cv::dilate(mask_, band, disc(pass.reach));
-    cv::erode(mask_, core, disc(pass.reach));
-    band &= ~core & near_ & ~sure_;
+    cv::Mat to_background, to_person;  // distances, 0 on the background or on the person itself
+    cv::distanceTransform(mask_, to_background, cv::DIST_L2, cv::DIST_MASK_5);
+    cv::distanceTransform(~mask_, to_person, cv::DIST_L2, cv::DIST_MASK_5);
+    const cv::Mat inside = to_background > pass.inset, outside = to_person > pass.offset;
+    person_ = LocalMean(image_, inside, pass.person_window);
+    background_ = LocalMean(image_, outside, pass.background_window);
+    if (!known_.empty()) shade_ = LocalMean(ratio_, outside & known_, std::max(3.0, pass.background_window));
+    const cv::Mat band = (to_person <= pass.reach) & (to_background <= pass.reach) & near_ & ~sure_;
     for (int row = 0; row < mask_.rows; ++row) decide(row, band, pass.coverage);
   }
 
@@ -122,23 +141,20 @@ class Outline {
  private:
   /// The background's colour at a pixel. @return false where it cannot be told
   bool background_at(int row, int column, cv::Vec3f& colour) const {
-    if (!known_.empty() && known_.at<std::uint8_t>(row, column) != 0) {
-      const bool shaded = shade_.support.at<float>(row, column) >= kLeastSupport;
-      colour = learnt_.at<cv::Vec3f>(row, column) * (shaded ? shade_.value.at<float>(row, column) : 1.0f);
-      return true;
-    }
-    colour = background_.value.at<cv::Vec3f>(row, column);
-    return background_.support.at<float>(row, column) >= kLeastSupport;
+    if (known_.empty() || known_.at<std::uint8_t>(row, column) == 0) return background_.at(row, column, colour);
+    float shade = 1.0f;
+    shade_.at(row, column, shade);
+    colour = learnt_.at<cv::Vec3f>(row, column) * shade;
+    return true;
   }
 
   void decide(int row, const cv::Mat& band, float coverage) {
     static const std::array<float, 256> kLogits = logits();
     for (int column = 0; column < mask_.cols; ++column) {
       if (band.at<std::uint8_t>(row, column) == 0) continue;
-      cv::Vec3f background;
-      if (person_.support.at<float>(row, column) < kLeastSupport || !background_at(row, column, background)) continue;
-      const cv::Vec3f seen = image_.at<cv::Vec3f>(row, column) - background;
-      const cv::Vec3f contrast = person_.value.at<cv::Vec3f>(row, column) - background;
+      cv::Vec3f background, body;
+      if (!person_.at(row, column, body) || !background_at(row, column, background)) continue;
+      const cv::Vec3f seen = image_.at<cv::Vec3f>(row, column) - background, contrast = body - background;
       const float squared = std::max(kLeastContrast, product(contrast, contrast));
       const float logit = kLogits[probability_.at<std::uint8_t>(row, column)];
       const bool person = product(seen, contrast) >= coverage * squared - kDeviation * kDeviation * logit;
@@ -169,46 +185,7 @@ void drop_small_parts(cv::Mat& mask, std::uint8_t side, double area) {
         mask.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(255 - side);
 }
 
-/// Whether the values in each block of 2 x 2 pixels are equal, or nearly so after the conversion of colours, while
-/// those of neighbouring blocks differ. @param chroma [2] of an even size
-bool is_repeated(const cv::Mat& chroma) {
-  double within = 0, between = 0;
-  for (int row = 0; row + 2 < chroma.rows; row += 2)
-    for (int column = 0; column + 2 < chroma.cols; column += 2) {
-      const cv::Vec2b &a = chroma.at<cv::Vec2b>(row, column), &b = chroma.at<cv::Vec2b>(row + 1, column + 1),
-                      &c = chroma.at<cv::Vec2b>(row + 2, column + 2);
-      for (int k = 0; k < 2; ++k) {
-        within += std::abs(a[k] - b[k]);
-        between += std::abs(b[k] - c[k]);
-      }
-    }
-  return within < 0.2 * between;
-}
-
 }  // namespace
-
-double mask_cell(const cv::Mat& person) {
-  const cv::Rect box = cv::boundingRect(person);
-  return std::max(1.0, std::max(box.width, box.height) / kCellsOfPerson);
-}
-
-cv::Mat smooth_repeated_chroma(const cv::Mat& image) {
-  const cv::Rect even(0, 0, image.cols / 2 * 2, image.rows / 2 * 2);
-  if (even.width < 4 || even.height < 4) return image;
-  std::array<cv::Mat, 2> parts;  // brightness and chroma
-  cv::Mat converted;
-  cv::cvtColor(image(even), converted, cv::COLOR_BGR2YCrCb);
-  parts[0].create(even.size(), CV_8U);
-  parts[1].create(even.size(), CV_8UC2);
-  cv::mixChannels(&converted, 1, parts.data(), 2, std::array{0, 0, 1, 1, 2, 2}.data(), 3);
-  if (!is_repeated(parts[1])) return image;
-  cv::Mat half, result = image.clone();
-  cv::resize(parts[1], half, even.size() / 2, 0, 0, cv::INTER_AREA);
-  cv::resize(half, parts[1], even.size(), 0, 0, cv::INTER_LINEAR);
-  cv::merge(parts.data(), parts.size(), converted);
-  cv::cvtColor(converted, result(even), cv::COLOR_YCrCb2BGR);
-  return result;
-}
 
 cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const StaticBackground& background) {
   if (image.type() != CV_8UC3 || probability.type() != CV_8U || image.size() != probability.size() || image.empty())
@@ -231,8 +208,8 @@ cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const Sta
   for (int i = 0; i < kFinePasses; ++i) outline.refine(fine_pass());
   cv::Mat mask = result(box);
   outline.mask().copyTo(mask);
-  drop_small_parts(mask, 255, 16 * cell * cell);
-  drop_small_parts(mask, 0, 4 * cell * cell);
+  drop_small_parts(mask, 255, kSmallestPart * cell * cell);
+  drop_small_parts(mask, 0, kSmallestHole * cell * cell);
   return result;
 }
 

@@ -51,9 +51,10 @@ TEST_F(RealRawVideo, IsTrackedWithoutKeypointsAndMasks) {
   const MotionDifference raw = track(BlazePoseModel::full), files = track(std::nullopt);
   RecordProperty("raw_aligned_mm", std::to_string(raw.aligned_landmarks_mm));
   RecordProperty("files_aligned_mm", std::to_string(files.aligned_landmarks_mm));
-  ASSERT_TRUE(raw.poses && files.poses);
-  // The files have 1.5 px of noise and exact masks; BlazePose's points are not those of the skeleton either.
-  EXPECT_LT(raw.aligned_landmarks_mm, 2.0 * files.aligned_landmarks_mm) << files.aligned_landmarks_mm;
+  // 43 mm were measured. The files have keypoints and exact masks, but no 3D joints: the depth of limbs is a guess
+  // then.
+  EXPECT_LT(raw.aligned_landmarks_mm, 60.0);
+  EXPECT_LT(raw.aligned_landmarks_mm, files.aligned_landmarks_mm);
 }
 
 }  // namespace
