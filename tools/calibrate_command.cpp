@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "calibrate_subcommands.h"
 #include "command.h"
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/calibration/relative_intrinsics.h"
@@ -64,7 +65,7 @@ int convert(const ConvertArguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_calibrate(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("calibrate", "Convert camera calibrations");
+  CLI::App* app = program.add_subcommand("calibrate", "Make, mend and convert camera calibrations");
   app->require_subcommand(1);
   auto arguments = std::make_shared<ConvertArguments>();
   CLI::App* convert_app = app->add_subcommand("convert", "Write a calibration in another format");
@@ -78,8 +79,13 @@ Command add_calibrate(CLI::App& program) {
   convert_app->add_option("--up", arguments->up, "Axis of the file that points up, if it does not state it: +x ... -z");
   convert_app->add_option("--size", arguments->size, "WIDTHxHEIGHT of the images, if the file does not state it");
   convert_app->footer("Example: doppel calibrate convert Calib_qualisys.toml cameras.yml");
+  const std::vector<Command> others{add_calibrate_board(*app), add_calibrate_sync(*app), add_calibrate_refine(*app)};
   app->footer("Example: doppel calibrate convert colmap/sparse/0 cameras.yml");
-  return {app, [arguments](const CommonOptions& common) { return convert(*arguments, common); }};
+  return {app, [arguments, others](const CommonOptions& common) {
+            for (const Command& other : others)
+              if (other.app->parsed()) return other.run(common);
+            return convert(*arguments, common);
+          }};
 }
 
 }  // namespace doppel::tools

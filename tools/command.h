@@ -26,6 +26,7 @@ Command add_capture(CLI::App& program);
 Command add_character(CLI::App& program);
 Command add_prepare(CLI::App& program);
 Command add_detect(CLI::App& program);
+Command add_doctor(CLI::App& program);
 Command add_track(CLI::App& program);
 Command add_train(CLI::App& program);
 Command add_adapt(CLI::App& program);

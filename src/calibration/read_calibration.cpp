@@ -39,24 +39,6 @@ double metres_per(const std::string& unit) {
   fail<UsageError>("a calibration's unit is \"{}\"; allowed are m, cm and mm", unit);
 }
 
-/// The rotation that turns the axis `up` of a file's world to +y.
-Eigen::Matrix3d world_from_file(const std::string& up) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  if (up == "-y")
-    turn << 1, 0, 0, 0, -1, 0, 0, 0, -1;
-  else if (up == "+z")
-    turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  else if (up == "-z")
-    turn << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  else if (up == "+x")
-    turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  else if (up == "-x")
-    turn << 0, 1, 0, -1, 0, 0, 0, 0, 1;
-  else
-    fail<UsageError>("a calibration's up axis is \"{}\"; allowed are +x, -x, +y, -y, +z and -z", up);
-  return turn;
-}
-
 /// The largest distance between two cameras.
 double extent(const std::vector<Camera>& cameras) {
   std::vector<Eigen::Vector3d> centres;
@@ -115,7 +97,7 @@ void settle_up(Calibration& calibration, const std::string& wanted) {
                             calibration.up));
   }
   if (calibration.up == "+y" || calibration.up == "unknown") return;
-  const Eigen::Matrix3d turn = world_from_file(calibration.up);
+  const Eigen::Matrix3d turn = y_up_from_file(calibration.up);
   for (Camera& camera : calibration.cameras) camera.R = camera.R * turn.transpose();
 }
 
@@ -179,6 +161,24 @@ Calibration load_posed(const fs::path& path, const CalibrationOptions& options) 
 }
 
 }  // namespace
+
+Eigen::Matrix3d y_up_from_file(const std::string& up) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  if (up == "+y") return turn;
+  if (up == "-y")
+    turn << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+  else if (up == "+z")
+    turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  else if (up == "-z")
+    turn << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  else if (up == "+x")
+    turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  else if (up == "-x")
+    turn << 0, 1, 0, -1, 0, 0, 0, 0, 1;
+  else
+    fail<UsageError>("a calibration's up axis is \"{}\"; allowed are +x, -x, +y, -y, +z and -z", up);
+  return turn;
+}
 
 bool is_calibration(const fs::path& path) {
   const CalibrationSource source = open_source(path);

@@ -15,6 +15,10 @@ namespace doppel {
 /// with another value; Camera::faults checks every camera
 Calibration load_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
 
+/// The rotation that turns the axis `up` of a file's world to +y: the program's world from the file's.
+/// @param up "+x" ... "-z" @throws UsageError for another word
+Eigen::Matrix3d y_up_from_file(const std::string& up);
+
 /// Whether a file or a folder is of one of the formats.
 bool is_calibration(const std::filesystem::path& path);
 
@@ -27,8 +31,9 @@ std::vector<Camera> read_posed_cameras(const std::filesystem::path& path, const 
 std::vector<Camera> read_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
 
 /// Writes cameras. `format` is a name that `calibration_writers` lists; empty: by the extension, `.calibration`
-/// (Skeletool, mm) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Reading the file back gives the same doubles for
-/// these two, and doubles within rounding for the others. Formats of several files write a folder.
+/// (Skeletool, mm), `.toml` (metres) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Reading the file back gives the
+/// same doubles for Skeletool and OpenCV, and doubles within rounding for the others. Formats of several files write a
+/// folder.
 /// @throws Error for another format or extension, and for cameras that the format cannot hold
 void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras,
                        const std::string& format = "");

@@ -310,6 +310,7 @@ class TomlCalibration : public CalibrationFormat {
   Calibration read(const CalibrationSource& source) const override { return TomlReader(source.path).read(); }
 
   bool can_write() const override { return true; }
+  bool is_default_for(const std::string& extension) const override { return extension == ".toml"; }
   void write(const std::filesystem::path& path, const std::vector<Camera>& cameras) const override {
     std::string text;
     for (std::size_t i = 0; i < cameras.size(); ++i) text += toml_table(cameras[i], i + 1);

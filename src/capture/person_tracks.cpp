@@ -29,6 +29,8 @@ PeopleInCameras open_people(const Capture& capture, const SequenceEntry& sequenc
   return seen;
 }
 
+constexpr double kRoughResidual = 0.08;  // share of the image's height, of a point that agrees in a rough rig
+
 /// Who is followed. People may differ between cameras even if each camera found only one.
 std::vector<ChoiceOfFrame> choose(const PeopleInCameras& seen, const PointLayout& layout,
                                   const PersonChoiceOptions& options) {
@@ -54,20 +56,41 @@ CameraTrack track_of(const PeopleInCameras& seen, std::size_t c, const ChoiceOfF
   return track;
 }
 
-}  // namespace
-
-PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequence, const CaptureCameras& filmed) {
+PointLayout layout_of_tracks(const Capture& capture, const SequenceEntry& sequence) {
   if (sequence.keypoints.empty())
     fail("sequence {} of {} names no `keypoints`; `doppel detect` finds them (docs/detect.md)", sequence.name,
          capture.name);
-  const PointLayout layout = layout_of_keypoints(capture);
-  const PeopleInCameras seen = open_people(capture, sequence, filmed, layout);
-  const std::vector<ChoiceOfFrame> chosen = choose(seen, layout, capture.person_of(sequence));
+  return layout_of_keypoints(capture);
+}
+
+PointTracks tracks_of(const PeopleInCameras& seen, const std::vector<ChoiceOfFrame>& chosen, const PointLayout& layout,
+                      double fps) {
   PointTracks tracks;
   tracks.points = layout.points;
   for (std::size_t c = 0; c < seen.cameras.size(); ++c)
-    tracks.cameras.push_back(track_of(seen, c, chosen[c], capture.fps, layout.points.size()));
+    tracks.cameras.push_back(track_of(seen, c, chosen[c], fps, layout.points.size()));
   return tracks;
+}
+
+}  // namespace
+
+PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequence, const CaptureCameras& filmed) {
+  const PointLayout layout = layout_of_tracks(capture, sequence);
+  const PeopleInCameras seen = open_people(capture, sequence, filmed, layout);
+  return tracks_of(seen, choose(seen, layout, capture.person_of(sequence)), layout, capture.fps);
+}
+
+PointTracks read_tracks_of_rough_rig(const Capture& capture, const SequenceEntry& sequence,
+                                     const CaptureCameras& filmed) {
+  const PointLayout layout = layout_of_tracks(capture, sequence);
+  const PeopleInCameras seen = open_people(capture, sequence, filmed, layout);
+  PersonChoiceOptions options = capture.person_of(sequence);
+  options.max_residual = std::max(options.max_residual, kRoughResidual);
+  std::vector<ChoiceOfFrame> chosen = follow_if_several(seen, layout, options, {});
+  for (std::size_t c = 0; c < chosen.size(); ++c)
+    if (!chosen[c])
+      chosen[c] = [&, c](long frame) { return index_of_person(seen.people[c](frame).value_or(People())); };
+  return tracks_of(seen, chosen, layout, capture.fps);
 }
 
 PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequence) {

@@ -18,4 +18,9 @@ PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequ
 /// The same for cameras that were read before. @param filmed filmed_cameras(capture), or other values for these cameras
 PointTracks read_person_tracks(const Capture& capture, const SequenceEntry& sequence, const CaptureCameras& filmed);
 
+/// The same for a rig whose calibration or offsets are in doubt. Where no camera found several people, these are taken
+/// as they are. Otherwise the cameras need to agree only roughly, and each offset may be many frames off.
+PointTracks read_tracks_of_rough_rig(const Capture& capture, const SequenceEntry& sequence,
+                                     const CaptureCameras& filmed);
+
 }  // namespace doppel

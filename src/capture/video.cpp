@@ -87,6 +87,8 @@ class VideoReader : public FrameReader {
 
   const std::string& source() const override { return source_; }
 
+  std::optional<double> seconds() const override { return 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC); }
+
  private:
   void open() {
     bool opened = false;

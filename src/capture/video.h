@@ -24,6 +24,8 @@ class FrameReader {
   /// decoded to count
   virtual long num_frames(long expected) = 0;
   virtual const std::string& source() const = 0;
+  /// The time stamp of the image that was read last; nothing for images, which have none.
+  virtual std::optional<double> seconds() const { return std::nullopt; }
 };
 
 /// What a file of footage says of itself.

@@ -8,13 +8,13 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/detect/repeated_chroma.h"
 
 namespace doppel {
 
 namespace {
 
 constexpr int kPerson = 128;                          // probability 1/2
-constexpr double kCellsOfPerson = 200;                // a person is about that high in BlazePose's mask
 constexpr double kReach = 2.3;                        // cells: farther from the coarse outline, the network is right
 constexpr std::array kWindows{2.3, 1.15, 1.15, 0.6};  // cells, of the passes
 constexpr int kFinePasses = 2;
@@ -185,46 +185,7 @@ void drop_small_parts(cv::Mat& mask, std::uint8_t side, double area) {
         mask.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(255 - side);
 }
 
-/// Whether the values in each block of 2 x 2 pixels are equal, or nearly so after the conversion of colours, while
-/// those of neighbouring blocks differ. @param chroma [2] of an even size
-bool is_repeated(const cv::Mat& chroma) {
-  double within = 0, between = 0;
-  for (int row = 0; row + 2 < chroma.rows; row += 2)
-    for (int column = 0; column + 2 < chroma.cols; column += 2) {
-      const cv::Vec2b &a = chroma.at<cv::Vec2b>(row, column), &b = chroma.at<cv::Vec2b>(row + 1, column + 1),
-                      &c = chroma.at<cv::Vec2b>(row + 2, column + 2);
-      for (int k = 0; k < 2; ++k) {
-        within += std::abs(a[k] - b[k]);
-        between += std::abs(b[k] - c[k]);
-      }
-    }
-  return within < 0.2 * between;
-}
-
 }  // namespace
-
-double mask_cell(const cv::Mat& person) {
-  const cv::Rect box = cv::boundingRect(person);
-  return std::max(1.0, std::max(box.width, box.height) / kCellsOfPerson);
-}
-
-cv::Mat smooth_repeated_chroma(const cv::Mat& image) {
-  const cv::Rect even(0, 0, image.cols / 2 * 2, image.rows / 2 * 2);
-  if (even.width < 4 || even.height < 4) return image;
-  std::array<cv::Mat, 2> parts;  // brightness and chroma
-  cv::Mat converted;
-  cv::cvtColor(image(even), converted, cv::COLOR_BGR2YCrCb);
-  parts[0].create(even.size(), CV_8U);
-  parts[1].create(even.size(), CV_8UC2);
-  cv::mixChannels(&converted, 1, parts.data(), 2, std::array{0, 0, 1, 1, 2, 2}.data(), 3);
-  if (!is_repeated(parts[1])) return image;
-  cv::Mat half, result = image.clone();
-  cv::resize(parts[1], half, even.size() / 2, 0, 0, cv::INTER_AREA);
-  cv::resize(half, parts[1], even.size(), 0, 0, cv::INTER_LINEAR);
-  cv::merge(parts.data(), parts.size(), converted);
-  cv::cvtColor(converted, result(even), cv::COLOR_YCrCb2BGR);
-  return result;
-}
 
 cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const StaticBackground& background) {
   if (image.type() != CV_8UC3 || probability.type() != CV_8U || image.size() != probability.size() || image.empty())

@@ -18,20 +18,11 @@ namespace doppel {
 /// change it. This is repeated with smaller and smaller windows.
 ///
 /// @param image 8-bit BGR
-/// @param probability of the person times 255, 8-bit, size of the image. The outline may be off by 2 % of the person's
+/// @param probability of the person times 255, 8-bit, size of the image. The outline may be off by 1 % of the person's
 /// longer side, as with BlazePose
 /// @param background of this camera; not used for an image of another size
 /// @return 255 on the person, 0 elsewhere; specks and small holes are removed. Black if no probability reaches 128
 /// @throws UsageError for another type or size of the probability
 cv::Mat sharpen_mask(const cv::Mat& image, const cv::Mat& probability, const StaticBackground& background = {});
-
-/// The size of the smallest detail in a network's mask, pixels: a two-hundredth of the longer side of the person's
-/// bounding box, 1 or more.
-double mask_cell(const cv::Mat& person);
-
-/// Video stores colour at half of the resolution, and decoders repeat each value in blocks of 2 x 2 pixels. Where this
-/// is so, the chroma is interpolated between the centres of the blocks. An outline is then a quarter of a pixel more
-/// accurate. Other images are returned unchanged. @param image 8-bit BGR
-cv::Mat smooth_repeated_chroma(const cv::Mat& image);
 
 }  // namespace doppel

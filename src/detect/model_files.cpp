@@ -7,9 +7,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/detect/child_process.h"
 
 namespace doppel {
 

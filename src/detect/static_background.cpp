@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/detect/mask_sharpening.h"
+#include "doppel/detect/repeated_chroma.h"
 
 namespace doppel {
 
@@ -21,6 +22,8 @@ constexpr int kPossiblyPerson = 51;    // probability 0.2
 constexpr double kMarginInCells = 4;   // cells of the network's mask: where its outline may be wrong
 constexpr int kLargestDeviation = 18;  // median of |r - r'| + |g - g'| + |b - b'|; noise of sigma 4 gives 10
 constexpr double kSteadyShare = 0.5;   // of the observed pixels
+
+constexpr double kCellsOfPerson = 200;  // a person is about that high in BlazePose's mask
 
 using Samples = std::array<std::array<std::uint8_t, kMostFrames>, 3>;
 
@@ -102,6 +105,11 @@ StaticBackground learn_background(const std::vector<cv::Mat>& images, const std:
     }
   if (static_cast<double>(steady) < kSteadyShare * static_cast<double>(observed)) background.known.setTo(0);
   return background;
+}
+
+double mask_cell(const cv::Mat& person) {
+  const cv::Rect box = cv::boundingRect(person);
+  return std::max(1.0, std::max(box.width, box.height) / kCellsOfPerson);
 }
 
 std::vector<long> background_frames(const std::vector<long>& frames, cv::Size image) {

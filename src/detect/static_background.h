@@ -27,4 +27,8 @@ StaticBackground learn_background(const std::vector<cv::Mat>& images, const std:
 /// but seven at least. @param image size of the images
 std::vector<long> background_frames(const std::vector<long>& frames, cv::Size image);
 
+/// The size of the smallest detail in a network's mask, pixels: a two-hundredth of the longer side of the person's
+/// bounding box, 1 or more.
+double mask_cell(const cv::Mat& person);
+
 }  // namespace doppel

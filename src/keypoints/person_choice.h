@@ -43,7 +43,7 @@ struct PersonChoice {
 /// Follows one person in several calibrated cameras: chooses in each frame and camera the detection that shows this
 /// person. In each frame, every pair of detections of two cameras proposes a body by triangulating its points. The
 /// detections of all cameras whose points are near the projections of the body agree with it; its points are
-/// triangulated again by the pair of views with the most inliers; then points at twice the distance suffice. Of bodies
+/// triangulated again from the views that agree (triangulation.h); then points at twice the distance suffice. Of bodies
 /// that share detections, the one that more cameras agree on wins. Bodies are then linked over time by their positions.
 /// The person with the most support is chosen, so people who pass in the background of a few cameras lose. In frames in
 /// which fewer than two cameras see the person, the body moves on in a line. A detection whose left and right are

@@ -14,13 +14,11 @@ namespace doppel {
 
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr int kFewestShared = 4;                            ///< points of a body that a detection must show to agree
 constexpr double kShareOfAgreement = 0.5;                   ///< of these points
-constexpr double kSmallestSine = 0.03;                      ///< of the angle between two rays
-constexpr double kNearestDepth = 0.05;                      ///< metres
+constexpr double kSmallestAngle = 0.03;                     ///< radians between two rays
 constexpr double kSmallestBody = 0.03, kLargestBody = 3.0;  ///< metres; median distance of the points from the middle
 constexpr std::size_t kMostGrown = 400;                     ///< proposals looked at in one frame
 constexpr int kMostPairsOfPoint = 60;
@@ -32,15 +30,10 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-/// The middle of the shortest line between two rays; nothing for rays that are nearly parallel.
-std::optional<Vector3d> meeting_point(const Vector3d& a, const Vector3d& along_a, const Vector3d& b,
-                                      const Vector3d& along_b) {
-  const double cosine = along_a.dot(along_b), squared_sine = 1.0 - cosine * cosine;
-  if (squared_sine < kSmallestSine * kSmallestSine) return std::nullopt;
-  const Vector3d apart = b - a;
-  const double s = (apart.dot(along_a) - cosine * apart.dot(along_b)) / squared_sine;
-  const double t = (cosine * apart.dot(along_a) - apart.dot(along_b)) / squared_sine;
-  return 0.5 * (a + s * along_a + b + t * along_b);
+/// Length of the residual; infinite behind the camera.
+double distance(const Sight& sight, const Vector3d& position) {
+  const auto residual = residual_of(sight, position);
+  return residual ? residual->norm() : std::numeric_limits<double>::infinity();
 }
 
 Vector3d middle_of(const std::vector<std::optional<Vector3d>>& body) {
@@ -88,42 +81,33 @@ bool PersonGrouper::Fit::better_than(const Fit& other) const {
 }
 
 PersonGrouper::PersonGrouper(const std::vector<Camera>& cameras, std::vector<int> mirrored, double max_residual)
-    : mirrored_(std::move(mirrored)), max_residual_(max_residual) {
-  for (const Camera& camera : cameras) {
+    : cameras_(cameras), mirrored_(std::move(mirrored)), max_residual_(max_residual) {
+  for (const Camera& camera : cameras)
     if (camera.height <= 0) fail("following a person: the size of the images of camera '{}' is not known", camera.name);
-    const double focal_length = 0.5 * (camera.K(0, 0) + camera.K(1, 1));
-    views_.push_back({camera, camera.K.inverse(), camera.centre(), focal_length / camera.height});
-  }
 }
 
 PersonGrouper::Frame PersonGrouper::seen(const std::vector<People>& people) const {
-  Frame frame(views_.size());
-  for (std::size_t c = 0; c < views_.size(); ++c)
+  Frame frame(cameras_.size());
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    // From the plane at depth 1 to shares of the image's height.
+    const double heights_per_unit = 0.5 * (cameras_[c].K(0, 0) + cameras_[c].K(1, 1)) / cameras_[c].height;
     for (const Person& person : people.at(c)) {
       Detection detection(mirrored_.size());
       if (person.size() != mirrored_.size())
         fail("following a person: a person has {} points, the layout has {}", person.size(), mirrored_.size());
       for (std::size_t i = 0; i < person.size(); ++i) {
         if (person[i].confidence <= 0.0f) continue;
-        const Vector3d plane = views_[c].pixel_to_plane * Vector3d(person[i].x, person[i].y, 1.0);
-        const std::optional<Vector2d> straight = views_[c].camera.undistorted(plane.head<2>());
-        if (!straight || !straight->allFinite()) continue;
-        detection[i] = {true, *straight, (views_[c].camera.R.transpose() * straight->homogeneous()).normalized()};
+        detection[i] = sight_of(cameras_[c], {person[i].x, person[i].y});
+        if (detection[i]) detection[i]->unit_from_plane = heights_per_unit * Eigen::Matrix2d::Identity();
       }
       frame[c].push_back(std::move(detection));
     }
+  }
   return frame;
-}
-
-double PersonGrouper::residual(const View& view, const SeenPoint& point, const Vector3d& position) const {
-  const Vector3d in_camera = view.camera.camera_from_world(position);
-  if (in_camera.z() < kNearestDepth) return std::numeric_limits<double>::infinity();
-  return view.heights_per_unit * (in_camera.hnormalized() - point.at).norm();
 }
 
 /// Adds the body that two detections make, in the order of the first, if its points are near both.
 void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<Proposal>& all) const {
-  const View &a = views_[as_size(proposal.camera[0])], &b = views_[as_size(proposal.camera[1])];
   const Detection& first = frame[as_size(proposal.camera[0])][as_size(proposal.person[0])];
   const Detection& second = frame[as_size(proposal.camera[1])][as_size(proposal.person[1])];
   Proposal best;
@@ -133,10 +117,10 @@ void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<P
     std::vector<double> residuals;
     for (std::size_t i = 0; i < first.size(); ++i) {
       const SeenPoint& other = second[mirrored ? as_size(mirrored_[i]) : i];
-      if (!first[i].seen || !other.seen) continue;
-      const auto position = meeting_point(a.centre, first[i].direction, b.centre, other.direction);
+      if (!first[i] || !other) continue;
+      const auto position = meeting_point(*first[i], *other, kSmallestAngle);
       if (!position) continue;
-      residuals.push_back(std::max(residual(a, first[i], *position), residual(b, other, *position)));
+      residuals.push_back(std::max(distance(*first[i], *position), distance(*other, *position)));
       if (residuals.back() <= max_residual_) proposal.body[i] = *position;
     }
     if (static_cast<int>(residuals.size()) < kFewestShared) continue;
@@ -148,7 +132,7 @@ void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<P
 
 std::vector<PersonGrouper::Proposal> PersonGrouper::proposals(const Frame& frame) const {
   std::vector<Proposal> all;
-  const int cameras = static_cast<int>(views_.size());
+  const int cameras = static_cast<int>(cameras_.size());
   for (const int step : steps_between(cameras))
     for (int a = 0; a < cameras; ++a) {
       const int b = (a + step) % cameras;
@@ -161,18 +145,17 @@ std::vector<PersonGrouper::Proposal> PersonGrouper::proposals(const Frame& frame
   return all;
 }
 
-PersonGrouper::Fit PersonGrouper::fit(const View& view, const Detection& detection, const Body& body, double limit,
-                                      bool mirrored) const {
+PersonGrouper::Fit PersonGrouper::fit(const Detection& detection, const Body& body, double limit, bool mirrored) const {
   Fit result;
   result.mirrored = mirrored;
   for (std::size_t i = 0; i < body.size(); ++i) {
     const SeenPoint& point = detection[mirrored ? as_size(mirrored_[i]) : i];
-    if (!body[i] || !point.seen) continue;
+    if (!body[i] || !point) continue;
     ++result.shared;
-    const double distance = residual(view, point, *body[i]);
-    if (!(distance <= limit)) continue;
+    const double apart = distance(*point, *body[i]);
+    if (!(apart <= limit)) continue;
     ++result.agreeing;
-    result.sum += distance;
+    result.sum += apart;
   }
   const bool agrees = result.shared >= kFewestShared && result.agreeing >= kShareOfAgreement * result.shared;
   if (!agrees) result.agreeing = 0;
@@ -184,15 +167,15 @@ PersonGroup PersonGrouper::assign(const Frame& frame, const Body& body, double l
                                   std::vector<bool>& mirrored) const {
   PersonGroup group;
   group.body = body;
-  group.chosen.assign(views_.size(), -1);
-  mirrored.assign(views_.size(), false);
+  group.chosen.assign(cameras_.size(), -1);
+  mirrored.assign(cameras_.size(), false);
   double sum = 0.0;
   int agreeing = 0;
-  for (std::size_t c = 0; c < views_.size(); ++c) {
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
     Fit best;
     for (std::size_t p = 0; p < frame[c].size(); ++p)
       for (const bool swapped : {false, true}) {
-        const Fit found = fit(views_[c], frame[c][p], body, limit, swapped);
+        const Fit found = fit(frame[c][p], body, limit, swapped);
         if (found.agreeing == 0 || !found.better_than(best)) continue;
         best = found;
         group.chosen[c] = static_cast<int>(p);
@@ -208,40 +191,22 @@ PersonGroup PersonGrouper::assign(const Frame& frame, const Body& body, double l
   return group;
 }
 
-/// Each point from the pair of views with the most inliers among all views of the group; among equals, the pair with
-/// the smaller error.
+/// The points of a group, each from the views that agree.
 PersonGrouper::Body PersonGrouper::triangulated(const Frame& frame, const PersonGroup& group,
                                                 const std::vector<bool>& mirrored) const {
+  TriangulationOptions options;
+  options.inlier_threshold = max_residual_;
+  options.smallest_angle = kSmallestAngle;
+  options.most_pairs = kMostPairsOfPoint;
   Body body(mirrored_.size());
   for (std::size_t i = 0; i < body.size(); ++i) {
-    std::vector<std::pair<const View*, const SeenPoint*>> rays;
-    for (std::size_t c = 0; c < views_.size(); ++c) {
+    std::vector<Sight> sights;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
       if (group.chosen[c] < 0) continue;
       const SeenPoint& point = frame[c][as_size(group.chosen[c])][mirrored[c] ? as_size(mirrored_[i]) : i];
-      if (point.seen) rays.emplace_back(&views_[c], &point);
+      if (point) sights.push_back(*point);
     }
-    const int pairs = static_cast<int>(rays.size() * (rays.size() - 1) / 2), stride = 1 + pairs / kMostPairsOfPoint;
-    int most = 1, pair = 0;
-    double least = std::numeric_limits<double>::infinity();
-    for (std::size_t a = 0; a < rays.size(); ++a)
-      for (std::size_t b = a + 1; b < rays.size(); ++b) {
-        if (pair++ % stride != 0) continue;
-        const auto position = meeting_point(rays[a].first->centre, rays[a].second->direction, rays[b].first->centre,
-                                            rays[b].second->direction);
-        if (!position) continue;
-        int inliers = 0;
-        double sum = 0.0;
-        for (const auto& [view, point] : rays) {
-          const double distance = residual(*view, *point, *position);
-          if (distance > max_residual_) continue;
-          ++inliers;
-          sum += distance;
-        }
-        if (inliers < 2 || inliers < most || (inliers == most && sum >= least)) continue;
-        most = inliers;
-        least = sum;
-        body[i] = *position;
-      }
+    if (const auto point = triangulate(sights, options)) body[i] = point->position;
   }
   return body;
 }
@@ -273,9 +238,9 @@ std::vector<PersonGroup> PersonGrouper::find(const std::vector<People>& people) 
   std::set<std::pair<std::size_t, int>> taken;
   for (const PersonGroup& group : grown) {
     bool is_free = true;
-    for (std::size_t c = 0; c < views_.size(); ++c) is_free &= taken.count({c, group.chosen[c]}) == 0;
+    for (std::size_t c = 0; c < cameras_.size(); ++c) is_free &= taken.count({c, group.chosen[c]}) == 0;
     if (!is_free) continue;
-    for (std::size_t c = 0; c < views_.size(); ++c)
+    for (std::size_t c = 0; c < cameras_.size(); ++c)
       if (group.chosen[c] >= 0) taken.emplace(c, group.chosen[c]);
     found.push_back(group);
   }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "doppel/geometry/camera.h"
+#include "doppel/geometry/triangulation.h"
 #include "doppel/keypoints/keypoints.h"
 
 namespace doppel {
@@ -35,18 +36,7 @@ class PersonGrouper {
                     double tolerance) const;
 
  private:
-  struct View {
-    Camera camera;
-    Eigen::Matrix3d pixel_to_plane;
-    Eigen::Vector3d centre;
-    double heights_per_unit;  ///< distance in the plane at depth 1 to share of the image's height
-  };
-  /// A point of a detection in the plane at depth 1, without distortion.
-  struct SeenPoint {
-    bool seen = false;
-    Eigen::Vector2d at = Eigen::Vector2d::Zero();
-    Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< world, unit length
-  };
+  using SeenPoint = std::optional<Sight>;  ///< residuals are shares of the image's height
   using Detection = std::vector<SeenPoint>;
   using Frame = std::vector<std::vector<Detection>>;  ///< [C] of people
   using Body = std::vector<std::optional<Eigen::Vector3d>>;
@@ -68,11 +58,10 @@ class PersonGrouper {
   void propose(const Frame& frame, Proposal proposal, std::vector<Proposal>& all) const;
   PersonGroup grow(const Frame& frame, const Body& body) const;
   PersonGroup assign(const Frame& frame, const Body& body, double limit, std::vector<bool>& mirrored) const;
-  Fit fit(const View& view, const Detection& detection, const Body& body, double limit, bool mirrored) const;
+  Fit fit(const Detection& detection, const Body& body, double limit, bool mirrored) const;
   Body triangulated(const Frame& frame, const PersonGroup& group, const std::vector<bool>& mirrored) const;
-  double residual(const View& view, const SeenPoint& point, const Eigen::Vector3d& position) const;
 
-  std::vector<View> views_;
+  std::vector<Camera> cameras_;
   std::vector<int> mirrored_;
   double max_residual_;
 };

@@ -8,35 +8,16 @@
 #include <cmath>
 
 #include "doppel/core/as_size.h"
+#include "doppel/rig/camera_jacobian.h"
 #include "doppel/rig/reprojection.h"
 
 namespace doppel {
 namespace {
 
-using Eigen::Matrix2d;
 using Eigen::Matrix3d;
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kNearestDepthOfPoint = 0.05;  // metres
-constexpr double kLensStep = 1e-6;
 constexpr double kSigmasOfKernel = 3.0;  // the kernel's scale in standard deviations of a residual
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  Matrix3d cross;
-  cross << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
-  return cross;
-}
-
-Matrix3d exponential(const Vector3d& turn) {
-  const double angle = turn.norm();
-  return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Matrix3d(Matrix3d::Identity());
-}
-
-Vector3d logarithm(const Matrix3d& rotation) {
-  const Eigen::AngleAxisd turn(rotation);
-  return turn.angle() * turn.axis();
-}
 
 }  // namespace
 
@@ -74,9 +55,7 @@ Camera BundleProblem::camera_at(const Eigen::VectorXd& state, int index) const {
   Camera camera = bundle_.cameras[as_size(index)];
   int at = index_[as_size(index)];
   if (at < 0) return camera;
-  const Vector3d centre = camera.centre() + state.segment<3>(at + 3);
-  camera.R = exponential(state.segment<3>(at)) * camera.R;
-  camera.t = -camera.R * centre;
+  camera = moved_by(camera, state.segment<3>(at), state.segment<3>(at + 3));
   at += 6;
   if (options_.focal) camera.K.topLeftCorner<2, 2>() *= std::exp(state[at++]);
   if (options_.principal_point) camera.K.topRightCorner<2, 1>() += state.segment<2>(at);
@@ -100,43 +79,43 @@ Bundle BundleProblem::bundle(const Eigen::VectorXd& state) const {
 Eigen::VectorXd BundleProblem::moved(const Eigen::VectorXd& state, const Eigen::VectorXd& step) const {
   Eigen::VectorXd result = state + step;
   for (const int at : index_)
-    if (at >= 0)
-      result.segment<3>(at) = logarithm(exponential(step.segment<3>(at)) * exponential(state.segment<3>(at)));
+    if (at >= 0) result.segment<3>(at) = turn_of(rotation_of(step.segment<3>(at)) * rotation_of(state.segment<3>(at)));
   return result;
 }
 
 BundleProblem::Projected BundleProblem::projected(const Camera& camera, const Bundle::Observation& seen,
                                                   const Vector3d& point, bool jacobian) const {
   Projected result;
-  const Vector3d in_camera = camera.camera_from_world(point);
-  if (!(in_camera.z() >= kNearestDepthOfPoint)) return result;
-  const Vector2d plane = in_camera.hnormalized(), bent = camera.distorted(plane);
-  const Matrix2d scale = camera.K.topLeftCorner<2, 2>();
-  const double unit = rig_reference_pixels(camera);
-  result.residual = unit * (scale * bent + camera.K.topRightCorner<2, 1>() - seen.pixel);
-  result.valid = result.residual.allFinite();
-  if (!jacobian || !result.valid) return result;
-  Matrix2d lens = Matrix2d::Identity();
-  if (camera.has_distortion())
-    for (int axis = 0; axis < 2; ++axis) {
-      const Vector2d step = kLensStep * Vector2d::Unit(axis);
-      lens.col(axis) = (camera.distorted(plane + step) - camera.distorted(plane - step)) / (2.0 * kLensStep);
-    }
-  Eigen::Matrix<double, 2, 3> onto_plane;
-  onto_plane << 1.0, 0.0, -plane.x(), 0.0, 1.0, -plane.y();
-  const Eigen::Matrix<double, 2, 3> by_camera_point = unit / in_camera.z() * scale * lens * onto_plane;
-  result.by_point = by_camera_point * camera.R;
+  const double unit = seen.scale * rig_reference_pixels(camera);
+  if (!jacobian) {
+    const auto pixel = safe_pixel(camera, point);
+    result.valid = pixel.has_value();
+    if (pixel) result.residual = unit * (*pixel - seen.pixel);
+    return result;
+  }
+  const auto found = camera_jacobian(camera, point);
+  result.valid = found.has_value();
+  if (!found) return result;
+  result.residual = unit * (found->pixel - seen.pixel);
+  result.by_point = unit * found->by_point;
   result.by_camera.resize(2, camera_unknowns());
-  result.by_camera.leftCols<3>() = -by_camera_point * cross_matrix(in_camera);
+  result.by_camera.leftCols<3>() = unit * found->by_turn;
   result.by_camera.middleCols<3>(3) = -result.by_point;
   int at = 6;
-  if (options_.focal) result.by_camera.col(at++) = unit * scale * bent;
-  if (options_.principal_point) result.by_camera.middleCols<2>(at) = unit * Matrix2d::Identity();
+  if (options_.focal) result.by_camera.col(at++) = unit * found->by_focal;
+  if (options_.principal_point) result.by_camera.middleCols<2>(at) = unit * Eigen::Matrix2d::Identity();
   return result;
 }
 
-/// The residual of a link is in pixels too: as many as a reprojection error that is as many standard deviations long.
-double BundleProblem::link_scale() const { return options_.kernel / kSigmasOfKernel / options_.link_sigma; }
+/// The residual of a link: how far the distance is off, relative to the length, times as many pixels as a reprojection
+/// error that is as many standard deviations long. A relative error does not favour a smaller world.
+double BundleProblem::link_residual(const Bundle::Link& link, double distance, double length) const {
+  return link_scale(link) * (distance / length - 1.0);
+}
+
+double BundleProblem::link_scale(const Bundle::Link& link) const {
+  return options_.kernel / kSigmasOfKernel * bundle_.lengths[as_size(link.length)] / options_.link_sigma;
+}
 
 double BundleProblem::cost(const Eigen::VectorXd& state) {
   std::vector<Camera> cameras;
@@ -145,18 +124,18 @@ double BundleProblem::cost(const Eigen::VectorXd& state) {
   for (const Bundle::Observation& seen : bundle_.observations) {
     const Projected found = projected(cameras[as_size(seen.camera)], seen, point_at(state, seen.point), false);
     const double worst = options_.kernel * options_.kernel;
-    last_cost_ += seen.weight * (found.valid ? kernel_.cost(found.residual.squaredNorm()) : worst);
+    last_cost_ += found.valid ? kernel_.cost(found.residual.squaredNorm()) : worst;
   }
   for (const Bundle::Link& link : bundle_.links) {
     const double length = bundle_.lengths[as_size(link.length)] + state[num_camera_unknowns_ + link.length];
     const double distance = (point_at(state, link.points[0]) - point_at(state, link.points[1])).norm();
-    last_cost_ += kernel_.cost(std::pow(link_scale() * (distance - length), 2));
+    last_cost_ += kernel_.cost(std::pow(link_residual(link, distance, length), 2));
   }
   return last_cost_;
 }
 
 void BundleProblem::add(const Bundle::Observation& seen, const Projected& found) {
-  const double weight = seen.weight * kernel_.weight(found.residual.squaredNorm());
+  const double weight = kernel_.weight(found.residual.squaredNorm());
   const Bundle::Point& point = bundle_.points[as_size(seen.point)];
   SchurSystem::Group& group = system_.group(as_size(point.group));
   const int own = in_group_[as_size(seen.point)], shared = index_[as_size(seen.camera)];
@@ -175,10 +154,11 @@ void BundleProblem::add_link(const Bundle::Link& link, const Eigen::VectorXd& st
   const double distance = apart.norm();
   if (!(distance > 1e-9)) return;
   const Eigen::Index shared = num_camera_unknowns_ + link.length;
-  const double residual = link_scale() * (distance - bundle_.lengths[as_size(link.length)] - state[shared]);
+  const double length = bundle_.lengths[as_size(link.length)] + state[shared];
+  const double residual = link_residual(link, distance, length);
   const double weight = kernel_.weight(residual * residual);
-  const Vector3d by_first = link_scale() / distance * apart;
-  const double by_length = -link_scale();
+  const Vector3d by_first = link_scale(link) / (length * distance) * apart;
+  const double by_length = -link_scale(link) * distance / (length * length);
   SchurSystem::Group& group = system_.group(as_size(bundle_.points[as_size(link.points[0])].group));
   for (int i = 0; i < 2; ++i) {
     const int row = in_group_[as_size(link.points[as_size(i)])];
@@ -264,7 +244,7 @@ Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
     if (at < 0) continue;
     const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(linearised_at_, seen.point), true);
     if (!here.valid) continue;
-    const double weight = seen.weight * kernel_.weight(here.residual.squaredNorm());
+    const double weight = kernel_.weight(here.residual.squaredNorm());
     gradients[as_size(bundle_.points[as_size(seen.point)].group)].segment(at, camera_unknowns()) +=
         weight * here.by_camera.transpose() * here.residual;
   }

@@ -19,8 +19,9 @@ struct Bundle {
   };
   struct Observation {
     int camera = 0, point = 0;
-    Eigen::Vector2d pixel;  ///< as filmed
-    double weight = 1.0;
+    Eigen::Vector2d pixel;    ///< as filmed
+    double confidence = 1.0;  ///< of the detector
+    double scale = 1.0;       ///< of the residual, inside of the robust kernel: less for less certain observations
   };
   /// A distance of two points of one group that is the same for all links of a length.
   struct Link {
@@ -80,7 +81,8 @@ class BundleProblem : public LeastSquaresProblem {
   Eigen::Vector3d point_at(const Eigen::VectorXd& state, int point) const;
   Projected projected(const Camera& camera, const Bundle::Observation& seen, const Eigen::Vector3d& point,
                       bool jacobian) const;
-  double link_scale() const;
+  double link_residual(const Bundle::Link& link, double distance, double length) const;
+  double link_scale(const Bundle::Link& link) const;
   void add(const Bundle::Observation& seen, const Projected& projected);
   void add_link(const Bundle::Link& link, const Eigen::VectorXd& state);
   Eigen::MatrixXd gauge_directions() const;

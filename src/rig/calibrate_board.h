@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct BoardCalibrationOptions {
   Lens lens = Lens::opencv;     ///< opencv or fisheye
   std::size_t most_views = 60;  ///< views per camera; more are thinned out, those that differ most are kept
   std::size_t fewest_views = 3;
+  std::optional<long> floor;  ///< instant at which the board lies on the floor: its plane is y = 0
 };
 
 struct CameraIntrinsics {
@@ -43,14 +45,17 @@ struct BoardCamera {
 };
 
 struct BoardCalibration {
-  std::vector<BoardCamera> cameras;  ///< poses: world of the first posed camera
-  double rms = 0.0;                  ///< of all corners, pixels; 0 when no camera is posed
+  std::vector<BoardCamera> cameras;
+  double rms = 0.0;  ///< of all corners, pixels; 0 when no camera is posed
   std::vector<std::string> notes;
 };
 
 /// Intrinsics of every camera, and the poses of those that saw the board at the same instants: relative poses along the
-/// graph of pairs, the pairs with the most shared views first, then bundle adjustment of cameras and boards.
-/// @throws Error as calibrate_intrinsics, naming the camera
+/// graph of pairs, the pairs with the most shared views first, then bundle adjustment of cameras and boards. In the
+/// world, y is up: the normal of the board on the floor, or the mean direction that is up in the images. y = 0 is the
+/// board on the floor, or the lowest corner of all boards.
+/// @throws Error as calibrate_intrinsics, naming the camera; UsageError when no posed camera sees the board on the
+/// floor
 BoardCalibration calibrate_boards(const std::vector<BoardSightings>& sightings, const Board& board,
                                   const BoardCalibrationOptions& options = {});
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
+#include "doppel/rig/camera_jacobian.h"
 #include "doppel/rig/quantiles.h"
 
 namespace doppel {
@@ -18,9 +19,7 @@ using Eigen::Vector3d;
 EpipolarPair::EpipolarPair(const Camera& a, const Camera& b) {
   const Matrix3d b_from_a = b.R * a.R.transpose();
   const Vector3d t = b.t - b_from_a * a.t;
-  Matrix3d cross;
-  cross << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
-  fundamental_ = b.K.inverse().transpose() * cross * b_from_a * a.K.inverse();
+  fundamental_ = b.K.inverse().transpose() * cross_matrix(t) * b_from_a * a.K.inverse();
   if (fundamental_.norm() > 0.0) fundamental_.normalize();
 }
 

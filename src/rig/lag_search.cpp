@@ -21,9 +21,10 @@ constexpr double kSmallestOverlap = 0.35;  // of the samples at the lag with the
 constexpr double kFewestOfLag = 30.0;
 constexpr int kCoarse = 4;  // every fourth lag is looked at for the kernel's scale
 constexpr double kScaleOfLagMedian = 2.0;
+constexpr double kRoughCalibration = 8.0;  // pixels of an image 1024 wide
 constexpr int kSweeps = 3;
 
-/// The absolute distances of a pair at one lag, pixels of an image 1024 wide.
+/// The signed distances of a pair at one lag, pixels of an image 1024 wide.
 class PairAtLags {
  public:
   PairAtLags(const std::vector<Camera>& cameras, const PointTracks& tracks, int a, int b)
@@ -49,7 +50,7 @@ class PairAtLags {
         if (!p.seen()) continue;
         const TrackPoint q = in_b_.sample(other, k);
         if (!q.seen()) continue;
-        const double distance = scale_ * std::abs(pair_.distance(p.pixel, q.pixel));
+        const double distance = scale_ * pair_.distance(p.pixel, q.pixel);
         if (std::isfinite(distance)) found.push_back(distance);
       }
     }
@@ -63,25 +64,41 @@ class PairAtLags {
   long first_ = 0, last_ = 0;
 };
 
+/// The absolute distances. @param unbiased after their median is subtracted
+std::vector<double> sizes_of(std::vector<double> distances, bool unbiased) {
+  const double middle = unbiased ? quantile(distances, 0.5) : 0.0;
+  for (double& distance : distances) distance = std::abs(distance - middle);
+  return distances;
+}
+
+/// The smallest median distance over the lags; infinite when no lag has samples enough.
+double least_median(const PairAtLags& pair, int reach, double step, bool unbiased) {
+  double least = std::numeric_limits<double>::infinity(), most = 0.0;
+  for (int i = -reach; i <= reach; i += kCoarse) {
+    const std::vector<double> distances = sizes_of(pair.at(i * step), unbiased);
+    most = std::max(most, static_cast<double>(distances.size()));
+    if (static_cast<double>(distances.size()) < std::max(kFewestOfLag, kSmallestOverlap * most)) continue;
+    least = std::min(least, quantile(distances, 0.5));
+  }
+  return least;
+}
+
 LagCurve curve_of(const std::vector<Camera>& cameras, const PointTracks& tracks, int a, int b,
                   const LagSearchOptions& options) {
   const PairAtLags pair(cameras, tracks, a, b);
   const bool has_reference = a == options.reference || b == options.reference;
   const int reach = has_reference ? options.steps : 2 * options.steps;
   LagCurve curve{a, b, std::vector<double>(as_size(2 * reach + 1), 1.0), 0.0, options.kernel};
-  double least_median = std::numeric_limits<double>::infinity(), most = 0.0;
-  for (int i = -reach; i <= reach; i += kCoarse) {
-    const std::vector<double> distances = pair.at(i * options.step);
-    most = std::max(most, static_cast<double>(distances.size()));
-    if (static_cast<double>(distances.size()) < std::max(kFewestOfLag, kSmallestOverlap * most)) continue;
-    least_median = std::min(least_median, quantile(distances, 0.5));
-  }
-  if (!std::isfinite(least_median)) return curve;
-  curve.scale = std::max(options.kernel, kScaleOfLagMedian * least_median);
+  double least = least_median(pair, reach, options.step, false);
+  if (!std::isfinite(least)) return curve;
+  // A calibration that is a degree or more off moves all points off their lines, and more than the lag does.
+  const bool unbiased = least > kRoughCalibration;
+  if (unbiased) least = least_median(pair, reach, options.step, true);
+  curve.scale = std::max(options.kernel, kScaleOfLagMedian * least);
   const RobustKernel kernel = RobustKernel::geman_mcclure_of(curve.scale);
   std::vector<double> counts(curve.costs.size());
   for (int i = -reach; i <= reach; ++i) {
-    const std::vector<double> distances = pair.at(i * options.step);
+    const std::vector<double> distances = sizes_of(pair.at(i * options.step), unbiased);
     double sum = 0.0;
     for (const double distance : distances) sum += kernel.cost(distance * distance);
     counts[as_size(i + reach)] = static_cast<double>(distances.size());

@@ -13,19 +13,22 @@
 
 namespace doppel {
 
+/// A constant, four coordinates and their ten products.
+constexpr int kBiasTerms = 15;
+
 struct OffsetProblemOptions {
   int reference = 0;
   bool drift = false;
   double width = 0.04;             ///< seconds; of smooth_sample
-  double calibration_error = 3.0;  ///< pixels of an image 1024 wide: standard deviation of each pair's bias terms
+  double calibration_error = 0.5;  ///< pixels of an image 1024 wide: smallest standard deviation of bias terms
 };
 
 /// Fractions of frames of all cameras at once, by least squares on Sampson distances. The error of a calibration also
-/// moves points off their epipolar lines, and a camera's motion would be taken for time. Each pair therefore has five
-/// bias terms, a constant and one per coordinate of the two pixels, which the calibration is allowed.
+/// moves points off their epipolar lines, and a camera's motion would be taken for time. Each pair therefore has bias
+/// terms: a polynomial of second degree in the coordinates of the two pixels.
 ///
 /// The state: per camera but the reference the change of its offset in seconds, and with drift the relative change of
-/// its frame rate; then five terms per pair, pixels.
+/// its frame rate; then kBiasTerms per pair, pixels.
 class OffsetProblem : public LeastSquaresProblem {
  public:
   /// @param tracks without lens distortion; their offsets are right to about a frame
@@ -35,7 +38,8 @@ class OffsetProblem : public LeastSquaresProblem {
                 const OffsetProblemOptions& options);
 
   /// Chooses the rows, and for each pair the scale of its robust kernel: `factor` times the median residual, at least
-  /// `kernel`. Until the next call, a row without a sample counts as an outlier.
+  /// `kernel`. The bias terms that the state has so far say how large the error of the calibration is. Until the next
+  /// call, a row without a sample counts as an outlier.
   void begin_round(const Eigen::VectorXd& state, double kernel, double factor);
 
   double cost(const Eigen::VectorXd& state) override;
@@ -43,16 +47,20 @@ class OffsetProblem : public LeastSquaresProblem {
   bool solve(double damping, Eigen::VectorXd& step) override;
   std::vector<TermCost> term_costs() const override { return {{"epipolar", last_cost_}}; }
 
-  Eigen::Index num_unknowns() const { return num_camera_unknowns_ + 5 * static_cast<Eigen::Index>(pairs_.size()); }
+  Eigen::Index num_unknowns() const {
+    return num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(pairs_.size());
+  }
   /// Index of a camera's offset in the state, -1 for the reference. Its rate comes next.
   int offset_index(int camera) const { return index_[static_cast<std::size_t>(camera)]; }
   /// The middle of the times: rates turn about it.
   double middle() const { return middle_; }
   /// [C] rows that depend on a camera.
   std::vector<long> samples() const;
-  /// The covariance of the state by the last linearisation. Errors of keypoints last for several frames and concern all
-  /// pairs of a camera; gradients are therefore summed over stretches of time (a cluster-robust covariance).
-  Eigen::MatrixXd covariance() const;
+  /// The covariance of the state. The curvature for the offsets comes from differences of the gradient: J^T J would
+  /// take the noise of the velocities for motion of the person. Errors of keypoints last for several frames and concern
+  /// all pairs of a camera; the gradients of each point are therefore summed over stretches of time (a cluster-robust
+  /// covariance). Infinite where the cost has no minimum.
+  Eigen::MatrixXd covariance(const Eigen::VectorXd& state);
 
  private:
   struct Row {
@@ -65,7 +73,7 @@ class OffsetProblem : public LeastSquaresProblem {
     RobustKernel kernel;
     std::vector<Row> rows;
   };
-  using Terms = Eigen::Matrix<double, 5, 1>;
+  using Terms = Eigen::Matrix<double, kBiasTerms, 1>;
   struct Residual {
     bool valid = false;
     double value = 0.0;
@@ -73,24 +81,28 @@ class OffsetProblem : public LeastSquaresProblem {
     Terms terms = Terms::Zero();    ///< d value / d the bias terms
   };
 
+  double frame_at(const Eigen::VectorXd& state, std::size_t camera, double seconds) const;
   void sample(const Eigen::VectorXd& state);
+  std::vector<bool> lasting_samples(const Eigen::VectorXd& state) const;
   const MovingPoint& sampled(int camera, int time, int point) const;
   Residual residual(std::size_t pair, const Row& row, const Eigen::VectorXd& state) const;
+  std::size_t stretch_of(const Row& row) const;
   double prior_weight(const Pair& pair) const;
+  Eigen::MatrixXd curvature(const Eigen::VectorXd& state);
   void add(std::size_t pair, const Row& row, const Residual& residual);
 
   const std::vector<Camera>& cameras_;
   PointTracks tracks_;
   std::vector<double> times_;
   OffsetProblemOptions options_;
-  double middle_ = 0.0, last_cost_ = 0.0;
+  double middle_ = 0.0, last_cost_ = 0.0, allowed_bias_ = 0.0;
   std::vector<int> index_;
   Eigen::Index num_camera_unknowns_ = 0;
   std::vector<Pair> pairs_;
   std::vector<MovingPoint> samples_;  ///< [C, T, K]
   Eigen::MatrixXd hessian_;
   Eigen::VectorXd gradient_;
-  std::vector<Eigen::VectorXd> stretches_;  ///< gradients of stretches of time
+  std::vector<Eigen::VectorXd> stretches_;  ///< gradients of each point in stretches of time
 };
 
 }  // namespace doppel

@@ -23,6 +23,8 @@ constexpr std::size_t kFewestPoints = 30;  // in space
 constexpr double kSmallestSpread = 0.02;   // metres; root mean square distance of the points from their middle
 constexpr double kScaleOfBundleMedian = 3.0;
 constexpr int kMostRounds = 10;
+constexpr std::size_t kObservationsOfBin = 300, kMostBins = 12;  // of similar confidence
+constexpr double kLeastMedian = 0.05;                            // pixels of an image 1024 wide
 constexpr double kSettled = 0.05;            // relative change of the kernel's scale in the last round
 constexpr double kSmallestThreshold = 25.0;  // pixels of an image 1024 wide; inliers of a triangulation
 constexpr double kClippedDistance = 100.0;   // pixels of an image 1024 wide; as much as one distance adds to a mean
@@ -75,17 +77,42 @@ Bundle bundle_of(const std::vector<Camera>& cameras, const PointTracks& tracks, 
   return bundle;
 }
 
-/// The distances of the observations from the points, pixels of an image 1024 wide.
+/// The distances of the observations from the points, pixels of an image 1024 wide times `scale`.
 std::vector<double> residuals_of(const Bundle& bundle) {
   std::vector<double> residuals;
   for (const Bundle::Observation& seen : bundle.observations) {
     const Camera& camera = bundle.cameras[as_size(seen.camera)];
     const Vector3d& point = bundle.points[as_size(seen.point)].position;
     const bool in_front = camera.camera_from_world(point).z() > 0.0;
-    residuals.push_back(in_front ? rig_reference_pixels(camera) * (camera.project(point) - seen.pixel).norm()
-                                 : kRigReferenceWidth);
+    residuals.push_back(in_front
+                            ? seen.scale * rig_reference_pixels(camera) * (camera.project(point) - seen.pixel).norm()
+                            : kRigReferenceWidth);
   }
   return residuals;
+}
+
+/// Scales the residuals by what the detector's confidence is worth: observations of similar confidence are as far off
+/// as their median says.
+void weigh(Bundle& bundle) {
+  for (Bundle::Observation& seen : bundle.observations) seen.scale = 1.0;
+  const std::vector<double> residuals = residuals_of(bundle);
+  std::vector<std::size_t> order(residuals.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return bundle.observations[a].confidence < bundle.observations[b].confidence;
+  });
+  const std::size_t bins = std::clamp<std::size_t>(order.size() / kObservationsOfBin, 1, kMostBins);
+  std::vector<double> medians;
+  for (std::size_t bin = 0; bin < bins; ++bin) {
+    std::vector<double> of_bin;
+    for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
+      of_bin.push_back(residuals[order[i]]);
+    medians.push_back(std::max(kLeastMedian, quantile(std::move(of_bin), 0.5)));
+  }
+  const double best = *std::min_element(medians.begin(), medians.end());
+  for (std::size_t bin = 0; bin < bins; ++bin)
+    for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
+      bundle.observations[order[i]].scale = best / medians[bin];
 }
 
 /// The cameras that are tied to each other by points: the largest such set.
@@ -142,6 +169,7 @@ class Refinement {
   RigRefinement run() {
     const std::vector<Camera> initial = cameras_;
     Bundle bundle = first_bundle();
+    weigh(bundle);
     double kernel = next_kernel(bundle);
     for (int round = 0; round < kMostRounds; ++round) {
       bundle = adjusted(std::move(bundle), kernel);

@@ -9,15 +9,16 @@
 namespace doppel {
 namespace {
 
-constexpr double kWidthsOfWindow = 2.5;
-constexpr double kFarthestNeighbour = 1.6;  // widths, at least a frame: a point must be seen this near on both sides
-constexpr long kMedianReach = 2;            // frames
+constexpr double kWidthsOfWindow = 3.0;
+constexpr double kWidthsToNeighbour = 2.0;
+constexpr long kMedianReach = 2;  // frames
 constexpr std::size_t kFewestOfMedian = 3;
 
 }  // namespace
 
 MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, double width) {
-  const double reach = std::max(1.0, kWidthsOfWindow * width), near = std::max(1.0, kFarthestNeighbour * width);
+  const double reach = std::max(2.0, kWidthsOfWindow * width);
+  const double near = std::max(1.0, kWidthsToNeighbour * width);
   if (!(frame >= 0.0 && frame <= static_cast<double>(track.num_frames() - 1))) return {};
   const long first = std::max(0L, static_cast<long>(std::ceil(frame - reach)));
   const long last = std::min(track.num_frames() - 1, static_cast<long>(std::floor(frame + reach)));
@@ -28,7 +29,8 @@ MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, dou
   for (long f = first; f <= last; ++f) {
     const TrackPoint& seen = track.at(f, point);
     if (!seen.seen()) continue;
-    const double x = static_cast<double>(f) - frame, w = std::exp(-0.5 * x * x / (width * width));
+    const double x = static_cast<double>(f) - frame,
+                 w = seen.confidence * seen.confidence * std::pow(1.0 - x * x / (reach * reach), 3);
     before |= x <= 0.0 && x >= -near;
     after |= x >= 0.0 && x <= near;
     ++count;
@@ -39,8 +41,9 @@ MovingPoint smooth_sample(const CameraTrack& track, double frame, int point, dou
     product += w * x * seen.pixel;
   }
   const double determinant = weight * square - moment * moment;
-  if (count < 3 || !before || !after || !(determinant > 1e-9 * weight * square)) return {};
-  return {true, (square * sum - moment * product) / determinant, (weight * product - moment * sum) / determinant};
+  if (count < 3 || !(determinant > 1e-9 * weight * square)) return {};
+  return {true, before && after, (square * sum - moment * product) / determinant,
+          (weight * product - moment * sum) / determinant};
 }
 
 CameraTrack smooth_track(const CameraTrack& track, double width) {
@@ -48,7 +51,7 @@ CameraTrack smooth_track(const CameraTrack& track, double width) {
   for (long frame = 0; frame < track.num_frames(); ++frame)
     for (int k = 0; k < track.num_points(); ++k) {
       const MovingPoint point = smooth_sample(track, static_cast<double>(frame), k, width);
-      smooth.at(frame, k) = point.seen ? TrackPoint{point.pixel, 1.0} : TrackPoint{};
+      smooth.at(frame, k) = point.between ? TrackPoint{point.pixel, 1.0} : TrackPoint{};
     }
   return smooth;
 }

@@ -20,7 +20,7 @@ constexpr double kShortestWidth = 0.03;  // seconds, of the smoothing
 constexpr double kGuardFrames = 4.0;     // around the best lag that belong to its minimum
 constexpr long kFewestOfOffset = 60;
 constexpr double kScaleOfOffsetMedian = 3.0;
-constexpr int kRounds = 4;
+constexpr int kRounds = 6;
 
 void check_options(const PointTracks& tracks, const SynchroniseOptions& options) {
   if (!(options.window >= 1.0 && options.window <= 10000.0))
@@ -83,12 +83,13 @@ void refine(const std::vector<Camera>& cameras, const PointTracks& clean, double
   for (int round = 0; round < kRounds; ++round) {
     problem.begin_round(state, options.kernel, kScaleOfOffsetMedian);
     SolverOptions solver;
-    solver.function_tolerance = 1e-7;
+    solver.iterations = 60;
+    solver.function_tolerance = 1e-10;
+    solver.parameter_tolerance = 1e-9;
     minimise(problem, state, solver);
   }
   problem.begin_round(state, options.kernel, kScaleOfOffsetMedian);
-  problem.linearise(state);
-  const Eigen::MatrixXd covariance = problem.covariance();
+  const Eigen::MatrixXd covariance = problem.covariance(state);
   const std::vector<long> samples = problem.samples();
   for (std::size_t c = 0; c < timings.size(); ++c) {
     CameraTiming& timing = timings[c];
@@ -98,8 +99,13 @@ void refine(const std::vector<Camera>& cameras, const PointTracks& clean, double
     const double rate = options.drift ? state[index + 1] : 0.0;
     timing.fps = track.fps * (1.0 + rate);
     timing.offset = track.offset + track.fps * (state[index] - rate * problem.middle());
-    timing.sigma = track.fps * std::sqrt(std::max(0.0, covariance(index, index)));
-    if (options.drift) timing.fps_sigma = track.fps * std::sqrt(std::max(0.0, covariance(index + 1, index + 1)));
+    double variance = covariance(index, index);
+    if (options.drift) {
+      const double of_rate = covariance(index + 1, index + 1), arm = problem.middle();
+      variance += arm * arm * of_rate - 2.0 * arm * covariance(index, index + 1);
+      timing.fps_sigma = track.fps * std::sqrt(std::max(0.0, of_rate));
+    }
+    timing.sigma = track.fps * std::sqrt(std::max(0.0, variance));
     if (samples[c] < kFewestOfOffset || !std::isfinite(timing.sigma) || timing.sigma == 0.0)
       timing.sigma = std::numeric_limits<double>::infinity();
   }

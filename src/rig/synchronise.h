@@ -39,11 +39,11 @@ struct Synchronisation {
 };
 
 /// Finds the offsets of the cameras of a rig from the motion of one person. The calibration must be roughly right: a
-/// few degrees off are fine. For each pair of cameras, whole lags within the window are compared by their robust
-/// Sampson distances. The pairs with the clearest minima connect the cameras. All offsets together are then refined to
-/// fractions of a frame. Each distance is linear in the offsets, by way of the velocities of the two image points, so
-/// the normal equations also give standard deviations. Points that move along the epipolar lines say nothing about
-/// time, and the standard deviation grows.
+/// few degrees off are fine. For each pair of cameras, lags of half a frame within the window are compared by their
+/// robust Sampson distances, and the cameras are placed one after the other, the clearest first (lag_search.h). All
+/// offsets together are then refined to fractions of a frame, with bias terms for the error of the calibration
+/// (offset_problem.h). Points that move along the epipolar lines say nothing about time, and the standard deviation
+/// grows.
 /// @param tracks with the offsets and rates that are known so far, where the search begins
 /// @throws Error as check_tracks, for fewer than two cameras; UsageError for impossible options
 Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTracks& tracks,

@@ -8,7 +8,7 @@ namespace {
 /// The matrix with a larger diagonal; a zero on the diagonal becomes 1, so that the unknown keeps its value.
 Eigen::MatrixXd damped(Eigen::MatrixXd matrix, double damping) {
   for (Eigen::Index i = 0; i < matrix.rows(); ++i)
-    matrix(i, i) = matrix(i, i) > 0.0 ? matrix(i, i) * (1.0 + damping) : 1.0;
+    matrix(i, i) = matrix(i, i) == 0.0 ? 1.0 : matrix(i, i) * (1.0 + damping);
   return matrix;
 }
 

@@ -7,6 +7,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/progress.h"
+#include "doppel/html/embedded_image.h"
 #include "doppel/html/html_page.h"
 #include "doppel/html/svg_chart.h"
 #include "doppel/train/metrics.h"
@@ -16,19 +17,6 @@ namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string base64(const std::string& bytes) {
-  static const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    unsigned word = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      word = (word << 8) | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? digits[(word >> (18 - 6 * k)) & 63u] : '=';
-  }
-  return out;
-}
 
 template <typename Get>
 ChartSeries curve(const std::string& name, const std::vector<MetricsRecord>& records, Get get) {
@@ -141,9 +129,7 @@ std::string images(const RunFolder& run) {
   for (const fs::path& file : files) {
     const fs::path caption = fs::path(file).replace_extension(".txt");
     const std::string text = fs::exists(caption) ? read_file(caption) : file.stem().string();
-    out +=
-        fmt::format("<figure><img alt=\"{0}\" src=\"data:image/jpeg;base64,{1}\"><figcaption>{0}</figcaption></figure>",
-                    escape_html(text), base64(read_file(file)));
+    out += embedded_image(read_file(file), "image/jpeg", text);
   }
   return out;
 }

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/detect/repeated_chroma.h"
 
 namespace doppel::mask_sharpening_test {
 namespace {

@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
-#include "doppel/detect/child_process.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

@@ -1,4 +1,4 @@
-#include "doppel/detect/child_process.h"
+#include "doppel/core/child_process.h"
 
 #include <fcntl.h>
 #include <spawn.h>

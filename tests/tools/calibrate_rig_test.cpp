@@ -1,0 +1,160 @@
+// The commands that mend a rig, on a capture of a person who was never drawn: cameras and keypoint files are enough.
+#include <gmock/gmock.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/calibration/read_calibration.h"
+#include "doppel/capture/capture.h"
+#include "program.h"
+#include "rig/drawn_board.h"
+#include "rig/rig_error.h"
+#include "rig/walking_rig.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::tools::calibrate_rig_test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+Outcome run(std::vector<std::string> words) {
+  words.insert(words.begin(), "doppel");
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
+  const int code = run_program(static_cast<int>(argv.size()), argv.data());
+  const std::string out = ::testing::internal::GetCapturedStdout();
+  return {code, out, ::testing::internal::GetCapturedStderr()};
+}
+
+/// The walker's points among those of BODY_25.
+constexpr std::array<int, support::kWalkerPoints> kInBody25{0, 1, 8, 5, 6, 7, 2, 3, 4, 12, 13, 14, 9, 10, 11};
+
+class CalibrateRig : public ::testing::Test {
+ protected:
+  /// Writes what the cameras film, with a calibration that may be another.
+  void write(const std::vector<Camera>& truth, const std::vector<Camera>& calibrated,
+             const support::FilmOptions& options) const {
+    write_calibration(path("cameras.yml"), calibrated);
+    const PointTracks tracks = support::film(truth, support::walker, options);
+    for (const CameraTrack& track : tracks.cameras) {
+      fs::create_directories(path("keypoints") / track.name);
+      for (long frame = 0; frame < track.num_frames(); ++frame) {
+        std::vector<double> numbers(75, 0.0);
+        for (int k = 0; k < support::kWalkerPoints; ++k) {
+          const TrackPoint& point = track.at(frame, k);
+          const auto at = static_cast<std::size_t>(3 * kInBody25[static_cast<std::size_t>(k)]);
+          if (point.seen())
+            numbers[at] = point.pixel.x(), numbers[at + 1] = point.pixel.y(), numbers[at + 2] = point.confidence;
+        }
+        const json people{{"people", json::array({json{{"pose_keypoints_2d", numbers}}})}};
+        std::ofstream(path("keypoints") / track.name / fmt::format("{:04}_keypoints.json", frame)) << people;
+      }
+    }
+    std::ofstream(path("capture.yaml"))
+        << "doppel_capture: 1\nname: walk\ncalibration: cameras.yml\nfps: 25\nkeypoint_map: body25\nsequences:\n"
+           "  - {name: take, split: train, videos: 'videos/{name}.mp4', last_frame: "
+        << options.frames - 1 << ", keypoints: 'keypoints/{name}/{frame:04}_keypoints.json'}\n";
+  }
+  fs::path path(const std::string& name) const { return folder_ / name; }
+
+  support::TemporaryFolder folder_;
+};
+
+TEST_F(CalibrateRig, SyncWritesOffsets) {
+  const std::vector<Camera> cameras = support::rig_of(4, 800);
+  support::FilmOptions options;
+  options.frames = 120;
+  options.offset = {0.0, 7.3, -4.4, 2.2};
+  write(cameras, cameras, options);
+  const Outcome found = run({"calibrate", "sync", path("capture.yaml"), "--json"});
+  ASSERT_EQ(found.code, 0) << found.err;
+  const json report = json::parse(found.out);
+  EXPECT_EQ(report.at("sequence"), "take");
+  EXPECT_EQ(report.at("reference"), "c0");
+  const Capture mended = read_capture(path("capture_synced.yaml"));
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    EXPECT_TRUE(report.at("cameras")[c].at("known"));
+    EXPECT_NEAR(report.at("cameras")[c].at("frame_offset"), options.offset[c], 0.1);
+    EXPECT_NEAR(mended.clock(mended.sequences[0], cameras[c].name).offset, options.offset[c], 0.1);
+  }
+  // Row 5 is the first that camera c2 filmed, row 111 the last that camera c1 filmed.
+  EXPECT_EQ(mended.sequences[0].first_frame, 5);
+  EXPECT_EQ(mended.sequences[0].last_frame, 111);
+
+  const Outcome wrong = run({"calibrate", "sync", path("capture.yaml"), "--reference", "c9"});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("no camera c9"));
+  EXPECT_EQ(run({"calibrate", "sync", path("capture.yaml"), "--sequence", "other"}).code, 2);
+  const Outcome silent = run({"calibrate", "sync", path("capture.yaml"), "--audio"});
+  EXPECT_EQ(silent.code, 1);
+  EXPECT_THAT(silent.err, HasSubstr("no such file"));
+}
+
+TEST_F(CalibrateRig, RefineWritesACalibration) {
+  const std::vector<Camera> truth = support::rig_of(5, 800);
+  support::FilmOptions options;
+  options.frames = 200;
+  write(truth, support::disturbed(truth, 1.5, 0.04, 3), options);
+  const Outcome found = run({"calibrate", "refine", path("capture.yaml"), "--json"});
+  ASSERT_EQ(found.code, 0) << found.err;
+  const json report = json::parse(found.out);
+  EXPECT_LT(report.at("median_after_px"), 0.4 * report.at("median_before_px").get<double>());
+  EXPECT_TRUE(report.at("moved").empty());
+  const support::RigError error = support::error_of(read_calibration(path("cameras_refined.yml")), truth);
+  EXPECT_LT(error.degrees, 0.1);
+  EXPECT_LT(error.metres, 0.003);
+  const Outcome table = run({"calibrate", "refine", path("capture.yaml"), "--focal", "--out", path("other.toml")});
+  ASSERT_EQ(table.code, 0) << table.err;
+  EXPECT_THAT(table.out, HasSubstr("px after"));
+  EXPECT_EQ(read_calibration(path("other.toml")).size(), truth.size());
+}
+
+TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
+  const Board board = parse_board("chessboard:5x4:40mm");
+  std::vector<Camera> truth(2);
+  for (std::size_t c = 0; c < 2; ++c) {
+    truth[c].name = c == 0 ? "left" : "right";
+    truth[c].width = 400;
+    truth[c].height = 300;
+    truth[c].K << 430, 0, 200, 0, 430, 150, 0, 0, 1;
+    truth[c].R = Eigen::AngleAxisd(c == 0 ? 0.1 : -0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    truth[c].t = -truth[c].R * Eigen::Vector3d(c == 0 ? -0.06 : 0.06, 0.0, 0.0);
+    fs::create_directories(path(truth[c].name));
+    for (int view = 0; view < 8; ++view) {
+      const double a = 1.3 * view;
+      const auto pose =
+          support::facing({0.05 * std::sin(2.1 * a), 0.03 * std::cos(1.7 * a), 0.55}, {0, 0, 0},
+                          0.4 * std::sin(1.1 * a + 0.5), 0.4 * std::cos(0.9 * a), 0.2 * std::sin(3.0 * a), board);
+      cv::imwrite((path(truth[c].name) / fmt::format("view_{}.png", view)).string(),
+                  support::drawn_board(truth[c], pose, support::chessboard_paint(board), 3));
+    }
+  }
+  const Outcome found = run({"calibrate", "board", path("left"), path("right"), "--board", "chessboard:5x4:40mm",
+                             "--out", path("cameras.toml"), "--json"});
+  ASSERT_EQ(found.code, 0) << found.err;
+  const json report = json::parse(found.out);
+  const std::vector<Camera> cameras = read_calibration(path("cameras.toml"));
+  ASSERT_EQ(cameras.size(), 2U);
+  for (std::size_t c = 0; c < 2; ++c) {
+    EXPECT_EQ(cameras[c].name, truth[c].name);
+    EXPECT_TRUE(report.at("cameras")[c].at("posed"));
+    EXPECT_NEAR(cameras[c].K(0, 0) / truth[c].K(0, 0), 1.0, 0.01);
+  }
+  EXPECT_NEAR((cameras[0].centre() - cameras[1].centre()).norm(), 0.12, 0.003);
+  const Outcome wrong = run({"calibrate", "board", path("left"), "--board", "chessboard:5x4", "--out", path("c.toml")});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("is no board"));
+}
+
+}  // namespace
+}  // namespace doppel::tools::calibrate_rig_test

@@ -1,0 +1,93 @@
+#include "detect_masks.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "doppel/core/error.h"
+#include "doppel/geometry/image_file.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::detect_masks_test {
+namespace {
+
+constexpr int kFrames = 8, kSide = 160;
+
+cv::Mat truth(int frame) {
+  cv::Mat mask = cv::Mat::zeros(kSide, kSide, CV_8U);
+  cv::ellipse(mask, {30 + 14 * frame, 80}, {16, 40}, 0, 0, 360, 255, -1);
+  return mask;
+}
+
+double overlap(const cv::Mat& a, const cv::Mat& b) {
+  return static_cast<double>(cv::countNonZero(a & b)) / cv::countNonZero(a | b);
+}
+
+/// Images of an ellipse that walks, and network masks that are two pixels too wide.
+struct Footage {
+  Footage() {
+    cv::Mat noise(kSide, kSide, CV_32FC3);
+    cv::RNG(5).fill(noise, cv::RNG::NORMAL, 0, 40);
+    cv::GaussianBlur(noise, noise, {}, 3);
+    for (int frame = 0; frame < kFrames; ++frame) {
+      cv::Mat image, wide;
+      noise.convertTo(image, CV_8UC3, 1.0, 110.0);
+      image.setTo(cv::Scalar(40, 60, 200), truth(frame));
+      write_image(folder / "images" / ("run_" + std::to_string(frame) + ".png"), image);
+      cv::dilate(truth(frame), wide, cv::getStructuringElement(cv::MORPH_ELLIPSE, {5, 5}));
+      cv::GaussianBlur(wide, wide, {}, 1.5);
+      write_image(tools::mask_file(folder / "masks", frame), wide);
+    }
+    source = tools::detect_sources(folder / "images").at(0);
+  }
+
+  cv::Mat mask(int frame) const {
+    return cv::imread(tools::mask_file(folder / "masks", frame).string(), cv::IMREAD_GRAYSCALE);
+  }
+
+  support::TemporaryFolder folder;
+  tools::DetectSource source;
+};
+
+TEST(DetectMasks, NetworkMasksBecomeSharp) {
+  const Footage footage;
+  int advanced = 0;
+  ASSERT_LT(overlap(footage.mask(3) >= 128, truth(3)), 0.93);
+  EXPECT_TRUE(tools::sharpen_masks(footage.source, footage.folder / "masks", [&] { return ++advanced > 0; }));
+  EXPECT_EQ(advanced, kFrames);
+  for (int frame = 0; frame < kFrames; ++frame) {
+    const cv::Mat mask = footage.mask(frame);
+    EXPECT_GT(overlap(mask, truth(frame)), 0.97) << frame;
+    EXPECT_EQ(cv::countNonZero((mask != 0) & (mask != 255)), 0);
+  }
+}
+
+TEST(DetectMasks, StopsWhereAsked) {
+  const Footage footage;
+  int advanced = 0;
+  EXPECT_FALSE(tools::sharpen_masks(footage.source, footage.folder / "masks", [&] { return ++advanced < 2; }));
+  EXPECT_EQ(advanced, 2);
+}
+
+TEST(DetectMasks, AMissingMaskIsNamed) {
+  const Footage footage;
+  const auto file = tools::mask_file(footage.folder / "masks", 4);
+  std::filesystem::remove(file);
+  try {
+    tools::sharpen_masks(footage.source, footage.folder / "masks", [] { return true; });
+    FAIL() << "no error";
+  } catch (const FileError& error) {
+    EXPECT_EQ(error.location.file, file.string());
+  }
+}
+
+TEST(DetectMasks, ImagesWithoutCalibrationAreNotCompared) {
+  const Footage footage;
+  const std::vector<tools::DetectSource> sources(3, footage.source);
+  const std::vector<std::filesystem::path> folders(3, footage.folder / "masks");
+  EXPECT_EQ(tools::compare_masks(sources, folders, [] { return true; }), 0);
+}
+
+}  // namespace
+}  // namespace doppel::detect_masks_test

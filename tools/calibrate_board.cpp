@@ -1,0 +1,225 @@
+#include "doppel/rig/calibrate_board.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <string>
+
+#include "calibrate_subcommands.h"
+#include "doppel/calibration/read_calibration.h"
+#include "doppel/capture/video.h"
+#include "doppel/core/error.h"
+#include "doppel/core/progress.h"
+#include "doppel/keypoints/frame_names.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr long kFramesOfVideo = 120;  // that are searched for the board, if --every does not say otherwise
+
+struct BoardArguments {
+  std::vector<std::string> sources, names;
+  std::string board, out, format;
+  long every = 0;
+  std::optional<long> floor;
+  bool fisheye = false;
+};
+
+/// The images of one camera: a video, or files by instant.
+struct BoardSource {
+  std::string camera, video;
+  std::map<long, fs::path> images;
+  long frames = 0;  ///< of the video
+};
+
+bool is_image(const fs::path& path) {
+  static const std::set<std::string> kExtensions{".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"};
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return kExtensions.contains(extension);
+}
+
+BoardSource board_source(const fs::path& path) {
+  if (!fs::exists(path)) fail<UsageError>("{} does not exist", path.string());
+  BoardSource source;
+  source.camera = fs::absolute(path / "x").parent_path().stem().string();
+  if (!fs::is_directory(path)) {
+    source.video = path.string();
+    source.frames = open_frames(source.video, PixelFormat::grey)->num_frames(-1);
+    return source;
+  }
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(path))
+    if (entry.is_regular_file() && is_image(entry.path())) names.push_back(entry.path().filename().string());
+  if (names.empty()) fail<UsageError>("{} holds no images; give folders of images, or videos", path.string());
+  const NumberedNames numbered = number_names(names);
+  for (std::size_t i = 0; i < names.size(); ++i) source.images[numbered.frames[i]] = path / names[i];
+  return source;
+}
+
+/// Finds the board in the images of a camera. @param every of a video's frames
+BoardSightings sightings_in(const BoardSource& source, const Board& board, long every) {
+  BoardSightings found;
+  found.camera = source.camera;
+  const auto look = [&](long instant, const cv::Mat& image, const std::string& name) {
+    if (found.width == 0) {
+      found.width = image.cols;
+      found.height = image.rows;
+    }
+    if (image.cols != found.width || image.rows != found.height)
+      fail("{}: the image has {}x{} pixels, earlier ones of this camera have {}x{}; a camera's images need one size",
+           name, image.cols, image.rows, found.width, found.height);
+    if (const auto view = find_board(image, board)) found.views[instant] = *view;
+  };
+  if (!source.video.empty()) {
+    const auto reader = open_frames(source.video, PixelFormat::grey);
+    Progress progress("boards in " + source.camera, (source.frames + every - 1) / every);
+    for (long frame = 0; frame < source.frames; frame += every) {
+      look(frame, reader->read(frame), source.video);
+      progress.advance();
+    }
+    return found;
+  }
+  Progress progress("boards in " + source.camera, static_cast<std::int64_t>(source.images.size()));
+  for (const auto& [instant, path] : source.images) {
+    // As the sensor recorded it: a turned image would be another camera.
+    const cv::Mat image = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+    if (image.empty()) fail("{}: cannot read this image", path.string());
+    look(instant, image, path.string());
+    progress.advance();
+  }
+  return found;
+}
+
+std::vector<BoardSource> board_sources(const BoardArguments& arguments) {
+  std::vector<BoardSource> sources;
+  for (const std::string& path : arguments.sources) sources.push_back(board_source(path));
+  if (!arguments.names.empty() && arguments.names.size() != sources.size())
+    fail<UsageError>("--names gives {} names for {} cameras", arguments.names.size(), sources.size());
+  for (std::size_t c = 0; c < arguments.names.size(); ++c) sources[c].camera = arguments.names[c];
+  for (std::size_t a = 0; a < sources.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b)
+      if (sources[a].camera == sources[b].camera)
+        fail<UsageError>("two cameras would be called {}; name them with --names", sources[a].camera);
+  return sources;
+}
+
+long frames_between(const std::vector<BoardSource>& sources, long every) {
+  if (every > 0) return every;
+  long shortest = std::numeric_limits<long>::max();
+  for (const BoardSource& source : sources)
+    if (!source.video.empty()) shortest = std::min(shortest, source.frames);
+  return shortest == std::numeric_limits<long>::max() ? 1 : std::max(1L, shortest / kFramesOfVideo);
+}
+
+Json json_of(const BoardCalibration& found, const std::vector<BoardSightings>& seen, const BoardArguments& arguments) {
+  Json report{{"board", arguments.board},
+              {"out", arguments.out},
+              {"rms_px", found.rms},
+              {"cameras", Json::array()},
+              {"notes", found.notes}};
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const BoardCamera& camera = found.cameras[c];
+    const Eigen::Matrix3d& K = camera.intrinsics.camera.K;
+    report["cameras"].push_back({{"name", camera.intrinsics.camera.name},
+                                 {"boards", seen[c].views.size()},
+                                 {"views", camera.intrinsics.views},
+                                 {"shared", camera.shared},
+                                 {"fx", K(0, 0)},
+                                 {"fy", K(1, 1)},
+                                 {"cx", K(0, 2)},
+                                 {"cy", K(1, 2)},
+                                 {"focal_sigma_px", camera.intrinsics.focal_sigma},
+                                 {"rms_px", camera.intrinsics.rms},
+                                 {"posed", camera.posed},
+                                 {"rig_rms_px", camera.rms}});
+  }
+  return report;
+}
+
+void print_table(const BoardCalibration& found, const std::vector<BoardSightings>& seen) {
+  std::printf("%-16s %7s %7s %7s %20s %10s %10s\n", "camera", "boards", "used", "shared", "focal length (px)",
+              "rms (px)", "pose (px)");
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const BoardCamera& camera = found.cameras[c];
+    std::printf("%-16s %7zu %7zu %7zu %11.1f +- %5.1f %10.3f ", camera.intrinsics.camera.name.c_str(),
+                seen[c].views.size(), camera.intrinsics.views, camera.shared, camera.intrinsics.camera.K(0, 0),
+                camera.intrinsics.focal_sigma, camera.intrinsics.rms);
+    if (camera.posed)
+      std::printf("%10.3f\n", camera.rms);
+    else
+      std::printf("%10s\n", "-");
+  }
+}
+
+int run_board(const BoardArguments& arguments, const CommonOptions& common) {
+  const Board board = parse_board(arguments.board);
+  const std::vector<BoardSource> sources = board_sources(arguments);
+  const long every = frames_between(sources, arguments.every);
+  std::vector<BoardSightings> seen;
+  for (const BoardSource& source : sources) seen.push_back(sightings_in(source, board, every));
+  BoardCalibrationOptions options;
+  if (arguments.fisheye) options.lens = Lens::fisheye;
+  options.floor = arguments.floor;
+  BoardCalibration found = calibrate_boards(seen, board, options);
+  const bool any_posed =
+      std::any_of(found.cameras.begin(), found.cameras.end(), [](const BoardCamera& camera) { return camera.posed; });
+  std::vector<Camera> cameras;
+  for (const BoardCamera& camera : found.cameras)
+    if (camera.posed || !any_posed) cameras.push_back(camera.intrinsics.camera);
+  if (!any_posed)
+    found.notes.emplace_back(
+        "no poses: no two cameras saw the board at the same instants; the file holds intrinsics, with all cameras in "
+        "one "
+        "place");
+  else if (cameras.size() < found.cameras.size())
+    found.notes.emplace_back("cameras without a pose are not in the file");
+  write_calibration(arguments.out, cameras, arguments.format);
+  if (common.json) {
+    std::printf("%s\n", json_of(found, seen, arguments).dump(2).c_str());
+    return 0;
+  }
+  print_table(found, seen);
+  for (const std::string& note : found.notes) std::printf("note: %s\n", note.c_str());
+  std::printf("written: %s\n", arguments.out.c_str());
+  return 0;
+}
+
+}  // namespace
+
+Command add_calibrate_board(CLI::App& calibrate) {
+  CLI::App* app = calibrate.add_subcommand("board", "Calibrate cameras by images of a chessboard or a ChArUco board");
+  app->fallthrough();
+  auto arguments = std::make_shared<BoardArguments>();
+  app->add_option("sources", arguments->sources,
+                  "A video or a folder of images per camera; frames or images of one number show the same instant")
+      ->required();
+  app->add_option("--board", arguments->board,
+                  "chessboard:6x3:60mm (inner corners, square) or charuco:8x5:40mm:30mm:DICT_4X4_50 (squares, square, "
+                  "marker, dictionary)")
+      ->required();
+  app->add_option("--out", arguments->out, "Calibration to write: .toml (Pose2Sim), .yml or .calibration")->required();
+  app->add_option("--to", arguments->format, "Format to write (default: by the extension of the file)");
+  app->add_option("--names", arguments->names, "Names of the cameras (default: the names of the files or folders)")
+      ->delimiter(',');
+  app->add_option("--every", arguments->every, "Look at every N-th frame of a video (default: about 120 frames)")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--floor", arguments->floor, "Frame at which the board lies on the floor: its plane becomes y = 0");
+  app->add_flag("--fisheye", arguments->fisheye, "Fisheye lenses");
+  app->footer(
+      "Example: doppel calibrate board calib/cam*.mp4 --board charuco:8x5:40mm:30mm:DICT_4X4_50 --out cameras.yml");
+  return {app, [arguments](const CommonOptions& common) { return run_board(*arguments, common); }};
+}
+
+}  // namespace doppel::tools

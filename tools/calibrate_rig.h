@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "doppel/capture/capture.h"
+#include "doppel/capture/capture_cameras.h"
+#include "doppel/rig/point_tracks.h"
+
+namespace doppel::tools {
+
+/// What `doppel calibrate sync` and `refine` work on: a sequence of a capture and what its cameras saw of the person.
+struct RigFootage {
+  Capture capture;
+  std::size_t sequence = 0;  ///< index into capture.sequences
+  CaptureCameras filmed;
+  PointTracks tracks;
+
+  const SequenceEntry& entry() const { return capture.sequences[sequence]; }
+};
+
+/// The capture, and the index of the sequence of a name; without a name the first that has keypoints, otherwise the
+/// first. @throws UsageError for an unknown name; FileError and Error as `find_capture`
+RigFootage open_rig_footage(const std::filesystem::path& path, const std::string& sequence);
+/// Reads the person's points. Points with a confidence below 0.1 count as not seen.
+/// @throws Error as read_tracks_of_rough_rig
+void read_tracks(RigFootage& footage);
+
+/// The folder of the capture.yaml; for a capture that was recognised from a folder, this folder.
+std::filesystem::path folder_of(const Capture& capture);
+
+}  // namespace doppel::tools

@@ -1,0 +1,12 @@
+#pragma once
+
+#include "command.h"
+
+namespace doppel::tools {
+
+/// `doppel calibrate board`, `sync` and `refine`. @param calibrate the subcommand `doppel calibrate`
+Command add_calibrate_board(CLI::App& calibrate);
+Command add_calibrate_sync(CLI::App& calibrate);
+Command add_calibrate_refine(CLI::App& calibrate);
+
+}  // namespace doppel::tools
