@@ -1,9 +1,8 @@
 #include "detect_network.h"
 
-#include <fmt/format.h>
-
 #include <map>
 
+#include "detect_masks.h"
 #include "doppel/core/error.h"
 #include "doppel/dnn/network_config.h"
 #include "doppel/geometry/image_file.h"
@@ -70,8 +69,7 @@ std::optional<DetectReport> detect_camera_with(const DetectNetwork& chosen, Pers
     People& people = frames[frame];
     if (found && !files.keypoints.empty()) people.push_back(person_of(chosen, *found));
     if (!files.masks.empty())
-      write_image(files.masks / fmt::format("{:06}.png", frame),
-                  found ? found->mask : cv::Mat(image.size(), CV_8U, cv::Scalar(0)));
+      write_image(mask_file(files.masks, frame), found ? found->mask : cv::Mat(image.size(), CV_8U, cv::Scalar(0)));
     if (!advance()) return std::nullopt;
   }
   report.mean_confidence = mean_confidence(frames);
