@@ -351,14 +351,20 @@ class RigExaminer {
           fmt::format("its keypoints are {} of the person's size off{}, {:.1f} times as much as expected; {} if {}",
                       percent(before), when, ratio, percent(best.residual), best.what),
           advice);
-      if (findings_.back().severity == Severity::note) return;
+      if (findings_.back().severity == Severity::note) {
+        unsuspected_.push_back(c);
+        return;
+      }
       result_.faulty[as_size(c)] = true;
       result_.explained[as_size(c)] = best.residual;
       if (part.bad.empty()) result_.views[as_size(c)] = best.view;
       if (best.other >= 0) swaps_.emplace_back(c, best.other);
       return;
     }
-    if (ratio < kUnexplainedRatio || ratio < kStandsOut * precision()) return;
+    if (ratio < kUnexplainedRatio || ratio < kStandsOut * precision()) {
+      unsuspected_.push_back(c);
+      return;
+    }
     const bool other_person = before > kOtherPerson;
     result_.faulty[as_size(c)] = true;
     add(name, other_person ? faults::kWrongPerson : faults::kDisagrees,
