@@ -28,7 +28,7 @@ constexpr double kFloorOfChoice = 0.0015;    ///< shares below this do not diffe
 constexpr int kLongestDelay = 60;            ///< rows
 constexpr int kFitInstants = 120;
 constexpr double kLargestDrift = 0.32;  ///< rows per row, in the search
-constexpr int kStepParameters = 10;     ///< a step in each window is worth about as many numbers
+constexpr int kStepParameters = 4;      ///< that a step in each window is priced as
 constexpr double kLongestFactor = 2.5;  ///< of the focal length, in the search
 
 class Mistakes {

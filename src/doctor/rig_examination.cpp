@@ -68,6 +68,7 @@ class RigExaminer {
     }
     improve_whole_rig();
     for (int c = 0; c < seen_.num_cameras(); ++c) examine_camera(c);
+    for (const int c : unsuspected_) examine_small_delay(c);
     report_swaps();
     return std::move(result_);
   }
@@ -241,7 +242,7 @@ class RigExaminer {
     const BodyTrack body = body_without(c);
     const bool high = residual > std::max(kSuspectRatio * expected, kSmallestShare);
     if (!high && !windows.some()) {
-      examine_small_delay(c);
+      unsuspected_.push_back(c);
       return;
     }
     const bool part = windows.some() && !windows.always();
@@ -258,7 +259,7 @@ class RigExaminer {
     const ChosenInstants all = instants_of(seen_, windows.all);
     const Explanation by_time = best_of(explain_by_time(seen_, c, body, all), residual, expected);
     const bool time_explains = explains(by_time, residual, expected) &&
-                               (!explains(best, before, expected) ||
+                               (!explains(best, before, expected) || (!always && best.fault == faults::kOutOfSync) ||
                                 by_time.residual / residual < (always ? kTimeGain : 1.0) * best.residual / before);
     if (time_explains)
       judge(c, BadWindows(), by_time, residual, expected);
@@ -350,14 +351,20 @@ class RigExaminer {
           fmt::format("its keypoints are {} of the person's size off{}, {:.1f} times as much as expected; {} if {}",
                       percent(before), when, ratio, percent(best.residual), best.what),
           advice);
-      if (findings_.back().severity == Severity::note) return;
+      if (findings_.back().severity == Severity::note) {
+        unsuspected_.push_back(c);
+        return;
+      }
       result_.faulty[as_size(c)] = true;
       result_.explained[as_size(c)] = best.residual;
       if (part.bad.empty()) result_.views[as_size(c)] = best.view;
       if (best.other >= 0) swaps_.emplace_back(c, best.other);
       return;
     }
-    if (ratio < kUnexplainedRatio || ratio < kStandsOut * precision()) return;
+    if (ratio < kUnexplainedRatio || ratio < kStandsOut * precision()) {
+      unsuspected_.push_back(c);
+      return;
+    }
     const bool other_person = before > kOtherPerson;
     result_.faulty[as_size(c)] = true;
     add(name, other_person ? faults::kWrongPerson : faults::kDisagrees,
@@ -458,6 +465,7 @@ class RigExaminer {
   std::vector<Finding>& findings_;
   RigExamination result_;
   std::vector<std::pair<int, int>> swaps_;
+  std::vector<int> unsuspected_;
   double precision_ = 0.0;
 };
 
