@@ -368,6 +368,30 @@ SupposedView growing_delay(const Sightings& seen, int camera, const SupposedView
   return best;
 }
 
+/// A delay that jumps once: from a window of a sequence on, the median delay of the windows that follow in it.
+/// @param delays [windows]
+SupposedView jumping_delay(const Sightings& seen, int camera, const SupposedView& nominal, const BodyTrack& body,
+                           const ChosenInstants& chosen, const std::vector<double>& delays) {
+  const auto sequence = [&](std::size_t window) {
+    return seen.instants[as_size(seen.windows[window].front())].sequence;
+  };
+  SupposedView best = nominal;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t first = 0; first < delays.size(); ++first) {
+    SupposedView view = nominal;
+    view.steps.assign(delays.size(), 0.0);
+    std::vector<double> after;
+    for (std::size_t w = first; w < delays.size() && sequence(w) == sequence(first); ++w) after.push_back(delays[w]);
+    std::fill_n(view.steps.begin() + static_cast<std::ptrdiff_t>(first), after.size(), median(after));
+    const double left = residuals_of(seen, camera, view, body, chosen).mean_of_windows(seen.windows.size());
+    if (left < least) {
+      least = left;
+      best = view;
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, const BodyTrack& body,
@@ -385,7 +409,7 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
     steps.steps[as_size(window)] = *delay;
     found.emplace_back(seen.instants[as_size(part.instants[part.instants.size() / 2])].row, *delay);
   }
-  std::vector<Explanation> all(2);
+  std::vector<Explanation> all(3);
   all[0].view = growing_delay(seen, camera, nominal, body, chosen, found);
   all[0].fault = faults::kRollingOffset;
   all[0].parameters = 2;
@@ -398,6 +422,9 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
   all[1].what = fmt::format("its offset jumps during the recording, between {:.3g} and {:.3g} rows", *low, *high);
   all[1].advice =
       "Frames were lost or doubled. Restore them by their time stamps, or cut the sequence where they are lost.";
+  all[2] = all[1];
+  all[2].parameters = 2;
+  all[2].view = jumping_delay(seen, camera, nominal, body, chosen, steps.steps);
   for (Explanation& explanation : all)
     explanation.residual =
         residuals_of(seen, camera, explanation.view, body, chosen).mean_of_windows(seen.windows.size());
