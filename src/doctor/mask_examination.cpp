@@ -22,6 +22,7 @@ constexpr double kMaskSpread = 4.0;
 constexpr double kFlickerShare = 0.04;                          ///< of the mask's area: more is flicker
 constexpr double kFlickerTimes = 3.0;                           ///< of what the other cameras have in the same frames
 constexpr double kFlickerWarning = 0.04, kFlickerFault = 0.12;  ///< share of the frames
+constexpr int kFewestFlickers = 4;                              ///< of a fault; fewer may be one incident
 constexpr double kBonesWarning = 0.9, kBonesFault = 0.8;        ///< share of the bones' length on the mask
 constexpr double kBorderWarning = 0.1;                          ///< share of the frames
 constexpr double kEmptyWarning = 0.03, kEmptyFault = 0.2;
@@ -161,7 +162,8 @@ class MaskJudge {
       flickers += facts.flicker > std::max(kFlickerShare, kFlickerTimes * flicker_of_others(c, facts.row));
     }
     if (all < 3 || flickers < 2 || flickers < kFlickerWarning * all) return;
-    add(c, faults::kMaskFlicker, flickers > kFlickerFault * all ? Severity::fault : Severity::warning,
+    const bool fault = flickers >= kFewestFlickers && flickers > kFlickerFault * all;
+    add(c, faults::kMaskFlicker, fault ? Severity::fault : Severity::warning,
         fmt::format("its masks flicker in {:.0f} % of the frames: {:.0f} % of the area changes for one frame",
                     100.0 * flickers / all, 100.0 * quantile(values, 0.9)),
         "Make the masks of this camera again with a steadier method, or with `largest_component: true`.");

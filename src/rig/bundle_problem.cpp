@@ -18,6 +18,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kSigmasOfKernel = 3.0;  // the kernel's scale in standard deviations of a residual
+constexpr double kFewestFreedoms = 0.1;  // of the weighted residuals less the unknowns, per residual
 
 }  // namespace
 
@@ -234,6 +235,8 @@ Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
   const Eigen::MatrixXd constrained = unit - gauge * gauge.transpose();
   const Eigen::MatrixXd inverse = constrained * reduced.ldlt().solve(unit) * constrained;
 
+  const Eigen::MatrixXd independent = residual_variance() * inverse;
+
   // The gradient of each group for itself: what its rows add to the shared gradient, less what its points take up.
   std::vector<Eigen::VectorXd> gradients = system_.reduced_gradients();
   std::vector<Camera> cameras;
@@ -256,7 +259,24 @@ Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
     spread += sum * sum.transpose();
   }
   const auto count = static_cast<double>(stretches);
-  return inverse * spread * inverse * (count / std::max(1.0, count - 1.0));
+  const Eigen::MatrixXd dependent = inverse * spread * inverse * (count / std::max(1.0, count - 1.0));
+  // The gradients of a few stretches sum to nearly zero at the minimum, so their spread tells too little.
+  return dependent.trace() > independent.trace() ? dependent : independent;
+}
+
+double BundleProblem::residual_variance() {
+  double squares = 0.0, weights = 0.0;
+  for (const Bundle::Observation& seen : bundle_.observations) {
+    const Camera camera = camera_at(linearised_at_, seen.camera);
+    const Projected here = projected(camera, seen, point_at(linearised_at_, seen.point), false);
+    if (!here.valid) continue;
+    const double weight = kernel_.weight(here.residual.squaredNorm());
+    squares += weight * here.residual.squaredNorm();
+    weights += weight;
+  }
+  const double residuals = 2.0 * weights;
+  const auto unknowns = static_cast<double>(state_size());
+  return squares / std::max(kFewestFreedoms * residuals, residuals - unknowns);
 }
 
 }  // namespace doppel

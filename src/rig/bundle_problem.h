@@ -65,8 +65,12 @@ class BundleProblem : public LeastSquaresProblem {
   int camera_index(int camera) const { return index_[static_cast<std::size_t>(camera)]; }
   /// The covariance of the shared unknowns (cameras, then lengths) at the last linearisation, with the world held by
   /// inner constraints: neither the cameras' mean position and turn nor their size vary. Gradients are summed over
-  /// stretches of `groups_per_stretch` groups, because the errors of neighbouring times are not independent.
+  /// stretches of `groups_per_stretch` groups, because the errors of neighbouring times are not independent. Never less
+  /// than with independent errors.
   Eigen::MatrixXd covariance(std::size_t groups_per_stretch);
+  /// Of one coordinate of an observation at the last linearisation, by the weighted residuals and the number of
+  /// unknowns.
+  double residual_variance();
 
  private:
   struct Projected {

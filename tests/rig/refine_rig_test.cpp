@@ -112,6 +112,23 @@ TEST(RefineRig, SigmasAreAsLargeAsTheErrors) {
   EXPECT_LT(errors, 4.0 * sigmas);
 }
 
+TEST(RefineRig, SigmasOfAShortRecordingAreNotTooSmall) {
+  const std::vector<Camera> truth = rig_of(5, 800);
+  double errors = 0.0, sigmas = 0.0;
+  for (unsigned seed = 40; seed < 44; ++seed) {
+    FilmOptions options;
+    options.seed = seed;
+    options.frames = 12;
+    const RigRefinement found = refine_rig(truth, film(truth, walker, options));
+    const std::vector<Camera> aligned = support::aligned(found.cameras, truth);
+    for (std::size_t c = 0; c < truth.size(); ++c) {
+      errors += (aligned[c].centre() - truth[c].centre()).squaredNorm();
+      sigmas += found.reports[c].centre_sigma * found.reports[c].centre_sigma;
+    }
+  }
+  EXPECT_LT(errors, 4.0 * sigmas);
+}
+
 TEST(RefineRig, LimbsOfConstantLengthHelpFewCameras) {
   const std::vector<Camera> truth = rig_of(3, 512);
   FilmOptions options;
