@@ -28,8 +28,25 @@ train() { "$doppel" train "$source/configs/small/$1.yaml" --set capture="$work/p
 
 case $figure in
   livecap)
-    "$doppel" track "$capture/wild" --method livecap --vertices --sheet-frames 0 --out clip >/dev/null
-    expect "IoU of the surface" "$(grep -o '"IoU": [0-9.]*' clip/track.json | head -1 | cut -d' ' -f2)" 0.948
+    mkdir -p clip
+    cat >clip/capture.yaml <<YAML
+doppel_capture: 1
+name: wild
+root: $(realpath "$capture")
+character: character/ddc.character
+calibration: wild/camera.calibration
+landmarks: landmarks.csv
+sequences:
+  - name: wild
+    split: test
+    videos: wild/videos/stream000.mp4
+    background_subtraction: {frames: [0, 19]}
+    keypoints: wild/keypoints/000/stream000_{frame:012}_keypoints.json
+    joints3d: wild/joints3d.csv
+    first_frame: 20
+YAML
+    "$doppel" track clip --method livecap --vertices --sheet-frames 0 --out tracked >/dev/null
+    expect "IoU of the surface" "$(grep -o '"IoU": [0-9.]*' tracked/track.json | head -1 | cut -d' ' -f2)" 0.948
     ;;
   egnet)
     train ddc "${chain[@]}" --stages egnet --out ddc
