@@ -6,6 +6,9 @@
 #   GENERATED      sources written by the build
 #   DEPENDS        modules of lower levels (doppel_core, ...) and outside libraries, all public
 #
+# doppel_builtin_files(SOURCE TABLE FOLDER NAME ...)
+#   Writes SOURCE.cpp into the build: TABLE holds the files FOLDER/NAME.yaml. The module's header SOURCE.h declares TABLE.
+#
 # doppel_test(MODULE [TORCH] [REAL] DEPENDS ...)
 #   The executable <module>_test of every *_test.cpp in its folder and its ctest entries: <module> for everything but
 #   suites named Real*, and with REAL <module>_real (label `real`) for those; they look for DOPPEL_SHARED and skip
@@ -112,6 +115,28 @@ function(doppel_module_headers name torch)
     add_custom_target(headers)
   endif()
   add_dependencies(headers doppel_${name}_headers)
+endfunction()
+
+function(doppel_builtin_files source table folder)
+  set(files)
+  foreach(name IN LISTS ARGN)
+    set(file ${PROJECT_SOURCE_DIR}/${folder}/${name}.yaml)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
+    file(READ ${file} text)
+    string(APPEND files "    {\"${name}\", R\"yaml(${text})yaml\"},\n")
+  endforeach()
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME module)
+  file(CONFIGURE OUTPUT ${source}.cpp @ONLY CONTENT [[
+#include "doppel/@module@/@source@.h"
+
+namespace doppel {
+
+static constexpr BuiltinFile kFiles[] = {
+@files@};
+const std::span<const BuiltinFile> @table@ = kFiles;
+
+}  // namespace doppel
+]])
 endfunction()
 
 function(doppel_module name)

@@ -6,18 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/statistics.h"
+
 namespace doppel {
 namespace {
 
 constexpr double kParallel = 1e-6;      // smallest eigenvalue of the mean projection that fixes a point
 constexpr double kSpreadOfView = 0.3;   // largest distance to the axes, in depths
 constexpr double kFarFromOrigin = 1e5;  // metres
-
-double rig_median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Vector3d rig_mean_centre(const std::vector<Camera>& cameras) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -60,8 +56,8 @@ std::optional<CommonView> common_view(const std::vector<Camera>& cameras) {
     depths.push_back(camera.R.row(2).dot(to_point));
     view.behind += depths.back() <= 0.0 ? 1 : 0;
   }
-  view.median_distance = rig_median(std::move(distances));
-  view.median_depth = rig_median(std::move(depths));
+  view.median_distance = median(std::move(distances));
+  view.median_depth = median(std::move(depths));
   return view;
 }
 

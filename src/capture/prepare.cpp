@@ -24,6 +24,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/statistics.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
 
@@ -94,13 +95,6 @@ class RecordMaker {
   std::unique_ptr<FrameReader> videos_;
   MaskSource masks_;
 };
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
 
 /// One run of prepare over a plan.
 class Preparation {

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 
 namespace doppel {
 
@@ -92,9 +93,7 @@ double median_distance(const std::vector<Eigen::Vector3d>& points, const Triangl
       smallest = std::min(smallest, (vertex - position).squaredNorm());
     distances.push_back(std::sqrt(smallest));
   }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return median(std::move(distances));
 }
 
 double marker_distance(const Skeleton& skeleton, const std::vector<double>& rest_dofs, const TriangleMesh& mesh) {

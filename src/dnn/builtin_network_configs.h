@@ -2,13 +2,11 @@
 
 #include <span>
 
+#include "doppel/core/builtin_file.h"
+
 namespace doppel {
 
-/// A file of configs/networks. The file is compiled in, so an installed program needs no data folder.
-struct BuiltinNetworkConfig {
-  const char* name;
-  const char* yaml;
-};
-extern const std::span<const BuiltinNetworkConfig> kBuiltinNetworkConfigs;
+/// The files of configs/networks.
+extern const std::span<const BuiltinFile> kBuiltinNetworkConfigs;
 
 }  // namespace doppel

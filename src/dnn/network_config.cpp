@@ -110,9 +110,9 @@ void read_keys(const ConfigReader& reader, NetworkOptions& options) {
   read_output(reader, options);
 }
 
-const BuiltinNetworkConfig* find_builtin(const std::string& name) {
+const BuiltinFile* find_builtin(const std::string& name) {
   const auto found = std::find_if(kBuiltinNetworkConfigs.begin(), kBuiltinNetworkConfigs.end(),
-                                  [&](const BuiltinNetworkConfig& config) { return name == config.name; });
+                                  [&](const BuiltinFile& config) { return name == config.name; });
   return found == kBuiltinNetworkConfigs.end() ? nullptr : &*found;
 }
 
@@ -200,8 +200,8 @@ PersonNetworkOptions read_person_network(const ConfigReader& reader) {
 }
 
 PersonNetworkOptions load_person_network(const std::string& name_or_path) {
-  if (const BuiltinNetworkConfig* const builtin = find_builtin(name_or_path)) {
-    const ConfigDocument document = ConfigDocument::parse(builtin->yaml, name_or_path);
+  if (const BuiltinFile* const builtin = find_builtin(name_or_path)) {
+    const ConfigDocument document = ConfigDocument::parse(builtin->text, name_or_path);
     const ConfigReader root = document.root();
     PersonNetworkOptions options = read_all(root, {});
     root.finish();
@@ -224,7 +224,7 @@ PersonNetworkOptions load_person_network(const std::string& name_or_path) {
 
 std::vector<std::string> builtin_network_configs() {
   std::vector<std::string> names;
-  for (const BuiltinNetworkConfig& config : kBuiltinNetworkConfigs) names.emplace_back(config.name);
+  for (const BuiltinFile& config : kBuiltinNetworkConfigs) names.emplace_back(config.name);
   return names;
 }
 

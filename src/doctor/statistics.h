@@ -4,20 +4,9 @@
 #include <cmath>
 #include <vector>
 
-#include "doppel/core/as_size.h"
+#include "doppel/core/statistics.h"
 
 namespace doppel {
-
-/// The value below which a share of the values lies; 0 for no values. @param share 0..1
-inline double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto place = static_cast<std::ptrdiff_t>(
-      std::min(static_cast<double>(values.size() - 1), std::floor(share * static_cast<double>(values.size()))));
-  std::nth_element(values.begin(), values.begin() + place, values.end());
-  return values[as_size(place)];
-}
-/// The middle value; 0 for no values.
-inline double median(const std::vector<double>& values) { return quantile(values, 0.5); }
 
 /// The standard deviation of a normal distribution with the same median absolute deviation.
 inline double robust_spread(std::vector<double> values) {

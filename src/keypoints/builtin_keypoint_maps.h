@@ -2,13 +2,11 @@
 
 #include <span>
 
+#include "doppel/core/builtin_file.h"
+
 namespace doppel {
 
-/// A file of configs/keypoints. The file is compiled in, so an installed program needs no data folder.
-struct BuiltinKeypointMap {
-  const char* name;
-  const char* yaml;
-};
-extern const std::span<const BuiltinKeypointMap> kBuiltinKeypointMaps;
+/// The files of configs/keypoints.
+extern const std::span<const BuiltinFile> kBuiltinKeypointMaps;
 
 }  // namespace doppel

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/statistics.h"
+
 namespace doppel {
 
 namespace {
@@ -10,17 +12,10 @@ namespace {
 using Track = std::vector<Keypoint>;  ///< one landmark in the frames of one segment
 
 constexpr double kSpreads = 4.0;  ///< largest distance of a point from its neighbours, in spreads of the neighbours
-constexpr double kDeviationOfMedian =
-    1.4826;  ///< standard deviation of a normal distribution per upper_median deviation
+constexpr double kDeviationOfMedian = 1.4826;  ///< standard deviation of a normal distribution per median deviation
 constexpr float kBridgedConfidence = 0.5f;
 
 bool seen(const Keypoint& point) { return point.confidence > 0.0f; }
-
-double upper_median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 bool is_outlier(const Track& track, int frame, const KeypointFilter& filter, double longer_side) {
   std::vector<double> x, y, distance;
@@ -33,9 +28,9 @@ bool is_outlier(const Track& track, int frame, const KeypointFilter& filter, dou
     x.push_back(point.x);
     y.push_back(point.y);
   }
-  const double mx = upper_median(x), my = upper_median(y);
+  const double mx = median(x), my = median(y);
   for (const Keypoint& point : near) distance.push_back(std::hypot(point.x - mx, point.y - my));
-  const double allowed = std::max(filter.outlier * longer_side, kSpreads * kDeviationOfMedian * upper_median(distance));
+  const double allowed = std::max(filter.outlier * longer_side, kSpreads * kDeviationOfMedian * median(distance));
   return std::hypot(track[frame].x - mx, track[frame].y - my) > allowed;
 }
 

@@ -75,8 +75,8 @@ KeypointMap read_map(const ConfigDocument& document) {
   return map;
 }
 
-KeypointMap read_builtin_map(const BuiltinKeypointMap& file) {
-  KeypointMap map = read_map(ConfigDocument::parse(file.yaml, std::string(file.name) + ".yaml (built in)"));
+KeypointMap read_builtin_map(const BuiltinFile& file) {
+  KeypointMap map = read_map(ConfigDocument::parse(file.text, std::string(file.name) + ".yaml (built in)"));
   map.layout.name = file.name;
   return map;
 }
@@ -93,21 +93,21 @@ const KeypointMap::Entry* KeypointMap::find(const std::string& landmark) const {
 std::vector<std::string> builtin_keypoint_maps() {
   std::vector<std::string> names;
   names.reserve(kBuiltinKeypointMaps.size());
-  for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps) names.emplace_back(map.name);
+  for (const BuiltinFile& map : kBuiltinKeypointMaps) names.emplace_back(map.name);
   return names;
 }
 
 const std::vector<PointLayout>& builtin_layouts() {
   static const std::vector<PointLayout> layouts = [] {
     std::vector<PointLayout> all;
-    for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps) all.push_back(read_builtin_map(map).layout);
+    for (const BuiltinFile& map : kBuiltinKeypointMaps) all.push_back(read_builtin_map(map).layout);
     return all;
   }();
   return layouts;
 }
 
 KeypointMap read_keypoint_map(const std::string& name_or_path) {
-  for (const BuiltinKeypointMap& map : kBuiltinKeypointMaps)
+  for (const BuiltinFile& map : kBuiltinKeypointMaps)
     if (name_or_path == map.name) return read_builtin_map(map);
   if (!std::filesystem::exists(name_or_path))
     fail<UsageError>("there is no keypoint map '{}': it is neither a file nor one of those built in, {}", name_or_path,

@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 
 namespace doppel {
 
@@ -24,12 +25,6 @@ constexpr std::size_t kMostGrown = 400;                     ///< proposals looke
 constexpr int kMostPairsOfPoint = 60;
 constexpr int kAllPairsUpTo = 8;  ///< cameras
 
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Length of the residual; infinite behind the camera.
 double distance(const Sight& sight, const Vector3d& position) {
   const auto residual = residual_of(sight, position);
@@ -42,7 +37,7 @@ Vector3d middle_of(const std::vector<std::optional<Vector3d>>& body) {
     std::vector<double> values;
     for (const auto& point : body)
       if (point) values.push_back((*point)[axis]);
-    if (!values.empty()) middle[axis] = median_of(values);
+    if (!values.empty()) middle[axis] = median(values);
   }
   return middle;
 }
@@ -54,7 +49,7 @@ bool has_size_of_body(const std::vector<std::optional<Vector3d>>& body) {
   for (const auto& point : body)
     if (point) distances.push_back((*point - middle).norm());
   if (static_cast<int>(distances.size()) < kFewestShared) return false;
-  const double size = median_of(distances);
+  const double size = median(distances);
   return size >= kSmallestBody && size <= kLargestBody;
 }
 
@@ -124,7 +119,7 @@ void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<P
       if (residuals.back() <= max_residual_) proposal.body[i] = *position;
     }
     if (static_cast<int>(residuals.size()) < kFewestShared) continue;
-    proposal.residual = median_of(residuals);
+    proposal.residual = median(residuals);
     if (proposal.residual < best.residual) best = proposal;
   }
   if (best.residual <= max_residual_ && has_size_of_body(best.body)) all.push_back(std::move(best));

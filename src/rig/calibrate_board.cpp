@@ -11,8 +11,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/camera_jacobian.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/reprojection.h"
 #include "doppel/solver/block_system.h"
 #include "doppel/solver/least_squares.h"

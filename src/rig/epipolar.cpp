@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/camera_jacobian.h"
-#include "doppel/rig/quantiles.h"
 
 namespace doppel {
 

@@ -7,8 +7,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/fit_pose.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/reprojection.h"
 
 namespace doppel {

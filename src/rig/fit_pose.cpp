@@ -1,7 +1,7 @@
 #include "doppel/rig/fit_pose.h"
 
+#include "doppel/core/statistics.h"
 #include "doppel/rig/camera_jacobian.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/reprojection.h"
 #include "doppel/solver/dense_system.h"
 #include "doppel/solver/least_squares.h"

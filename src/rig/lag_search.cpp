@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/epipolar.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/solver/residuals.h"
 
 namespace doppel {

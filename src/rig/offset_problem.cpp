@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
-#include "doppel/rig/quantiles.h"
+#include "doppel/core/statistics.h"
 
 namespace doppel {
 namespace {

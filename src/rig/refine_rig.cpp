@@ -8,9 +8,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/align_cameras.h"
 #include "doppel/rig/bundle_problem.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/reprojection.h"
 
 namespace doppel {

@@ -30,14 +30,15 @@ struct RefineOptions {
 /// What became of one camera.
 struct CameraRefinement {
   std::string name;
-  long observations = 0;                          ///< points that took part
-  double inliers = 0.0;                           ///< share of the observations within three kernel widths at the end
+  long observations = 0;  ///< points that took part
+  double inliers = 0.0;   ///< share of the observations with a residual within the kernel at the end
   double median_before = 0.0, mean_before = 0.0;  ///< distance of points triangulated from all cameras, pixels
   double median_after = 0.0, mean_after = 0.0;
   double rotation_change = 0.0;  ///< radians
   double centre_change = 0.0;    ///< metres
   double focal_change = 0.0;     ///< relative, 0.03: 3 % longer
-  double rotation_sigma = 0.0;   ///< radians; standard deviations, by the curvature of the cost
+  double rotation_sigma = 0.0;   ///< radians; standard deviations by the curvature of the cost
+                                 ///< and the spread of its gradients
   double centre_sigma = 0.0;     ///< metres
   double focal_sigma = 0.0;      ///< relative
   bool refined = true;           ///< false: too few points, the camera keeps its calibration

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "doppel/rig/quantiles.h"
+#include "doppel/core/statistics.h"
 
 namespace doppel {
 namespace {

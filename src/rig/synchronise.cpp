@@ -6,10 +6,10 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/epipolar.h"
 #include "doppel/rig/lag_search.h"
 #include "doppel/rig/offset_problem.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/smooth_track.h"
 
 namespace doppel {

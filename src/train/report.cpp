@@ -7,6 +7,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/statistics.h"
 #include "doppel/html/embedded_image.h"
 #include "doppel/html/html_page.h"
 #include "doppel/html/svg_chart.h"
@@ -60,8 +61,7 @@ std::string step_times(const std::vector<MetricsRecord>& records) {
   std::vector<std::pair<std::string, double>> medians;
   double total = 0.0;
   for (auto& [name, times] : parts) {
-    std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2), times.end());
-    medians.emplace_back(name, times[times.size() / 2]);
+    medians.emplace_back(name, median(std::move(times)));
     total += medians.back().second;
   }
   if (total <= 0.0) return "";

@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
@@ -12,6 +11,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/keypoints/keypoint_map.h"
+#include "keypoints/camera_ring.h"
 #include "keypoints/standing_person.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
@@ -26,27 +26,6 @@ using support::TemporaryFolder;
 using ::testing::HasSubstr;
 
 constexpr int kCameras = 4, kRows = 12;
-
-std::vector<Camera> ring_of_views() {
-  std::vector<Camera> cameras;
-  for (int i = 0; i < kCameras; ++i) {
-    const double angle = 2 * M_PI * i / kCameras + 0.3;
-    Camera camera;
-    camera.name = "c" + std::to_string(i);
-    camera.width = 1200;
-    camera.height = 1000;
-    camera.K << 700, 0, 600, 0, 700, 500, 0, 0, 1;
-    camera.distortion = {-0.1, 0.02};
-    const Vector3d centre(4 * std::sin(angle), 1.4, 4 * std::cos(angle)), target(0, 1, 0);
-    const Vector3d z = (target - centre).normalized(), x = Vector3d(0, -1, 0).cross(z).normalized();
-    camera.R.row(0) = x;
-    camera.R.row(1) = z.cross(x);
-    camera.R.row(2) = z;
-    camera.t = -camera.R * centre;
-    cameras.push_back(camera);
-  }
-  return cameras;
-}
 
 const PointLayout& layout() {
   static const PointLayout body25 = read_keypoint_map("body25").layout;
@@ -74,7 +53,7 @@ int index_of(int person, long frame, int camera) { return (person + static_cast<
 
 /// Both people in all cameras; camera 2 films two frames per row and began half a frame late.
 PeopleInCameras two_people() {
-  PeopleInCameras seen{"walk", ring_of_views(), {}, {}, 1, kRows};
+  PeopleInCameras seen{"walk", test_keypoints::camera_ring(kCameras), {}, {}, 1, kRows};
   for (int c = 0; c < kCameras; ++c) {
     const FrameClock clock = c == 2 ? FrameClock{2.0, 0.5} : FrameClock{};
     seen.clocks.push_back(clock);
@@ -139,7 +118,7 @@ TEST(PeopleInCameras, NothingIsChosenWhereNobodyElseIs) {
 class TwoPeopleOnDisk {
  public:
   explicit TwoPeopleOnDisk(const std::string& person) {
-    const std::vector<Camera> cameras = ring_of_views();
+    const std::vector<Camera> cameras = test_keypoints::camera_ring(kCameras);
     write_calibration(folder_ / "cameras.yml", cameras);
     for (int c = 0; c < kCameras; ++c)
       for (int frame = 0; frame < kRows + 2; ++frame) write_frame(cameras[as_size(c)], c, frame);
@@ -172,7 +151,7 @@ TEST(PersonTracks, AreTheChosenPersonsPointsInFramesOfEachVideo) {
   const PointTracks tracks = read_person_tracks(capture, capture.sequences.at(0));
   EXPECT_EQ(tracks.points, layout().points) << "25 points, told from BODY_25B by the limbs";
   ASSERT_EQ(tracks.num_cameras(), kCameras);
-  const std::vector<Camera> cameras = ring_of_views();
+  const std::vector<Camera> cameras = test_keypoints::camera_ring(kCameras);
   for (int c = 0; c < kCameras; ++c) {
     const CameraTrack& track = tracks.cameras[as_size(c)];
     EXPECT_EQ(track.name, cameras[as_size(c)].name);

@@ -13,7 +13,7 @@
 #include "doppel/detect/body_detector.h"
 #include "doppel/detect/network.h"
 #include "doppel/detect/tflite_model.h"
-#include "support/shared_folder.h"
+#include "support/blazepose_weights.h"
 
 namespace doppel::real_blazepose_test {
 namespace {
@@ -23,20 +23,8 @@ using Json = nlohmann::json;
 
 constexpr BlazePoseModel kModels[] = {BlazePoseModel::lite, BlazePoseModel::full, BlazePoseModel::heavy};
 
-/// Skips where neither the cache nor the network gives the weights.
-class RealBlazePose : public support::SharedFolderTest {
+class RealBlazePose : public support::BlazePoseTest {
  protected:
-  void SetUp() override {
-    SharedFolderTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      find_model(kDetectorFile);
-      for (const ModelFile& file : kLandmarkFiles) find_model(file);
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
-    }
-  }
-
   fs::path folder() const { return shared_ / "oracle" / "blazepose"; }
 
   std::vector<Json> results() const {

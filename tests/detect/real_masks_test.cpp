@@ -5,7 +5,7 @@
 
 #include "doppel/detect/body_detector.h"
 #include "doppel/detect/mask_sharpening.h"
-#include "support/shared_folder.h"
+#include "support/blazepose_weights.h"
 
 namespace doppel::real_masks_test {
 namespace {
@@ -27,13 +27,8 @@ double overlap(const cv::Mat& a, const cv::Mat& b) {
 class RealMasks : public support::SharedFolderTest {
  protected:
   void SetUp() override {
-    SharedFolderTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      detector_.emplace(BodyDetectorOptions{});
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
-    }
+    BlazePoseTest::SetUp();
+    if (!IsSkipped()) detector_.emplace(BodyDetectorOptions{});
   }
 
   cv::Mat network_mask(const cv::Mat& image) {

@@ -2,13 +2,13 @@
 
 #include <gmock/gmock.h>
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <random>
 
 #include "doppel/core/error.h"
 #include "doppel/keypoints/keypoint_map.h"
 #include "doppel/keypoints/landmark_key.h"
+#include "keypoints/camera_ring.h"
 #include "keypoints/standing_person.h"
 #include "support/message_of.h"
 
@@ -17,31 +17,10 @@ namespace {
 
 using Eigen::Vector3d;
 using support::message_of;
+using test_keypoints::camera_ring;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-/// Cameras on a ring of 4 m that look at (0, 1, 0), with lens distortion.
-std::vector<Camera> ring(int count) {
-  std::vector<Camera> cameras;
-  for (int i = 0; i < count; ++i) {
-    const double angle = 2 * M_PI * i / count + 0.2;
-    Camera camera;
-    camera.name = "c" + std::to_string(i);
-    camera.width = 1200;
-    camera.height = 1000;
-    camera.K << 900, 0, 600, 0, 900, 500, 0, 0, 1;
-    camera.distortion = {-0.1, 0.02};
-    const Vector3d target(0, 1, 0), centre(4 * std::sin(angle), 1.2 + 0.4 * (i % 2), 4 * std::cos(angle));
-    const Vector3d z = (target - centre).normalized(), x = Vector3d(0, -1, 0).cross(z).normalized();
-    camera.R.row(0) = x;
-    camera.R.row(1) = z.cross(x);
-    camera.R.row(2) = z;
-    camera.t = -camera.R * centre;
-    cameras.push_back(camera);
-  }
-  return cameras;
-}
 
 /// A person of the scene: where in a frame, and in which cameras.
 struct Actor {
@@ -132,8 +111,8 @@ Actor passer_by(int first, const Vector3d& from, const Vector3d& step) {
 }
 
 TEST(PersonChoice, FollowsTheManAndNotPeopleInTheBackground) {
-  const Scene scene(ring(6), {passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0}), man(), passer_by(3, {-2, 0, 1}, {0, 0, 0.03})},
-                    40);
+  const Scene scene(camera_ring(6),
+                    {passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0}), man(), passer_by(3, {-2, 0, 1}, {0, 0, 0.03})}, 40);
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 1).wrong, 0);
   EXPECT_EQ(scene.faults(choice, 1).missed, 0);
@@ -144,13 +123,14 @@ TEST(PersonChoice, FollowsTheManAndNotPeopleInTheBackground) {
   EXPECT_LT(choice.people[0].residual, 0.005);
   EXPECT_GT(choice.people[0].residual, 0.001) << "the noise of the points is 2 pixels of 1000";
   for (const double share : choice.cameras) EXPECT_EQ(share, 1.0);
-  EXPECT_THAT(choice.doubts(ring(6)), IsEmpty());
+  EXPECT_THAT(choice.doubts(camera_ring(6)), IsEmpty());
 }
 
 TEST(PersonChoice, SurvivesDropoutsAndACameraThatIsWrong) {
   Actor actor = man();
   actor.is_detected = [](int f, int c) { return (7 * f + 3 * c) % 5 != 0; };
-  Scene scene(ring(6), {actor, passer_by(1, {-1.5, 0, -2}, {0.05, 0, 0}), passer_by(4, {-2, 0, 1}, {0, 0, 0.03})}, 40);
+  Scene scene(camera_ring(6),
+              {actor, passer_by(1, {-1.5, 0, -2}, {0.05, 0, 0}), passer_by(4, {-2, 0, 1}, {0, 0, 0.03})}, 40);
   scene.cameras()[3].t.x() += 0.8;
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 0).wrong, 0);
@@ -163,7 +143,7 @@ TEST(PersonChoice, SurvivesDropoutsAndACameraThatIsWrong) {
 TEST(PersonChoice, KeepsDetectionsWhoseSidesAreSwapped) {
   Actor actor = man();
   actor.is_swapped = [](int f, int c) { return (c == 1 || c == 4) && f % 3 != 0; };
-  const Scene scene(ring(6), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 30);
+  const Scene scene(camera_ring(6), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 30);
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 0).wrong, 0);
   EXPECT_EQ(scene.faults(choice, 0).missed, 0);
@@ -171,7 +151,7 @@ TEST(PersonChoice, KeepsDetectionsWhoseSidesAreSwapped) {
 }
 
 TEST(PersonChoice, ToleratesPointsThatAreWrong) {
-  Scene scene(ring(5), {man(), passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 20);
+  Scene scene(camera_ring(5), {man(), passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 20);
   std::mt19937 random(3);
   for (auto& cameras : scene.frames())
     for (People& people : cameras)
@@ -187,7 +167,7 @@ TEST(PersonChoice, ToleratesPointsThatAreWrong) {
 TEST(PersonChoice, GoesOnWhereOneCameraIsLeft) {
   Actor actor = man();
   actor.is_detected = [](int f, int c) { return f < 10 || f > 14 || c == 2; };
-  const Scene scene(ring(4), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 25);
+  const Scene scene(camera_ring(4), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 25);
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 0).wrong, 0);
   EXPECT_EQ(scene.faults(choice, 0).missed, 0);
@@ -201,7 +181,7 @@ TEST(PersonChoice, FindsHimAgainAfterALongPause) {
   Actor actor = man();
   actor.position = [](int f) { return f < 20 ? Vector3d(-1.5, 0, 0) : Vector3d(1.5, 0, 0); };
   actor.is_detected = [](int f, int) { return f < 10 || f >= 40; };
-  const Scene scene(ring(4), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 50);
+  const Scene scene(camera_ring(4), {actor, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 50);
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 0).wrong, 0);
   EXPECT_EQ(scene.faults(choice, 0).missed, 0);
@@ -211,13 +191,13 @@ TEST(PersonChoice, AsksWhichOfTwoThatAgreeEquallyWell) {
   Actor left, right;
   left.position = [](int) { return Vector3d(-0.8, 0, 0); };
   right.position = [](int f) { return Vector3d(0.8, 0, 0.01 * f); };
-  const Scene scene(ring(5), {left, right, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 20);
+  const Scene scene(camera_ring(5), {left, right, passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 20);
   const PersonChoice choice = scene.follow();
   EXPECT_TRUE(choice.ambiguous);
   ASSERT_GE(choice.people.size(), 2u);
   EXPECT_NEAR(std::abs(choice.people[1].position.x()), 0.8, 0.1);
-  ASSERT_EQ(choice.doubts(ring(5)).size(), 1u);
-  EXPECT_THAT(choice.doubts(ring(5))[0], AllOf(HasSubstr("person 1 near"), HasSubstr("set `person`")));
+  ASSERT_EQ(choice.doubts(camera_ring(5)).size(), 1u);
+  EXPECT_THAT(choice.doubts(camera_ring(5))[0], AllOf(HasSubstr("person 1 near"), HasSubstr("set `person`")));
   PersonChoiceOptions options;
   for (const std::size_t actor : {0u, 1u}) {
     options = {};
@@ -241,7 +221,7 @@ TEST(PersonChoice, KeepsPeopleApartWhoCross) {
   Actor first, second;
   first.position = [](int f) { return Vector3d(-1.0 + 0.05 * f, 0, 0.25); };
   second.position = [](int f) { return Vector3d(1.0 - 0.05 * f, 0, -0.25); };
-  const Scene scene(ring(5), {first, second}, 40);
+  const Scene scene(camera_ring(5), {first, second}, 40);
   PersonChoiceOptions options;
   std::vector<bool> is_first;
   for (const int person : {0, 1}) {
@@ -256,19 +236,19 @@ TEST(PersonChoice, KeepsPeopleApartWhoCross) {
 }
 
 TEST(PersonChoice, FindsNobodyWhereNoCamerasAgree) {
-  const PersonChoice none = follow_people({{{}, {}}, {{}, {}}}, ring(2), read_keypoint_map("body25").layout);
+  const PersonChoice none = follow_people({{{}, {}}, {{}, {}}}, camera_ring(2), read_keypoint_map("body25").layout);
   EXPECT_EQ(none.person, -1);
   EXPECT_EQ(none.chosen, std::vector<std::vector<int>>(2, {-1, -1}));
-  ASSERT_EQ(none.doubts(ring(2)).size(), 1u);
-  EXPECT_THAT(none.doubts(ring(2))[0], HasSubstr("no two cameras agree"));
+  ASSERT_EQ(none.doubts(camera_ring(2)).size(), 1u);
+  EXPECT_THAT(none.doubts(camera_ring(2))[0], HasSubstr("no two cameras agree"));
   Actor alone = man();
   alone.is_detected = [](int, int camera) { return camera == 0; };
-  EXPECT_EQ(Scene(ring(3), {alone}, 5).follow().person, -1);
-  EXPECT_TRUE(follow_people({}, ring(2), read_keypoint_map("body25").layout).chosen.empty());
+  EXPECT_EQ(Scene(camera_ring(3), {alone}, 5).follow().person, -1);
+  EXPECT_TRUE(follow_people({}, camera_ring(2), read_keypoint_map("body25").layout).chosen.empty());
 }
 
 TEST(PersonChoice, WorksWithManyCameras) {
-  const Scene scene(ring(24), {man(), passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 3, "coco17");
+  const Scene scene(camera_ring(24), {man(), passer_by(0, {-1.5, 0, -2}, {0.05, 0, 0})}, 3, "coco17");
   const PersonChoice choice = scene.follow();
   EXPECT_EQ(scene.faults(choice, 0).wrong, 0);
   EXPECT_EQ(scene.faults(choice, 0).missed, 0);
@@ -276,12 +256,12 @@ TEST(PersonChoice, WorksWithManyCameras) {
 
 TEST(PersonChoice, RefusesWhatCannotBe) {
   const PointLayout layout = read_keypoint_map("body25").layout;
-  EXPECT_THROW(follow_people({{{}}}, ring(2), layout), Error);
+  EXPECT_THROW(follow_people({{{}}}, camera_ring(2), layout), Error);
   EXPECT_THAT(message_of<Error>([&] {
-                follow_people({{{Person(17)}, {}}}, ring(2), layout);
+                follow_people({{{Person(17)}, {}}}, camera_ring(2), layout);
               }),
               AllOf(HasSubstr("17 points"), HasSubstr("25")));
-  std::vector<Camera> cameras = ring(2);
+  std::vector<Camera> cameras = camera_ring(2);
   cameras[1].height = 0;
   EXPECT_THAT(message_of<Error>([&] { follow_people({}, cameras, layout); }), HasSubstr("c1"));
 }

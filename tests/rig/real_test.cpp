@@ -9,9 +9,9 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/calibration/read_calibration.h"
+#include "doppel/core/statistics.h"
 #include "doppel/rig/calibrate_board.h"
 #include "doppel/rig/find_moved_cameras.h"
-#include "doppel/rig/quantiles.h"
 #include "doppel/rig/refine_rig.h"
 #include "doppel/rig/reprojection.h"
 #include "doppel/rig/synchronise.h"

@@ -9,12 +9,11 @@
 #include "doppel/capture/capture_guess.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/detect/model_files.h"
 #include "doppel/keypoints/space_points.h"
 #include "doppel/track/points/track_points.h"
+#include "support/blazepose_weights.h"
 #include "support/message_of.h"
 #include "support/reference_points.h"
-#include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::tools::detected_capture_test {
@@ -102,19 +101,7 @@ TEST_F(CaptureToDetect, KeypointsOfTheCaptureOrOfAnEarlierRunAreUsed) {
 }
 
 /// A real man in four real videos with a calibration, nothing else.
-class RealDetectedCapture : public support::SharedFolderTest {
- protected:
-  void SetUp() override {
-    SharedFolderTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      find_model(kDetectorFile);
-      for (const ModelFile& file : kLandmarkFiles) find_model(file);
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
-    }
-  }
-};
+using RealDetectedCapture = support::BlazePoseTest;
 
 // BlazePose and OpenPose place the same joint at different points of the body, hips most, so 35 mm, the bound for
 // OpenPose's own files, cannot hold. 41 mm here.

@@ -1,29 +1,17 @@
 #include <gtest/gtest.h>
 
 #include "doppel/character/motion.h"
-#include "doppel/detect/model_files.h"
 #include "doppel/track/live/live_run.h"
 #include "doppel/track/method_trackers.h"
-#include "support/shared_folder.h"
+#include "support/blazepose_weights.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::real_detect_test {
 namespace {
 
-/// One camera of the shared capture. Skips where neither the cache nor the network gives the weights of BlazePose.
-class RealRawVideo : public support::SharedFolderTest {
+/// One camera of the shared capture.
+class RealRawVideo : public support::BlazePoseTest {
  protected:
-  void SetUp() override {
-    SharedFolderTest::SetUp();
-    if (IsSkipped()) return;
-    try {
-      find_model(kDetectorFile);
-      find_model(landmark_file(BlazePoseModel::full));
-    } catch (const std::exception& error) {
-      GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
-    }
-  }
-
   /// The differences of the tracked from the given motion.
   /// @param model BlazePose instead of the capture's keypoints and masks
   MotionDifference track(std::optional<BlazePoseModel> model) const {
