@@ -11,7 +11,7 @@ capture="$1" folder="${2:-choose-surface}" cameras="${CAMERAS:-0,1,2,3,4,5}"
 source scripts/figures.sh
 mkdir -p "$folder"
 "$doppel" prepare "$capture" --mask-size 700 --out "$folder/prepared" >/dev/null
-insets=(0 -0.2 -0.4) chromas=(0.03775 20)
+chromas=(0.03775 20) insets=(-0.2 -0.4)
 
 # stages NAME TAKE STAGES [key=value ...]: trains with a take held out, and evaluates on it
 stages() {
@@ -30,23 +30,26 @@ candidate() {
 
 for take in 0 1; do side_by_side stages base $take egnet,lighting egnet.train.iterations=2000; done
 all_done
+# both NAME METHOD METRIC DIGITS: the mean over the two takes
+both() { for take in 0 1; do figure "$1-$take.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
+
+# The chroma weight without inset, then the inset with the better weight.
+for chroma in "${chromas[@]}"; do
+  for take in 0 1; do side_by_side candidate 0 "$chroma" $take; done
+done
+all_done
+best=$(for chroma in "${chromas[@]}"; do echo "$(both "inset0-chroma$chroma" lit MSE 6) $chroma"; done | sort -n | head -1 | cut -d' ' -f2)
 for inset in "${insets[@]}"; do
-  for chroma in "${chromas[@]}"; do
-    for take in 0 1; do side_by_side candidate "$inset" "$chroma" $take; done
-  done
+  for take in 0 1; do side_by_side candidate "$inset" "$best" $take; done
 done
 all_done
 
-# both NAME METHOD METRIC DIGITS: the mean over the two takes
-both() { for take in 0 1; do figure "$1-$take.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
+# row INSET CHROMA
+row() { echo "| $1 | $2 | $(both "inset$1-chroma$2" deltanet AMVIoU 4) | $(both "inset$1-chroma$2" lit MSE 1) |"; }
 {
   echo "| \`inset\` | \`chroma\` | AMVIoU | masked MSE, static texture under learnt lighting |"
   echo "|---:|---:|---:|---:|"
-  for inset in "${insets[@]}"; do
-    for chroma in "${chromas[@]}"; do
-      name="inset$inset-chroma$chroma"
-      echo "| $inset | $chroma | $(both "$name" deltanet AMVIoU 4) | $(both "$name" lit MSE 1) |"
-    done
-  done
+  for chroma in "${chromas[@]}"; do row 0 "$chroma"; done
+  for inset in "${insets[@]}"; do row "$inset" "$best"; done
   provenance "scripts/choose_surface.sh CAPTURE"
 } | tee "$folder/surface.md"

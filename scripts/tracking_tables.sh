@@ -4,20 +4,21 @@
 # methods at the true position.
 #   scripts/tracking_tables.sh CAPTURE RUN SEQUENCE [FOLDER]
 # RUN is a run of the chain deepcap on another sequence of the capture; SEQUENCE is the test sequence of the capture.
+# LiveCap has the keypoints and joints in space of `doppel detect`, which sees the images only.
 # CAMERA=0 is the input camera; POSES=10 and SURFACES=100 are the steps between compared frames (as in the thesis).
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 3 ] || { sed -n '2,7s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 3 ] || { sed -n '2,8s/^# //p' "$0" >&2; exit 2; }
 capture="$1" run="$2" sequence="$3" folder="${4:-tracking-tables}"
 camera="${CAMERA:-0}" poses="${POSES:-10}" surfaces="${SURFACES:-100}"
 source scripts/figures.sh
 mkdir -p "$folder"
 "$doppel" prepare "$capture" --out "$folder/prepared" >/dev/null
 
-# track NAME METHOD [option ...]: tracks once without smoothing
+# track NAME CAPTURE METHOD [option ...]: tracks once without smoothing
 track() {
-  [ -f "$folder/$1/track.json" ] || "$doppel" track "$capture" --method "$2" --sequences "$sequence" --vertices \
-    --sheet-frames 0 "${@:3}" --out "$folder/$1" >/dev/null
+  [ -f "$folder/$1/track.json" ] || "$doppel" track "$2" --method "$3" --sequences "$sequence" --vertices \
+    --sheet-frames 0 "${@:4}" --out "$folder/$1" >/dev/null
 }
 
 # measure NAME INPUT SMOOTHING EVERY FILE
@@ -42,14 +43,17 @@ rows() {
   done
 }
 
-track livecap livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
-track livecap-paper livecap --camera "$camera" --config configs/paper/livecap.yaml --set smoothing=0
-track deepcap deepcap --camera "$camera" --run "$run" --smoothing 0
-track multiview multiview --surface --config configs/track/multiview.yaml --set smoothing=0
+[ -f "$folder/detected/capture.yaml" ] || "$doppel" detect "$capture" --out "$folder/detected" >/dev/null
+track livecap "$folder/detected" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
+track livecap-paper "$folder/detected" livecap --camera "$camera" --config configs/paper/livecap.yaml --set smoothing=0
+track livecap-2d "$capture" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
+track deepcap "$capture" deepcap --camera "$camera" --run "$run" --smoothing 0
+track multiview "$capture" multiview --surface --config configs/track/multiview.yaml --set smoothing=0
 printf '%s\n' "| Table 5.1 | GLE, mm | 3DPCK, % | AUC, % | MPJPE, mm |" "|---|---:|---:|---:|---:|" >"$folder/5.1.md"
 printf '%s\n' "| Table 5.2 | AMVIoU | RVIoU | SVIoU |" "|---|---:|---:|---:|" >"$folder/5.2.md"
 rows "LiveCap, \`configs/paper\`" livecap-paper "$camera" surface
 rows "LiveCap" livecap "$camera" surface
+rows "LiveCap, keypoints of the capture, no joints in space" livecap-2d "$camera" surface
 rows "skinning in the pose of DeepCap" deepcap "$camera" pose
 rows "DeepCap" deepcap "$camera" surface
 rows "multi-view fit" multiview "" surface

@@ -91,10 +91,20 @@ class PoseEvaluation {
     deformed_error_.add(error(graph_landmarks_->forward(A, T, nodes)));
   }
 
+  /// Moves a pose so that its root (root_of_joints) is at the true position. The pivot of the skeleton's root is no
+  /// measure of this: it may be far from the hips, and other joints may turn against it.
+  void move_to_truth(CapturedPose& captured, const Tensor& truth) const {
+    captured.position = trained_.pose->position(truth);
+    const auto root = [this](const Tensor& dofs) {
+      return root_of_joints(joints_of(trained_.landmark_layer->forward(dofs))).squeeze(1);
+    };
+    captured.position = captured.position + root(truth) - root(trained_.dofs(captured));
+  }
+
   Tensor surface(const std::vector<SampleId>& samples, bool deformed) {
     const Batch batch = seen(samples);
     CapturedPose captured = trained_.capture(person_view(batch));
-    if (known_) captured.position = trained_.pose->position(true_dofs(batch));
+    if (known_) move_to_truth(captured, true_dofs(batch));
     const Tensor dofs = trained_.dofs(captured);
     if (!deformed) return trained_.surface->skinned(dofs);
     const auto [A, T] = trained_.deformation(batch.person.select(1, 0));

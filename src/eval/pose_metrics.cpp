@@ -63,9 +63,6 @@ std::int64_t row_of(const CommonJoint& joint, const std::vector<std::string>& pl
   return -1;
 }
 
-/// The midpoint of the hips [frames,1,3].
-Tensor root_of(const Tensor& joints) { return 0.5 * (joints.narrow(1, kRightHip, 1) + joints.narrow(1, kLeftHip, 1)); }
-
 Tensor checked(const char* name, const Tensor& joints) {
   if (!joints.defined() || !joints.is_floating_point() || joints.dim() != 3 || joints.size(0) == 0 ||
       joints.size(1) != kCommonJoints || joints.size(2) != 3)
@@ -122,9 +119,13 @@ std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& land
   return rows;
 }
 
+Tensor root_of_joints(const Tensor& joints) {
+  return 0.5 * (joints.narrow(1, kRightHip, 1) + joints.narrow(1, kLeftHip, 1));
+}
+
 Tensor rescale_bones(const Tensor& found_in, const Tensor& truth_in) {
   const Tensor found = checked("found", found_in), truth = checked("truth", truth_in);
-  const Tensor found_root = root_of(found).squeeze(1), true_root = root_of(truth).squeeze(1);
+  const Tensor found_root = root_of_joints(found).squeeze(1), true_root = root_of_joints(truth).squeeze(1);
   std::vector<Tensor> joints(kCommonJoints);
   // Bones start at joints with known positions. The neck is the parent of the head but comes after it, so it is
   // computed first.
@@ -167,9 +168,10 @@ PoseScores compare_poses(const Tensor& found_in, const Tensor& truth_in) {
   truth = truth.index_select(0, rows);
 
   constexpr double kMillimetres = 1000.0;
-  scores.GLE_mm = kMillimetres * (root_of(found) - root_of(truth)).norm(2, {-1}).mean().item<double>();
+  scores.GLE_mm = kMillimetres * (root_of_joints(found) - root_of_joints(truth)).norm(2, {-1}).mean().item<double>();
   const Tensor rescaled = rescale_bones(found, truth);
-  const Tensor error = kMillimetres * ((rescaled - root_of(rescaled)) - (truth - root_of(truth))).norm(2, {-1});
+  const Tensor error =
+      kMillimetres * ((rescaled - root_of_joints(rescaled)) - (truth - root_of_joints(truth))).norm(2, {-1});
   const double all = static_cast<double>(scores.frames * kCommonJoints);
   const auto share = [&](double threshold) {
     return 100.0 * static_cast<double>((error <= threshold + kRounding).sum().item<std::int64_t>()) / all;

@@ -23,6 +23,9 @@ std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& land
 /// Whether a list of landmarks has all of these joints.
 bool has_common_joints(const std::vector<std::string>& landmark_names);
 
+/// The root of poses, the midpoint of the hips. @param joints [frames,14,3] @return [frames,1,3]
+torch::Tensor root_of_joints(const torch::Tensor& joints);
+
 struct PoseScores {
   std::int64_t frames = 0;   ///< compared
   std::int64_t missing = 0;  ///< frames without a pose (not finite); all their joints count as wrong in PCK and AUC

@@ -50,6 +50,8 @@ class TrackedEvaluation {
         landmarks_(dataset.landmarks().empty() ? character.skeleton.markers : dataset.landmarks()),
         landmark_layer_(character.skeleton, landmarks_),
         faces_(face_tensor(character.mesh)) {
+    const std::vector<std::string> names = landmark_names(landmarks_);
+    if (has_common_joints(names)) rows_ = torch::tensor(common_joint_rows(names), torch::kInt64);
     if (known_ && !options.input_camera.empty())
       root_.emplace(character.skeleton, std::vector<std::string>{}, character.rest_dofs);
   }
@@ -121,10 +123,16 @@ class TrackedEvaluation {
   }
   Tensor true_dofs(const SampleId& sample) const { return dataset_.dof_window(sample, 0); }
 
+  /// [1,14,3]
+  Tensor joints(const Tensor& dofs) const { return landmark_layer_->forward(dofs).index_select(1, rows_); }
+  /// The root of a pose [1,1,3], or the pivot of the skeleton's root if the landmarks do not have the common joints.
+  Tensor root(const Tensor& dofs) const {
+    return rows_.defined() ? root_of_joints(joints(dofs)) : root_->position(dofs).unsqueeze(1);
+  }
   /// From the tracked to the true position of the root, [1,1,3]; 0 where the position is evaluated too.
   Tensor shift(const SampleId& sample, long frame) const {
     if (!root_) return torch::zeros({1, 1, 3});
-    return (root_->position(true_dofs(sample)) - root_->position(tracked_dofs(sample, frame))).unsqueeze(1);
+    return root(true_dofs(sample)) - root(tracked_dofs(sample, frame));
   }
 
   Tensor skinned(const SampleId& sample) {
@@ -158,15 +166,11 @@ class TrackedEvaluation {
   }
 
   Json pose_scores() {
-    const std::vector<std::string> names = landmark_names(landmarks_);
-    if (!known_ || !has_common_joints(names)) return Json::object();
-    const Tensor rows = torch::tensor(common_joint_rows(names), torch::kInt64);
+    if (!known_ || !rows_.defined()) return Json::object();
     std::vector<Tensor> found, truth;
     for (const SampleId& sample : samples_) {
-      found.push_back(smoothed(sample, [&](long frame) {
-                        return landmark_layer_->forward(tracked_dofs(sample, frame));
-                      }).index_select(1, rows));
-      truth.push_back(landmark_layer_->forward(true_dofs(sample)).index_select(1, rows));
+      found.push_back(smoothed(sample, [&](long frame) { return joints(tracked_dofs(sample, frame)); }));
+      truth.push_back(joints(true_dofs(sample)));
     }
     return compare_poses(torch::cat(found), torch::cat(truth)).to_json();
   }
@@ -197,6 +201,7 @@ class TrackedEvaluation {
   std::vector<Marker> landmarks_;
   Landmarks landmark_layer_;
   Tensor faces_;
+  Tensor rows_;  ///< int64 [14] landmarks that are the common joints; undefined without them
 };
 
 }  // namespace

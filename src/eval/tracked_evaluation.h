@@ -42,7 +42,8 @@ struct TrackedEvaluationOptions : EvaluationOptions {
 /// Evaluates the methods `pose`, the skinned template in the tracked pose, and `surface`, the tracked surface if there
 /// is one, on the frames of a split. Where the poses of the capture are known, pose metrics (`compare_poses`) are
 /// added. With `options.input_camera`, the method saw only this camera, which does not determine depth: surfaces are
-/// moved to the true position, where it is known, before they are compared. Writes `options.error_maps`.
+/// moved until their root (root_of_joints) is at the true position, where it is known, before they are compared. Writes
+/// `options.error_maps`.
 /// @param character of the capture
 /// @throws UsageError when a frame of the split was not tracked (the message names it), or when error maps are asked
 /// for and a tracked or true surface is missing
