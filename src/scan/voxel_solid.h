@@ -65,6 +65,9 @@ class VoxelSolid {
   double volume() const;  ///< of the inside cells
 
  private:
+  void size_grid(const TriangleMesh& mesh, const VoxelSolidOptions& options);
+  void measure_depth(const TriangleMesh& mesh);
+
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   double cell_ = 0.0;
   Cell dims_{};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "doppel/geometry/mesh.h"
@@ -27,6 +28,8 @@ class WindingNumber {
   struct Corners {
     std::array<Eigen::Vector3d, 3> p;
   };
+  void summarise(std::size_t node, const std::array<int, 2>& range, double accuracy);
+
   std::vector<Node> nodes_;
   std::vector<Corners> triangles_;
 };
