@@ -13,14 +13,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Shares of the extent along `up`, and of its square.
+// Shares of the extent along `up`:
 constexpr double kFloorZone = 0.1;        // where a floor is looked for
 constexpr double kFloorBin = 0.004;       // of the histogram over the height
 constexpr double kFloorThickness = 0.01;  // on either side of the level
-constexpr double kFloorArea = 0.04;       // least area
-constexpr double kFloorExcess = 0.03;     // mean distance by which the sheet reaches beyond the body
 constexpr double kAboveFloor = 0.2;       // the body up to here is compared with the sheet
-constexpr double kLevelNormal = 0.9;      // cosine of the largest slope
+// Shares of the size, and of its square:
+constexpr double kFloorArea = 0.04;    // least area
+constexpr double kFloorExcess = 0.03;  // mean distance by which the sheet reaches beyond the body
+constexpr double kLevelNormal = 0.9;   // cosine of the largest slope
 constexpr int kSectors = 24;
 
 struct FaceOnFloor {
@@ -67,7 +68,8 @@ class Outline {
 
 }  // namespace
 
-std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& up, double low, double high) {
+std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& up, double low, double high,
+                                     double size) {
   const double extent = high - low;
   if (!(extent > 0.0)) return std::nullopt;
   std::array<double, as_size(kFloorZone / kFloorBin) + 2> areas{};
@@ -79,7 +81,7 @@ std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& u
   std::size_t best = 0;
   for (std::size_t k = 0; k + 1 < areas.size(); ++k)
     if (areas[k] + areas[k + 1] > areas[best] + areas[best + 1]) best = k;
-  if (areas[best] + areas[best + 1] < kFloorArea * extent * extent) return std::nullopt;
+  if (areas[best] + areas[best + 1] < kFloorArea * size * size) return std::nullopt;
 
   const double level = (static_cast<double>(best) + (areas[best + 1] > areas[best] ? 1.5 : 0.5)) * kFloorBin;
   FloorSheet sheet;
@@ -102,7 +104,7 @@ std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& u
       const double height = (mesh.vertices[as_size(v)].dot(up) - low) / extent - level;
       if (height > 1.5 * kFloorThickness && height < kAboveFloor) body.add(mesh.vertices[as_size(v)]);
     }
-  if (floor.mean_excess(body) < kFloorExcess * extent) return std::nullopt;
+  if (floor.mean_excess(body) < kFloorExcess * size) return std::nullopt;
   return sheet;
 }
 

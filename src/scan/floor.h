@@ -17,8 +17,10 @@ struct FloorSheet {
 };
 
 /// Finds a level sheet at the lower end of a mesh that reaches beyond what stands on it. Soles and the underside of a
-/// long dress do not. All lengths are compared with the extent of the mesh along `up`.
+/// long dress do not. Its size is compared with that of the mesh.
 /// @param up unit vector @param low, high the extent of the mesh along `up`
-std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Eigen::Vector3d& up, double low, double high);
+/// @param size the largest extent of the mesh along any axis
+std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Eigen::Vector3d& up, double low, double high,
+                                     double size);
 
 }  // namespace doppel

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -31,6 +30,7 @@ constexpr double kLidShare = 0.25;      // a lid larger than this share of its c
 constexpr double kClearVolume = 0.005;  // |volume| over area^1.5 that tells inside from outside; a sphere has 0.094
 constexpr int kSpeckRounds = 6;         // chains of small parts that hang on each other
 constexpr double kSeparateFloorShare = 0.6;  // a floor of this share in parts of its own is no part of the body
+constexpr double kNoSpeck = 0.02;            // share of the largest component's area beyond which none is a speck
 constexpr int kBorder = -1;
 
 double face_area(const TriangleMesh& mesh, const Triangle& face) {
@@ -177,20 +177,17 @@ class ScanRepair {
   }
 
   void remove_floor() {
-    double low = std::numeric_limits<double>::infinity(), high = -low;
     // Specks below the floor must not hide it: only components of some size count.
     int count = 0;
     const std::vector<int> component = face_components(mesh_.faces, mesh_.vertices.size(), count);
     const std::vector<double> areas = component_areas(component, count);
     const double largest = *std::max_element(areas.begin(), areas.end());
-    for (std::size_t f = 0; f < component.size(); ++f) {
-      if (areas[as_size(component[f])] < 0.05 * largest) continue;
-      for (const int v : mesh_.faces[f]) {
-        low = std::min(low, mesh_.vertices[as_size(v)].y());
-        high = std::max(high, mesh_.vertices[as_size(v)].y());
-      }
-    }
-    const std::optional<FloorSheet> sheet = find_floor(mesh_, Vector3d::UnitY(), low, high);
+    Eigen::AlignedBox3d box;
+    for (std::size_t f = 0; f < component.size(); ++f)
+      if (areas[as_size(component[f])] > kNoSpeck * largest)
+        for (const int v : mesh_.faces[f]) box.extend(mesh_.vertices[as_size(v)]);
+    const std::optional<FloorSheet> sheet =
+        find_floor(mesh_, Vector3d::UnitY(), box.min().y(), box.max().y(), box.sizes().maxCoeff());
     if (!sheet) return;
     // A sheet in components of its own goes as a whole, and the soles stay; a fused one is cut out.
     std::vector<bool> flat(as_size(count), true);
