@@ -9,6 +9,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
+#include "doppel/scan/edge_table.h"
 #include "doppel/scan/floor.h"
 #include "doppel/scan/voxel_parts.h"
 
@@ -22,6 +23,7 @@ constexpr double kQuantile = 0.01, kBeyondQuantile = 0.4;  // of the face centre
 constexpr double kClustersAlong = 150.0;                   // cells of the coarse mesh along the longest side
 constexpr double kCellsAlong = 110.0;                      // cells of the coarse solid
 constexpr double kPartsAlong = 64.0;  // cells of the grid that tells parts apart; parts a cell apart are one
+constexpr double kSpeckSize = 0.06;   // of the largest extent
 constexpr int kSlices = 100;
 constexpr double kFootTop = 0.035, kAnkleBottom = 0.05, kAnkleTop = 0.1;  // shares of the height
 constexpr double kLeastToes = 0.008;
@@ -136,17 +138,33 @@ TriangleMesh above_floor(const TriangleMesh& mesh, const FoundFloor& floor) {
   return out.faces.empty() ? mesh : out;
 }
 
-/// The extent of the original vertices, which are finer than the coarse ones.
-AlignedBox3d exact_box(const TriangleMesh& mesh, const AlignedBox3d& likely, const MainPart& part,
+/// Drops small components. Hair and eyes may go too: nothing here depends on them.
+TriangleMesh without_specks(const TriangleMesh& mesh) {
+  int count = 0;
+  const std::vector<int> component = face_components(mesh.faces, mesh.vertices.size(), count);
+  std::vector<AlignedBox3d> boxes(as_size(count));
+  for (std::size_t f = 0; f < component.size(); ++f)
+    for (const int v : mesh.faces[f]) boxes[as_size(component[f])].extend(mesh.vertices[as_size(v)]);
+  const double least = kSpeckSize * box_of(mesh).sizes().maxCoeff();
+  TriangleMesh out;
+  out.vertices = mesh.vertices;
+  for (std::size_t f = 0; f < component.size(); ++f)
+    if (boxes[as_size(component[f])].diagonal().norm() > least) out.faces.push_back(mesh.faces[f]);
+  return out.faces.empty() ? mesh : out;
+}
+
+/// The extent of the original vertices of the clusters in use, above the floor.
+AlignedBox3d exact_box(const TriangleMesh& mesh, const TriangleMesh& coarse, const std::vector<int>& cluster,
                        const FoundFloor& floor) {
+  std::vector<bool> used(coarse.vertices.size(), false);
+  for (const Triangle& face : coarse.faces)
+    for (const int v : face) used[as_size(v)] = true;
   AlignedBox3d box;
-  for (const Triangle& face : mesh.faces)
-    for (const int v : face) {
-      const Vector3d& p = mesh.vertices[as_size(v)];
-      if (!p.allFinite() || !likely.contains(p) || !part.holds(p)) continue;
-      if (floor.direction >= 0 && p.dot(axis_direction(floor.direction)) < floor.level) continue;
-      box.extend(p);
-    }
+  for (std::size_t v = 0; v < cluster.size(); ++v) {
+    if (cluster[v] < 0 || !used[as_size(cluster[v])]) continue;
+    if (floor.direction >= 0 && mesh.vertices[v].dot(axis_direction(floor.direction)) < floor.level) continue;
+    box.extend(mesh.vertices[v]);
+  }
   return box;
 }
 
@@ -215,12 +233,13 @@ double mirror_overlap(const CoarseBody& body, const std::vector<Vector3d>& cells
 
 Vector3d axis_direction(int direction) { return (direction % 2 == 0 ? 1.0 : -1.0) * Vector3d::Unit(direction / 2); }
 
-TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d& box) {
+TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d& box, std::vector<int>& cluster) {
   TriangleMesh out;
-  std::vector<int> counts, place(mesh.vertices.size(), -1);
+  std::vector<int> counts;
+  cluster.assign(mesh.vertices.size(), -1);
   std::unordered_map<std::uint64_t, int> cells;
   const auto cluster_of = [&](int v) {
-    if (place[as_size(v)] >= 0) return place[as_size(v)];
+    if (cluster[as_size(v)] >= 0) return cluster[as_size(v)];
     const Vector3d& p = mesh.vertices[as_size(v)];
     std::uint64_t key = 0;
     for (int k = 0; k < 3; ++k) key = key << 21 | static_cast<std::uint64_t>((p[k] - box.min()[k]) / cell);
@@ -231,7 +250,7 @@ TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d
     }
     out.vertices[as_size(entry->second)] += p;
     ++counts[as_size(entry->second)];
-    return place[as_size(v)] = entry->second;
+    return cluster[as_size(v)] = entry->second;
   };
   for (const Triangle& face : mesh.faces) {
     bool usable = true;
@@ -247,18 +266,19 @@ TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d
 
 CoarseBody coarse_body(const TriangleMesh& mesh) {
   const AlignedBox3d likely = likely_box(mesh);
-  TriangleMesh coarse = clustered(mesh, std::max(likely.sizes().maxCoeff() / kClustersAlong, 1e-300), likely);
+  std::vector<int> cluster;
+  TriangleMesh coarse = clustered(mesh, std::max(likely.sizes().maxCoeff() / kClustersAlong, 1e-300), likely, cluster);
   if (coarse.faces.empty())
     fail<UsageError>("finding the orientation of the scan: all triangles lie in one point; check the file");
   coarse = only_main_part(coarse, MainPart(coarse));
   const FoundFloor floor = search_floor(coarse);
   if (floor.direction >= 0) coarse = above_floor(coarse, floor);
   const MainPart part(coarse);
-  coarse = only_main_part(coarse, part);
-  const AlignedBox3d box = box_of(coarse);
+  coarse = without_specks(only_main_part(coarse, part));
   VoxelSolidOptions options;
-  options.cell = std::max(box.sizes().maxCoeff() / kCellsAlong, 1e-300);
-  CoarseBody body{VoxelSolid(coarse, options), {}, exact_box(mesh, likely, part, floor), floor.direction, part.share()};
+  options.cell = std::max(box_of(coarse).sizes().maxCoeff() / kCellsAlong, 1e-300);
+  CoarseBody body{
+      VoxelSolid(coarse, options), {}, exact_box(mesh, coarse, cluster, floor), floor.direction, part.share()};
   for (const int cell : body.solid.inside_cells()) body.cells.push_back(body.solid.centre(cell));
   // A surface without an inside is taken as it is.
   if (body.cells.empty()) body.cells = coarse.vertices;

@@ -13,7 +13,8 @@ namespace doppel {
 /// The mesh with all vertices in one cell of a grid merged into their mean. Faces without area are dropped, doubled
 /// ones stay: the winding number keeps its value away from the surface. Vertices that are not finite lose their faces.
 /// @param box faces that reach beyond it are dropped
-TriangleMesh clustered(const TriangleMesh& mesh, double cell, const Eigen::AlignedBox3d& box);
+TriangleMesh clustered(const TriangleMesh& mesh, double cell, const Eigen::AlignedBox3d& box,
+                       std::vector<int>& cluster);
 
 /// A coarse picture of what stands in a scan, in the scan's own coordinates: free of specks and of a floor.
 struct CoarseBody {

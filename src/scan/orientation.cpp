@@ -5,7 +5,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <numbers>
+#include <limits>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -247,7 +247,8 @@ class OrientationFinder {
 
   /// Where files with this up axis have the front: +z for y up, -y for z up.
   Vector3d usual_front() const {
-    return up_ / 2 == 2 ? Vector3d(up_ == 4 ? -Vector3d::UnitY() : Vector3d::UnitY()) : Vector3d::UnitZ();
+    if (up_ / 2 != 2) return Vector3d::UnitZ();
+    return up_ == 4 ? Vector3d(-Vector3d::UnitY()) : Vector3d(Vector3d::UnitY());
   }
 
   OrientationOptions options_;
