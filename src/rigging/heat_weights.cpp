@@ -1,5 +1,6 @@
 #include "doppel/rigging/heat_weights.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
