@@ -268,6 +268,8 @@ std::vector<HeatBone> heat_bones(BodyJoints joints) {
   const auto towards = [&](const std::string& from, const std::string& to, double share) {
     return Vector3d(at(from) + share * (at(to) - at(from)));
   };
+  const double head = (at("head_top") - at("head")).norm();
+  const Vector3d jaw = at("head") + head * (0.4 * chest_frame(joints).forward - 0.05 * chest_frame(joints).up);
   const Vector3d waist = 0.5 * (at("spine") + at("chest"));
   std::vector<HeatBone> bones{{"Root",
                                {{at("pelvis"), at("spine")},
@@ -280,11 +282,12 @@ std::vector<HeatBone> heat_bones(BodyJoints joints) {
                                 {at("chest"), towards("chest", "left_clavicle", 0.8)},
                                 {at("chest"), towards("chest", "right_clavicle", 0.8)}}},
                               {"Neck", {{at("neck"), at("head")}}},
-                              {"Head", {{at("head"), at("head_top")}}}};
+                              {"Head", {{at("head"), at("head_top")}, {at("head"), jaw}}}};
   for (const std::string side : {"left_", "right_"}) {
     const std::string bone = side == "left_" ? "Left" : "Right";
     const Vector3d forearm = towards(side + "elbow", side + "wrist", 0.5);
-    bones.push_back({bone + "Shoulder", {{at(side + "clavicle"), at(side + "shoulder")}}});
+    bones.push_back(
+        {bone + "Shoulder", {{at(side + "clavicle"), towards(side + "clavicle", side + "shoulder", 0.85)}}});
     bones.push_back({bone + "Arm", {{at(side + "shoulder"), at(side + "elbow")}}});
     bones.push_back({bone + "ForeArm", {{at(side + "elbow"), forearm}}});
     bones.push_back({bone + "ForeArmRoll", {{forearm, at(side + "wrist")}}});

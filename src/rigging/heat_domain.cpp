@@ -1,5 +1,6 @@
 #include "doppel/rigging/heat_domain.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -150,6 +151,41 @@ void connect_parts(const SolidGrid& grid, const std::vector<std::size_t>& source
   }
 }
 
+/// Where triangles cross the lines between the centres of neighbouring cells.
+std::vector<std::array<std::uint8_t, 3>> find_walls(const SolidGrid& grid, const TriangleMesh& mesh) {
+  std::vector<std::array<std::uint8_t, 3>> walls(grid.inside.size(), {0, 0, 0});
+  const auto cross2 = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); };
+  for (const Triangle& face : mesh.faces)
+    for (int axis = 0; axis < 3; ++axis) {
+      const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+      std::array<Eigen::Vector2d, 3> flat;
+      Eigen::Vector3d along;
+      for (int k = 0; k < 3; ++k) {
+        const Eigen::Vector3d p = (mesh.vertices[as_size(face[as_size(k)])] - grid.origin) / grid.cell;
+        flat[as_size(k)] = {p[u], p[v]};
+        along[k] = p[axis];
+      }
+      const double area = cross2(flat[1] - flat[0], flat[2] - flat[0]);
+      if (std::abs(area) < 1e-12) continue;
+      const Eigen::Vector2d low = flat[0].cwiseMin(flat[1]).cwiseMin(flat[2]).array().ceil();
+      const Eigen::Vector2d high = flat[0].cwiseMax(flat[1]).cwiseMax(flat[2]).array().floor();
+      for (double a = low.x(); a <= high.x(); ++a)
+        for (double b = low.y(); b <= high.y(); ++b) {
+          const Eigen::Vector2d p(a, b);
+          const Eigen::Vector3d share(cross2(flat[1] - p, flat[2] - p) / area, cross2(flat[2] - p, flat[0] - p) / area,
+                                      cross2(flat[0] - p, flat[1] - p) / area);
+          if (share.minCoeff() < 0) continue;
+          Eigen::Vector3i cell;
+          cell[axis] = static_cast<int>(std::floor(share.dot(along)));
+          cell[u] = static_cast<int>(a);
+          cell[v] = static_cast<int>(b);
+          walls[grid.index(cell.x(), cell.y(), cell.z())][as_size(axis)] |=
+              area > 0 ? HeatDomain::kOut : HeatDomain::kIn;
+        }
+    }
+  return walls;
+}
+
 }  // namespace
 
 HeatDomain::Stencil HeatDomain::stencil(const Eigen::Vector3d& point) const {
@@ -167,10 +203,11 @@ HeatDomain::Stencil HeatDomain::stencil(const Eigen::Vector3d& point) const {
   return result;
 }
 
-HeatDomain make_heat_domain(const SolidGrid& solid, const std::vector<HeatBone>& bones,
+HeatDomain make_heat_domain(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
                             const std::vector<Eigen::Vector3d>& points, const HeatOptions& options) {
   HeatDomain domain;
   domain.grid = padded(solid, bones, points);
+  domain.walls = find_walls(domain.grid, mesh);
   std::vector<std::uint8_t> wanted = wanted_cells(domain, points);
   const auto held = bone_cells(domain.grid, bones, options.thickness);
   std::vector<std::size_t> sources;

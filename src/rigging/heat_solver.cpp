@@ -18,7 +18,7 @@ using Block = std::vector<Columns>;  // [n]
 /// The Laplace equation on the cells that no bone fills: symmetric and positive definite.
 class HeatEquation {
  public:
-  HeatEquation(const HeatDomain& domain, double air) : domain_(domain) {
+  HeatEquation(const HeatDomain& domain, const HeatOptions& options) : domain_(domain) {
     const SolidGrid& grid = domain.grid;
     const std::size_t row = as_size(grid.size[0]), layer = row * as_size(grid.size[1]);
     const std::array<std::size_t, 6> steps{1, row, layer, -std::size_t{1}, -row, -layer};
@@ -32,7 +32,12 @@ class HeatEquation {
         const int other = cell < domain.cell_number.size() ? domain.cell_number[cell] : -1;
         neighbour_[i][k] = other < 0 ? static_cast<int>(i) : other;
         const bool inside = other >= 0 && grid.inside[domain.cells[i]] != 0 && grid.inside[cell] != 0;
-        conduction_[i][k] = other < 0 ? 0.0f : inside ? 1.0f : static_cast<float>(air);
+        const std::uint8_t wall = other < 0 ? 0 : domain.walls[k < 3 ? domain.cells[i] : cell][k % 3];
+        const double conduction = other < 0                             ? 0.0
+                                  : !inside || wall == HeatDomain::kGap ? options.air
+                                  : wall != HeatDomain::kNone           ? options.wall
+                                                                        : 1.0;
+        conduction_[i][k] = static_cast<float>(conduction);
         diagonal_[i] += conduction_[i][k];
       }
   }
@@ -109,7 +114,7 @@ class HeatEquation {
 }  // namespace
 
 std::vector<float> solve_heat(const HeatDomain& domain, int num_bones, const HeatOptions& options) {
-  const HeatEquation equation(domain, options.air);
+  const HeatEquation equation(domain, options);
   std::vector<float> result(domain.cells.size() * as_size(num_bones));
   for (int first = 0; first < num_bones; first += kColumns) equation.solve(first, num_bones, result);
   return result;

@@ -146,7 +146,7 @@ SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBon
   check_input(bones, solid, options);
   const Places places = find_places(mesh);
   const std::vector<Eigen::Vector3d> points = reading_points(places, solid);
-  const HeatDomain domain = make_heat_domain(solid, bones, points, options);
+  const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);
   const int num_bones = static_cast<int>(bones.size());
   Field field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
   scale_rows(field, options.sharpness);
