@@ -278,7 +278,7 @@ std::vector<HeatBone> heat_bones(BodyJoints joints) {
                               {"Spine", {{at("spine"), waist}}},
                               {"Spine1", {{waist, at("chest")}}},
                               {"Chest",
-                               {{at("chest"), at("neck")},
+                               {{at("chest"), towards("chest", "neck", 0.85)},
                                 {at("chest"), towards("chest", "left_clavicle", 0.8)},
                                 {at("chest"), towards("chest", "right_clavicle", 0.8)}}},
                               {"Neck", {{at("neck"), at("head")}}},
