@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "doppel/core/statistics.h"
+#include "doppel/rigging/heat_domain.h"
 #include "doppel/rigging/limb_slice.h"
 
 namespace doppel {
@@ -31,11 +32,12 @@ constexpr std::array<const char*, 2> kSidePrefixes{"left_", "right_"};
 
 constexpr double kWindow = 0.27;
 /// How far the joints of rigs lie from the middle of the limb, and the spread of that.
-constexpr double kUsualOffset = 0.023, kOffsetSpread = 0.017;
+constexpr double kUsualOffset = 0.029, kOffsetSpread = 0.017;
 
 /// The spread of what proportions say about a place along a limb.
 constexpr double kAnkleSpread = 0.02, kKneeSpread = 0.038, kElbowSpread = 0.03, kReachSpread = 0.04,
-                 kNarrowSpread = 0.02, kSymmetrySpread = 0.012, kDepthSpread = 0.025;
+                 kNarrowSpread = 0.02, kSymmetrySpread = 0.012, kDepthSpread = 0.025, kHipWidthSpread = 0.03,
+                 kShoulderWidthSpread = 0.045, kLevelSpread = 0.03;
 
 class Placer {
  public:
@@ -69,6 +71,8 @@ class Placer {
       slide_ankle(side);
       slide_wrist(side);
     }
+    even_pair("hip", 0.21, kHipWidthSpread);
+    even_pair("shoulder", 0.34, kShoulderWidthSpread);
     even_lengths();
     for (const char* side : kSidePrefixes) {
       slide_middle(side, "hip", "knee", "ankle", 0.485, kKneeSpread);
@@ -126,6 +130,16 @@ class Placer {
     const auto slice = slice_limb(solid_, p, normal, window * trunk_);
     if (!slice) return;
     p += trust(kDepthSpread) * (slice->centre - p).dot(frame_.forward) * frame_.forward;
+  }
+
+  /// Brings hips or shoulders nearer to the usual distance from each other and to the same height.
+  void even_pair(const char* part, double half_width, double spread) {
+    Vector3d &left = joint("left_", part), &right = joint("right_", part);
+    const Vector3d apart = 0.5 * (left - right);
+    const Vector3d move = trust(spread) * (half_width * trunk_ - apart.dot(frame_.left)) * frame_.left -
+                          trust(kLevelSpread) * apart.dot(frame_.up) * frame_.up;
+    left += move;
+    right -= move;
   }
 
   /// How far the solid reaches beyond a joint along a direction, within a cylinder.
@@ -209,6 +223,23 @@ class Placer {
   double trunk_ = 0, error_ = 0;
 };
 
+/// Moves a joint that lies outside to the nearest cell that is a little below the surface.
+void pull_inside(Vector3d& joint, const SolidGrid& solid, const std::vector<float>& depth, double farthest) {
+  const Eigen::Vector3i c = solid.cell_of(joint);
+  const int reach = static_cast<int>(std::ceil(farthest / solid.cell));
+  double nearest = farthest;
+  const Vector3d from = joint;
+  for (int z = c.z() - reach; z <= c.z() + reach; ++z)
+    for (int y = c.y() - reach; y <= c.y() + reach; ++y)
+      for (int x = c.x() - reach; x <= c.x() + reach; ++x) {
+        if (!solid.is_inside(x, y, z) || depth[solid.index(x, y, z)] < 1.9 * solid.cell) continue;
+        const double away = (solid.centre(x, y, z) - from).norm();
+        if (away >= nearest) continue;
+        nearest = away;
+        joint = solid.centre(x, y, z);
+      }
+}
+
 int count_outside(const BodyJoints& joints, const SolidGrid& solid) {
   int outside = 0;
   for (const std::string& name : body_joint_names())
@@ -229,8 +260,12 @@ Placement place_inside(BodyJoints& joints, const SolidGrid& solid, const Placeme
   for (auto& [name, position] : joints.positions) {
     const Vector3d move = position - given.at(name);
     if (move.norm() > most) position = given.at(name) + most * move.normalized();
-    placement.moved[name] = (position - given.at(name)).norm();
+    placement.moved[name] = 0.0;
   }
+  const std::vector<float> depth = distance_to_outside(solid);
+  for (const std::string& name : body_joint_names())
+    if (joints.has(name) && !solid.is_inside(joints.at(name))) pull_inside(joints.positions[name], solid, depth, most);
+  for (auto& [name, moved] : placement.moved) moved = (joints.at(name) - given.at(name)).norm();
   placement.outside_after = count_outside(joints, solid);
   return placement;
 }

@@ -1,5 +1,5 @@
 #include <algorithm>
-#include <limits>
+#include <cmath>
 
 #include "doppel/core/as_size.h"
 #include "doppel/rigging/heat_domain.h"
@@ -48,6 +48,16 @@ class DistanceLine {
 };
 
 }  // namespace
+
+SolidGrid solid_grid(const VoxelSolid& solid) {
+  SolidGrid grid;
+  grid.cell = solid.cell_size();
+  grid.origin = solid.centre(0);
+  grid.size = solid.dims();
+  grid.inside.assign(as_size(solid.num_cells()), 0);
+  for (const int cell : solid.inside_cells()) grid.inside[as_size(cell)] = 1;
+  return grid;
+}
 
 std::vector<float> distance_to_outside(const SolidGrid& grid) {
   std::vector<float> distance(grid.inside.size());

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "doppel/scan/voxel_solid.h"
+
 namespace doppel {
 
 /// The space inside a body as cubes of one size.
@@ -34,5 +36,8 @@ struct SolidGrid {
     return is_inside(c.x(), c.y(), c.z());
   }
 };
+
+/// The inside cells of a voxel solid.
+SolidGrid solid_grid(const VoxelSolid& solid);
 
 }  // namespace doppel
