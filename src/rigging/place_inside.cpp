@@ -45,8 +45,14 @@ class Placer {
     const auto middle = [&](const char* part) {
       return Vector3d(0.5 * (joints.at(std::string("left_") + part) + joints.at(std::string("right_") + part)));
     };
-    frame_ = pelvis_frame(joints);
-    trunk_ = (middle("shoulder") - middle("hip")).norm();
+    // Both pairs together: the direction of a single short line is not exact.
+    const Vector3d up = middle("shoulder") - middle("hip");
+    frame_.left =
+        (joints.at("left_hip") - joints.at("right_hip") + joints.at("left_shoulder") - joints.at("right_shoulder"))
+            .normalized();
+    frame_.forward = frame_.left.cross(up).normalized();
+    frame_.up = frame_.forward.cross(frame_.left);
+    trunk_ = up.norm();
   }
 
   double trunk() const { return trunk_; }
@@ -66,8 +72,8 @@ class Placer {
         joint = before + share * (joint - before);
       }
     for (const char* side : kSidePrefixes) {
-      centre_depth(side, "hip", frame_.up, 0.6);
-      centre_depth(side, "shoulder", frame_.left, 0.4);
+      centre_depth(joint(side, "hip"));
+      centre_depth(joint(side, "shoulder"));
       slide_ankle(side);
       slide_wrist(side);
     }
@@ -124,12 +130,26 @@ class Placer {
     return std::sqrt(std::max(0.0, median(squares) - kUsualOffset * kUsualOffset) / kMedianOfTwoAxes);
   }
 
-  /// Moves a hip or shoulder forwards or back to the middle of the body.
-  void centre_depth(const std::string& side, const char* part, const Vector3d& normal, double window) {
-    Vector3d& p = joint(side, part);
-    const auto slice = slice_limb(solid_, p, normal, window * trunk_);
-    if (!slice) return;
-    p += trust(kDepthSpread) * (slice->centre - p).dot(frame_.forward) * frame_.forward;
+  /// Moves a hip or shoulder forwards or back to the middle of the body there.
+  void centre_depth(Vector3d& p) const {
+    double sum = 0;
+    int count = 0;
+    for (const double aside : {-0.03, 0.0, 0.03})
+      for (const double above : {-0.03, 0.0, 0.03}) {
+        const Vector3d from = p + trunk_ * (aside * frame_.left + above * frame_.up);
+        if (!solid_.is_inside(from)) continue;
+        sum += 0.5 * (free_way(from, frame_.forward) - free_way(from, -frame_.forward));
+        ++count;
+      }
+    if (count > 4) p += trust(kDepthSpread) * (sum / count) * frame_.forward;
+  }
+
+  /// The length of the way inside of the solid.
+  double free_way(const Vector3d& from, const Vector3d& along) const {
+    const double step = 0.5 * solid_.cell;
+    double way = 0;
+    while (way < 0.5 * trunk_ && solid_.is_inside(from + (way + step) * along)) way += step;
+    return way;
   }
 
   /// Brings hips or shoulders nearer to the usual distance from each other and to the same height.

@@ -93,9 +93,15 @@ TEST_F(BentCylinder, WeightsSumToOneAndAreSortedAndPositive) {
 TEST_F(BentCylinder, WeightsAreSymmetricAndFallWithTheDistance) {
   for (int v = 0; v < mesh_.num_vertices(); ++v) {
     const double x = mesh_.vertices[v].x(), b = weight_of(skin_, v, 1);
-    if (std::abs(x) < 1e-9) EXPECT_NEAR(b, 0.5, 0.01);
-    if (x > 2.5 * kRadius) EXPECT_GT(b, 0.98) << x;
-    if (x < -2.5 * kRadius) EXPECT_LT(b, 0.02) << x;
+    if (std::abs(x) < 1e-9) {
+      EXPECT_NEAR(b, 0.5, 0.01);
+    }
+    if (x > 2.5 * kRadius) {
+      EXPECT_GT(b, 0.98) << x;
+    }
+    if (x < -2.5 * kRadius) {
+      EXPECT_LT(b, 0.02) << x;
+    }
   }
   // Ring i has its mirror image at ring 100 - i.
   for (int i = 0; i <= 50; ++i)
