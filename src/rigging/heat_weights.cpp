@@ -1,0 +1,161 @@
+#include "doppel/rigging/heat_weights.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/rigging/heat_domain.h"
+
+namespace doppel {
+namespace {
+
+/// The different positions of a mesh. Vertices along seams share one.
+struct Places {
+  std::vector<int> place;                  ///< [N] the vertex's place
+  std::vector<Eigen::Vector3d> positions;  ///< [P]
+  std::vector<Eigen::Vector3d> normals;    ///< [P] of unit length, or zero
+};
+
+Places find_places(const TriangleMesh& mesh) {
+  Places places;
+  std::vector<int> order(mesh.vertices.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto key = [&](int v) {
+    const Eigen::Vector3d& p = mesh.vertices[as_size(v)];
+    return std::array<double, 3>{p.x(), p.y(), p.z()};
+  };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
+  places.place.resize(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Eigen::Vector3d& p = mesh.vertices[as_size(order[i])];
+    if (!p.allFinite()) fail("skinning weights: vertex {} has no finite position", order[i]);
+    if (i == 0 || key(order[i]) != key(order[i - 1])) places.positions.push_back(p);
+    places.place[as_size(order[i])] = static_cast<int>(places.positions.size()) - 1;
+  }
+  places.normals.assign(places.positions.size(), Eigen::Vector3d::Zero());
+  for (const Triangle& face : mesh.faces) {
+    const Eigen::Vector3d& a = mesh.vertices[as_size(face[0])];
+    const Eigen::Vector3d normal = (mesh.vertices[as_size(face[1])] - a).cross(mesh.vertices[as_size(face[2])] - a);
+    for (const int v : face) places.normals[as_size(places.place[as_size(v)])] += normal;
+  }
+  for (Eigen::Vector3d& normal : places.normals) normal = normal.stableNormalized();
+  return places;
+}
+
+using Field = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;  // [P, Bn]
+
+/// Where the temperature of a place is read: below the surface if that is inside of the body, else at the place.
+std::vector<Eigen::Vector3d> reading_points(const Places& places, const SolidGrid& solid) {
+  constexpr double kBelow = 0.75;  // of a cell, so that the stencil does not reach across a gap
+  std::vector<Eigen::Vector3d> points;
+  for (std::size_t i = 0; i < places.positions.size(); ++i) {
+    const Eigen::Vector3d below = places.positions[i] - kBelow * solid.cell * places.normals[i];
+    points.push_back(solid.is_inside(below) ? below : places.positions[i]);
+  }
+  return points;
+}
+
+Field read_field(const HeatDomain& domain, const std::vector<float>& heat, int num_bones,
+                 const std::vector<Eigen::Vector3d>& points) {
+  Field field = Field::Zero(static_cast<Eigen::Index>(points.size()), num_bones);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const HeatDomain::Stencil stencil = domain.stencil(points[i]);
+    for (std::size_t k = 0; k < 8; ++k) {
+      // Air counts only where nothing of the body is near.
+      const double inside = domain.grid.inside[stencil.cell[k]] != 0 ? 1.0 : 1e-4;
+      const auto share = static_cast<float>(inside * (stencil.weight[k] + 1e-6));
+      const float* values = &heat[as_size(domain.cell_number[stencil.cell[k]]) * as_size(num_bones)];
+      field.row(static_cast<Eigen::Index>(i)) += share * Eigen::Map<const Eigen::RowVectorXf>(values, num_bones);
+    }
+  }
+  return field;
+}
+
+void scale_rows(Field& field, double power) {
+  for (Eigen::Index i = 0; i < field.rows(); ++i) {
+    const float largest = field.row(i).maxCoeff();
+    if (!(largest > 0)) fail("skinning weights: no heat reaches a vertex");
+    field.row(i) /= largest;
+    if (power != 1.0) field.row(i) = field.row(i).array().pow(static_cast<float>(power));
+    field.row(i) /= field.row(i).sum();
+  }
+}
+
+/// Replaces the rows by the mean of themselves and the mean of their neighbours, `rounds` times.
+void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, int rounds) {
+  std::vector<std::array<int, 2>> edges;
+  for (const Triangle& face : mesh.faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int a = places.place[as_size(face[k])], b = places.place[as_size(face[(k + 1) % 3])];
+      if (a != b) edges.push_back({std::min(a, b), std::max(a, b)});
+    }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  for (int round = 0; round < rounds; ++round) {
+    Field sum = Field::Zero(field.rows(), field.cols());
+    Eigen::VectorXf count = Eigen::VectorXf::Zero(field.rows());
+    for (const auto& [a, b] : edges) {
+      sum.row(a) += field.row(b);
+      sum.row(b) += field.row(a);
+      count[a] += 1;
+      count[b] += 1;
+    }
+    for (Eigen::Index i = 0; i < field.rows(); ++i)
+      if (count[i] > 0) field.row(i) = 0.5f * field.row(i) + (0.5f / count[i]) * sum.row(i);
+  }
+}
+
+/// The largest weights of one vertex, scaled to sum 1.
+void append_sparse(SkinningWeights& skin, const Eigen::RowVectorXf& row, const HeatOptions& options) {
+  std::vector<int> order(as_size(row.size()));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return row[a] > row[b]; });
+  std::size_t count = 1;
+  while (count < order.size() && count < as_size(options.max_bones) && row[order[count]] >= options.smallest_weight)
+    ++count;
+  double total = 0;
+  for (std::size_t k = 0; k < count; ++k) total += double{row[order[k]]};
+  for (std::size_t k = 0; k < count; ++k) {
+    skin.vertex_bones.items.push_back(order[k]);
+    skin.weights.push_back(double{row[order[k]]} / total);
+  }
+  skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));
+}
+
+void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, const HeatOptions& options) {
+  if (bones.empty()) fail("skinning weights: there are no bones");
+  for (const HeatBone& bone : bones) {
+    if (bone.segments.empty()) fail("skinning weights: the bone '{}' has no segments", bone.name);
+    for (const auto& segment : bone.segments)
+      if (!segment[0].allFinite() || !segment[1].allFinite())
+        fail("skinning weights: the bone '{}' has an end that is not finite", bone.name);
+  }
+  if (std::none_of(solid.inside.begin(), solid.inside.end(), [](std::uint8_t c) { return c != 0; }))
+    fail("skinning weights: the solid is empty");
+  if (options.max_bones < 1)
+    fail<UsageError>("skinning weights: a vertex may have {} bones, at least 1 is needed", options.max_bones);
+}
+
+}  // namespace
+
+SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
+                             const HeatOptions& options) {
+  check_input(bones, solid, options);
+  const Places places = find_places(mesh);
+  const std::vector<Eigen::Vector3d> points = reading_points(places, solid);
+  const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);
+  const int num_bones = static_cast<int>(bones.size());
+  Field field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
+  scale_rows(field, options.sharpness);
+  smooth_rows(field, mesh, places, options.smoothing);
+
+  SkinningWeights skin;
+  for (const HeatBone& bone : bones) skin.bones.push_back(bone.name);
+  for (const int place : places.place) append_sparse(skin, field.row(place), options);
+  return skin;
+}
+
+}  // namespace doppel

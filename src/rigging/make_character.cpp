@@ -1,0 +1,47 @@
+#include "doppel/rigging/make_character.h"
+
+#include <algorithm>
+
+#include "doppel/core/error.h"
+#include "doppel/rigging/body_skeleton.h"
+#include "doppel/rigging/solid_surface.h"
+
+namespace doppel {
+namespace {
+
+/// The template itself can be decimated when it is one manifold part.
+EmbeddedGraph graph_of(const TriangleMesh& mesh, const SolidGrid& solid, const CharacterOptions& options) {
+  const int nodes = std::min(options.num_nodes, mesh.num_vertices());
+  const MeshReport report = inspect_mesh(mesh);
+  if (report.components == 1 && report.non_manifold_edges == 0 && report.isolated_vertices == 0) {
+    try {
+      return build_graph(mesh, nodes, options.graph);
+    } catch (const Error&) {
+      // Parts that touch in a vertex only. The surface of the solid serves as well.
+    }
+  }
+  const TriangleMesh surface = solid_surface(solid);
+  const bool coarse = surface.num_vertices() <= nodes;
+  return build_graph(mesh, coarse ? surface : decimate(surface, nodes), options.graph);
+}
+
+}  // namespace
+
+Character make_character(const std::string& name, const TriangleMesh& mesh, const BodyJoints& joints,
+                         const SolidGrid& solid, const RigOptions& options) {
+  Character character;
+  character.name = name;
+  character.mesh = mesh;
+  character.options = options.character;
+  BodySkeleton body = make_body_skeleton(joints);
+  add_body_markers(body, joints, mesh);
+  character.skeleton = std::move(body.skeleton);
+  character.rest_dofs = std::move(body.rest_dofs);
+  character.skin = heat_weights(mesh, heat_bones(joints), solid, options.heat);
+  character.labels = region_labels(mesh, character.skin, joints);
+  character.graph = graph_of(mesh, solid, character.options);
+  complete_character(character);
+  return character;
+}
+
+}  // namespace doppel
