@@ -41,6 +41,7 @@ struct ScenePrimitive {
   int index = 0;                          ///< of the primitive in its mesh
   std::string name;                       ///< of the mesh, may be empty
   int material = -1;                      ///< -1: none
+  std::vector<int> face_materials;        ///< [F] where the triangles differ in material, else empty
   int skin = -1;                          ///< -1: the primitive follows its node
   std::vector<Eigen::Vector3d> vertices;  ///< [N] in the node's frame, or in the skin's
   std::vector<Triangle> faces;            ///< [F]
@@ -59,6 +60,7 @@ struct SceneSkin {
   std::string name;
   std::vector<int> joints;                       ///< nodes
   std::vector<Eigen::Affine3d> joint_from_mesh;  ///< [joints] inverse bind matrices
+  std::optional<Eigen::Affine3d> bind_place;     ///< world from mesh when it was bound, where the file says so
 };
 
 /// How one value of one node changes over time.
