@@ -1,0 +1,62 @@
+#include "doppel/scene/read_scene.h"
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+
+#include "doppel/core/error.h"
+#include "doppel/scene/finish_scene.h"
+#include "doppel/scene/readers.h"
+
+namespace doppel {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::array<const char*, 8> kExtensions{".gltf", ".glb", ".vrm", ".fbx", ".dae", ".stl", ".ply", ".obj"};
+
+std::string extension_of(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+/// The extension that the first bytes of the file call for; that of its name where they say nothing.
+std::string format_of(const fs::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  std::string start(24, '\0');
+  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
+  if (start.rfind("glTF", 0) == 0) return ".glb";
+  if (start.rfind("Kaydara FBX Binary", 0) == 0 || start.rfind("; FBX", 0) == 0) return ".fbx";
+  return extension_of(path);
+}
+
+Scene read_format(const fs::path& path, const SceneLimits& limits) {
+  const std::string format = format_of(path);
+  if (format == ".gltf" || format == ".glb" || format == ".vrm") return read_gltf(path, limits);
+  if (format == ".fbx") return read_fbx(path, limits);
+  if (std::find(kExtensions.begin(), kExtensions.end(), format) == kExtensions.end())
+    fail_at({path.string(), 0},
+            "'{}' is not a format of surfaces that is read; glTF (.gltf, .glb, .vrm), FBX (.fbx), Collada (.dae), STL, "
+            "PLY and OBJ are",
+            format);
+  return read_by_assimp(path, limits);
+}
+
+}  // namespace
+
+bool is_scene_file(const fs::path& path) {
+  return std::find(kExtensions.begin(), kExtensions.end(), extension_of(path)) != kExtensions.end();
+}
+
+Scene read_scene(const fs::path& path, const SceneLimits& limits) {
+  std::error_code none;
+  if (!fs::is_regular_file(path, none)) fail_at({path.string(), 0}, "there is no such file");
+  Scene scene = read_format(path, limits);
+  finish_scene(path, scene, limits);
+  return scene;
+}
+
+}  // namespace doppel

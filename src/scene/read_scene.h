@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "doppel/scene/scene.h"
+
+namespace doppel {
+
+/// Bounds of what a reader accepts, so that a damaged file cannot take all memory.
+struct SceneLimits {
+  std::int64_t vertices = 60'000'000;
+  std::int64_t triangles = 60'000'000;
+  int nodes = 100'000;
+  int keys = 20'000'000;  ///< of all animations
+  int image_side = 16384;
+};
+
+/// Reads glTF 2.0 (.gltf, .glb, .vrm), FBX (.fbx, binary and text), Collada (.dae), STL, PLY and OBJ. The format is
+/// found by the content where it has a mark, else by the extension. Polygons are split into triangles. Weights are
+/// normalised. Lines, points and cameras are left out. Faults that can be mended are mended and named in `warnings`.
+/// @throws FileError with the file and, where it is known, the place in it: truncated, no triangles, NaN, an index out
+///   of range, nodes in a circle, a compression that is not read, counts beyond the limits
+Scene read_scene(const std::filesystem::path& path, const SceneLimits& limits = {});
+
+/// Whether the extension is one that read_scene knows.
+bool is_scene_file(const std::filesystem::path& path);
+
+}  // namespace doppel

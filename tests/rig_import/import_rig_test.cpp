@@ -1,0 +1,168 @@
+#include "doppel/rig_import/import_rig.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/scene/read_scene.h"
+#include "support/gltf_writer.h"
+
+namespace doppel::import_rig_test {
+namespace {
+
+using support::bending_arm;
+using support::GltfWriter;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using Json = GltfWriter::Json;
+
+class ImportRig : public ::testing::Test {
+ protected:
+  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) / "import_rig_test";
+  void SetUp() override {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  Scene read(const GltfWriter& file) const {
+    file.write(folder_ / "rig.glb");
+    return read_scene(folder_ / "rig.glb");
+  }
+  static ImportRigOptions small() {
+    ImportRigOptions options;
+    options.nodes = 4;
+    return options;
+  }
+  template <typename Change>
+  std::string error_of(const Change& change) const {
+    GltfWriter file = bending_arm();
+    change(file.json);
+    try {
+      import_rig(read(file), small());
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "no error";
+  }
+};
+
+TEST_F(ImportRig, ARunOfAxesPerJoint) {
+  const ImportedRig rig = import_rig(read(bending_arm()), small());
+  std::vector<std::string> names;
+  for (const Joint& joint : rig.character.skeleton.joints) names.push_back(joint.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"upper_tx", "upper_ty", "upper_tz", "upper_ry", "upper_rz", "upper_rx",
+                                             "lower_rx", "lower_rz", "lower_ry"}));
+  EXPECT_EQ(rig.character.skeleton.root().axes, (std::array<int, 3>{1, 2, 0}));
+  EXPECT_FALSE(rig.character.skeleton.dofs[3].limits);
+  EXPECT_NEAR((*rig.character.skeleton.dofs[6].limits)[1], M_PI, 1e-12);
+  EXPECT_EQ(rig.character.skinning, SkinningMode::linear);
+  EXPECT_EQ(rig.vertex_map, (std::vector<int>{0, 1, 2, 3, 4, 5}));
+  EXPECT_EQ(rig.character.skin.bones, (std::vector<std::string>{"upper", "lower"}));
+}
+
+TEST_F(ImportRig, TheAnimationBecomesAMotion) {
+  const ImportedRig rig = import_rig(read(bending_arm()), small());
+  const ImportedMotion& motion = rig.motions.at(0);
+  EXPECT_EQ(motion.file, "bend.motion");
+  EXPECT_EQ(motion.frames_per_second, 600.0);
+  EXPECT_EQ(motion.motion.num_frames(), 601);
+  EXPECT_NEAR(motion.motion.frames[300][7], M_PI / 4, 1e-6);  // lower_rz half way
+  EXPECT_LT(motion.error, 1e-6);
+}
+
+TEST_F(ImportRig, AJointThatSlidesGetsTranslations) {
+  GltfWriter file = bending_arm();
+  auto& animation = file.json["animations"][0];
+  animation["samplers"][0]["output"] = file.floats({0, 1, 0, 0, 1.25F, 0}, "VEC3", 3);
+  animation["channels"][0]["target"]["path"] = "translation";
+  const ImportedRig rig = import_rig(read(file), small());
+  const std::optional<int> slide = rig.character.skeleton.find_dof("lower_ty");
+  ASSERT_TRUE(slide);
+  EXPECT_FALSE(rig.character.skeleton.find_dof("lower_tx"));
+  EXPECT_NEAR(rig.motions[0].motion.frames.back()[as_size(*slide)], 250.0, 1e-3);  // millimetres
+  EXPECT_LT(rig.motions[0].error, 1e-6);
+}
+
+TEST_F(ImportRig, UnitAndAxisAreTurnedToMetresAndYUp) {
+  ImportRigOptions options = small();
+  options.metres_per_unit = 0.5;
+  options.up = 'z';
+  GltfWriter file = bending_arm();
+  file.json["nodes"][0]["rotation"] = {0.70710678, 0, 0, 0.70710678};  // y of the arm is z of the file
+  const ImportedRig rig = import_rig(read(file), options);
+  const auto pose = rig.character.skeleton.pose(rig.character.rest_dofs);
+  EXPECT_LT((rig.character.mesh.vertices[5] - Eigen::Vector3d(0, 1, 0)).norm(), 1e-6);
+  EXPECT_LT((pose.back().translation() - Eigen::Vector3d(0, 0.5, 0)).norm(), 1e-6);
+  EXPECT_LT((rig.file_from_character * pose.back().translation() - Eigen::Vector3d(0, 0, 1)).norm(), 1e-6);
+}
+
+TEST_F(ImportRig, NamesFitTheFilesOfACharacter) {
+  GltfWriter file = bending_arm();
+  file.json["nodes"][0]["name"] = "upper arm_l";
+  file.json["nodes"][1]["name"] = "upper-arm-l";
+  file.json["animations"][0]["name"] = "a/b";
+  const ImportedRig rig = import_rig(read(file), small());
+  EXPECT_EQ(rig.joints[0].bone, "upper-arm-l");
+  EXPECT_EQ(rig.joints[1].bone, "upper-arm-l-2");
+  EXPECT_EQ(rig.motions[0].file, "a_b.motion");
+}
+
+TEST_F(ImportRig, WrittenAndReadBackItIsTheSame) {
+  const ImportedRig rig = import_rig(read(bending_arm()), small());
+  const std::filesystem::path out = folder_ / "out";
+  const std::filesystem::path file = write_imported_rig(out, rig);
+  const Character back = load_character(file);
+  EXPECT_EQ(back.fingerprint(), rig.character.fingerprint());
+  EXPECT_EQ(back.skinning, SkinningMode::linear);
+  const auto joints = nlohmann::json::parse(read_file(out / "joints.json"));
+  EXPECT_EQ(joints["joints"].size(), 21U);
+  EXPECT_TRUE(joints["joints"]["pelvis"].is_null());
+  EXPECT_EQ(joints["rig"][1]["position"][1], 1.0);
+  EXPECT_EQ(nlohmann::json::parse(read_file(out / "motions.json"))["motions"][0]["file"], "bend.motion");
+  EXPECT_FALSE(std::filesystem::exists(folder_ / ".out.partial"));
+}
+
+TEST_F(ImportRig, NothingIsWrittenOverAnotherCharacter) {
+  const ImportedRig rig = import_rig(read(bending_arm()), small());
+  const std::filesystem::path out = folder_ / "taken";
+  std::filesystem::create_directories(out);
+  write_atomically(out / "segmentation.txt", "0\n");
+  EXPECT_THROW(write_imported_rig(out, rig), UsageError);
+  EXPECT_FALSE(std::filesystem::exists(out / "actor.character"));
+}
+
+TEST_F(ImportRig, WhatNoSkeletonCanHoldIsNamed) {
+  EXPECT_THAT(error_of([](Json& j) { j["nodes"][2].erase("skin"); }), HasSubstr("no surface with a skin"));
+  EXPECT_THAT(error_of([](Json& j) { j["nodes"][1]["scale"] = {-1, 1, 1}; }), HasSubstr("mirrored"));
+  EXPECT_THAT(error_of([](Json& j) { j["nodes"][1]["scale"] = {1, 2, 1}; }), HasSubstr("sheared"));
+  EXPECT_THAT(error_of([](Json& j) { j["nodes"][0].erase("children"); }), HasSubstr("no common node"));
+}
+
+TEST_F(ImportRig, AnUnknownAnimationListsTheOthers) {
+  ImportRigOptions options = small();
+  options.animations = {"walk"};
+  try {
+    import_rig(read(bending_arm()), options);
+    FAIL();
+  } catch (const UsageError& e) {
+    EXPECT_THAT(std::string(e.what()), HasSubstr("'bend'"));
+  }
+}
+
+TEST_F(ImportRig, StretchedJointsAreMeasured) {
+  GltfWriter file = bending_arm();
+  auto& animation = file.json["animations"][0];
+  animation["samplers"][0]["output"] = file.floats({1, 1, 1, 1.5F, 1.5F, 1.5F}, "VEC3", 3);
+  animation["channels"][0]["target"]["path"] = "scale";
+  const ImportedRig rig = import_rig(read(file), small());
+  EXPECT_NEAR(rig.motions[0].error, 0.5, 1e-6);
+  EXPECT_THAT(rig.warnings, Contains(HasSubstr("stretches joints")));
+}
+
+}  // namespace
+}  // namespace doppel::import_rig_test

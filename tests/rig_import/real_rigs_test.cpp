@@ -1,0 +1,163 @@
+#include <gtest/gtest.h>
+
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/rig_import/import_rig.h"
+#include "doppel/rig_import/landmarks_of_rig.h"
+#include "doppel/scene/read_scene.h"
+#include "support/shared_folder.h"
+
+namespace doppel::real_rigs_test {
+namespace {
+
+using Json = nlohmann::json;
+using Points = std::vector<Eigen::Vector3d>;
+
+/// Linear blend skinning of a character, in double.
+Points skinned(const Character& character, const std::vector<double>& dofs) {
+  const auto pose = character.skeleton.pose(dofs), rest = character.skeleton.pose(character.rest_dofs);
+  std::vector<Eigen::Affine3d> bones;
+  for (const int joint : character.bone_joint) bones.push_back(pose[as_size(joint)] * rest[as_size(joint)].inverse());
+  Points posed;
+  for (int v = 0; v < character.num_vertices(); ++v) {
+    Eigen::Vector3d x = Eigen::Vector3d::Zero();
+    const auto row = character.skin.vertex_bones.row(v);
+    const auto weights = character.skin.vertex_bones.row_of(character.skin.weights, v);
+    for (std::size_t i = 0; i < row.size(); ++i)
+      x += weights[i] * (bones[as_size(row[i])] * character.mesh.vertices[as_size(v)]);
+    posed.push_back(x);
+  }
+  return posed;
+}
+
+/// The rigged bodies with a reference: 200 vertices at one time of one animation, in the units of the file.
+class RealRigs : public support::SharedFolderTest, public ::testing::WithParamInterface<const char*> {
+ protected:
+  void SetUp() override {
+    SharedFolderTest::SetUp();
+    if (IsSkipped()) return;
+    folder_ = shared_ / "bodies" / GetParam();
+    if (!std::filesystem::exists(folder_)) GTEST_SKIP() << folder_ << " does not exist";
+    reference_ = Json::parse(read_file(folder_ / "anim_reference.json"));
+    truth_ = read_npy(folder_ / "anim_posed.npy").as<double>();
+    scene_ = read_scene(folder_ / reference_["file"].get<std::string>());
+    out_ = std::filesystem::path(::testing::TempDir()) / (std::string("rig_") + GetParam());
+    std::filesystem::remove_all(out_);
+  }
+  void TearDown() override { std::filesystem::remove_all(out_); }
+
+  std::string animation() const {
+    return reference_.contains("animation_index")
+               ? scene_.animations.at(reference_["animation_index"].get<std::size_t>()).name
+               : reference_["animation_stack"].get<std::string>();
+  }
+
+  int vertex_of(std::size_t row) const {
+    if (reference_.contains("geometry_vertex")) return reference_["geometry_vertex"][row].get<int>();
+    const Json& name = reference_["node_primitive_vertex"][row];
+    int first = 0;
+    for (const ScenePrimitive& primitive : scene_.primitives) {
+      if (primitive.node == name[0] && primitive.index == name[1]) return first + name[2].get<int>();
+      first += primitive.num_vertices();
+    }
+    fail("no such primitive");
+  }
+
+  /// Largest distance to the reference, metres. @param map vertex of the file of each of the posed vertices
+  double largest_error(const Points& posed, const std::vector<int>& map,
+                       const Eigen::Affine3d& file_from_character) const {
+    std::map<int, std::size_t> ours;
+    for (std::size_t i = 0; i < map.size(); ++i) ours.emplace(map[i], i);
+    double largest = 0.0;
+    int found = 0;
+    for (std::size_t row = 0; 3 * row < truth_.size(); ++row) {
+      const auto vertex = ours.find(vertex_of(row));
+      if (vertex == ours.end()) continue;
+      ++found;
+      const Eigen::Vector3d truth = file_from_character.inverse() * Eigen::Map<const Eigen::Vector3d>(&truth_[3 * row]);
+      largest = std::max(largest, (posed[vertex->second] - truth).norm());
+    }
+    found_ = found;
+    return largest;
+  }
+
+  std::filesystem::path folder_, out_;
+  Json reference_;
+  std::vector<double> truth_;
+  Scene scene_;
+  mutable int found_ = 0;
+};
+
+TEST_P(RealRigs, WrittenAndReadBackTheCharacterMovesAsTheFile) {
+  const double seconds = reference_["time_s"].get<double>();
+  ImportRigOptions options;
+  options.animations = {animation()};
+  // A rate that has a frame at the time of the reference.
+  options.frames_per_second = std::abs(seconds * 1000 - std::round(seconds * 1000)) < 1e-6 ? 1000 : 10000;
+  const ImportedRig rig = import_rig(scene_, options);
+  ASSERT_EQ(rig.motions.size(), 1U);
+  EXPECT_LT(rig.motions[0].error, 1e-5);
+  const std::filesystem::path file = write_imported_rig(out_, rig);
+  const Character character = load_character(file);
+  EXPECT_EQ(character.skinning, SkinningMode::linear);
+  EXPECT_EQ(character.fingerprint(), rig.character.fingerprint());
+  const Motion motion = read_motion(out_ / rig.motions[0].file, character.num_dofs());
+  const auto frame = as_size(std::llround((seconds - rig.motions[0].start) * rig.motions[0].frames_per_second));
+  const std::vector<int> map = read_npy(out_ / "vertex_map.npy").as<int>();
+  EXPECT_LT(largest_error(skinned(character, motion.frames.at(frame)), map, rig.file_from_character), 2e-5);
+  EXPECT_EQ(found_, 200);
+}
+
+TEST_P(RealRigs, StraightLinesBetweenFramesOfTheUsualRateAreExactEnough) {
+  const double seconds = reference_["time_s"].get<double>();
+  ImportRigOptions options;
+  options.animations = {animation()};
+  const ImportedRig rig = import_rig(scene_, options);
+  const double at = (seconds - rig.motions[0].start) * rig.motions[0].frames_per_second;
+  const auto frame = as_size(at);
+  const Points low = skinned(rig.character, rig.motions[0].motion.frames.at(frame)),
+               high = skinned(rig.character, rig.motions[0].motion.frames.at(frame + 1));
+  Points between;
+  for (std::size_t v = 0; v < low.size(); ++v) between.push_back(low[v] + (at - std::floor(at)) * (high[v] - low[v]));
+  EXPECT_LT(largest_error(between, rig.vertex_map, rig.file_from_character), 1e-4);
+  RecordProperty("frames_per_second", std::to_string(rig.motions[0].frames_per_second));
+}
+
+TEST_P(RealRigs, WeldedVerticesMoveAsTheFile) {
+  ImportRigOptions options;
+  options.animations = {animation()};
+  options.weld = true;
+  const ImportedRig rig = import_rig(scene_, options);
+  EXPECT_LT(rig.motions[0].error, 1e-5);
+  EXPECT_LE(rig.character.num_vertices(), scene_.num_vertices());
+}
+
+TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
+  const Json chosen = Json::parse(read_file(folder_ / "truth.json"))["landmark_joint"];
+  const ImportedRig rig = import_rig(scene_);
+  const Scene& scene = scene_;
+  for (std::size_t i = 0; i < kBodyLandmarks.size(); ++i) {
+    std::string key = kBodyLandmarks[i];
+    if (key.rfind("left_", 0) == 0) key = "l_" + key.substr(5);
+    if (key.rfind("right_", 0) == 0) key = "r_" + key.substr(6);
+    std::string expected = chosen[key].is_null() ? "" : chosen[key].get<std::string>();
+    // `joint_k` is the k-th joint of the skin where joints have no names.
+    if (expected.rfind("joint_", 0) == 0)
+      expected = scene.nodes[as_size(scene.skins[0].joints[as_size(std::stoi(expected.substr(6)))])].name;
+    const int joint = rig.landmark_joint[i];
+    EXPECT_EQ(joint < 0 ? "" : rig.joints[as_size(joint)].name, expected) << key;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Bodies, RealRigs,
+                         ::testing::Values("cesium_man", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit",
+                                           "mh_woman_slim", "quaternius_dress_fbx", "robot_expressive"),
+                         [](const auto& body) { return std::string(body.param); });
+
+}  // namespace
+}  // namespace doppel::real_rigs_test
