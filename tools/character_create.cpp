@@ -1,0 +1,88 @@
+#include "character_create.h"
+
+#include "character_report.h"
+#include "doppel/autorig/create_character.h"
+#include "doppel/autorig/scan_of_scene.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/geometry/image_file.h"
+#include "doppel/scene/read_scene.h"
+
+namespace doppel::tools {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct CreateOptions {
+  std::string scan, out, unit, up, joints, name = "actor";
+  int vertices = 6000, nodes = 500;
+};
+
+/// What the file says of unit and up axis counts where the user says nothing.
+void take_hints(const Scene& scene, OrientationOptions& orientation) {
+  if (orientation.up.empty() && scene.up) orientation.up = std::string(1, *scene.up);
+  if (orientation.unit.empty() && scene.metres_per_unit) orientation.unit = fmt::format("{}", *scene.metres_per_unit);
+}
+
+CreatedCharacter create(const CreateOptions& options, const CommonOptions& common) {
+  const Scene scene = read_scene(options.scan);
+  for (const std::string& warning : scene.warnings) log::warn("{}: {}", options.scan, warning);
+  CreateCharacterOptions creation;
+  creation.orientation.unit = options.unit;
+  creation.orientation.up = options.up;
+  take_hints(scene, creation.orientation);
+  if (!options.joints.empty()) creation.joints = options.joints;
+  creation.vertices = options.vertices;
+  creation.nodes = options.nodes;
+  creation.points.detector.threads = resolve_threads(common.threads);
+  return create_character(options.name, scan_of_scene(scene), creation);
+}
+
+int run_create(const CreateOptions& options, const CommonOptions& common) {
+  const CreatedCharacter created = create(options, common);
+  for (const std::string& note : created.notes) log::info("{}", note);
+  const fs::path out = options.out;
+  if (!created.joint_sheet.empty()) {
+    fs::create_directories(out);
+    write_image(out / "joints.jpg", created.joint_sheet);
+  }
+  write_joints(out / "joints.json", created.joints);
+  const fs::path written = write_character(out, created.character);
+  nlohmann::ordered_json report;
+  report["written"] = written.string();
+  report["notes"] = created.notes;
+  report.update(describe_character(created.character, false));
+  print_report(report, common.json);
+  return 0;
+}
+
+}  // namespace
+
+Command add_character_create(CLI::App& character) {
+  auto options = std::make_shared<CreateOptions>();
+  CLI::App* app = character.add_subcommand(
+      "create", "Make a character from a scan of a standing person: OBJ, PLY, STL, glTF, GLB, FBX or Collada");
+  app->fallthrough();
+  app->add_option("scan", options->scan, "The file of the scan")->required();
+  app->add_option("--out", options->out, "Folder to write")->required();
+  app->add_option("--unit", options->unit, "Unit of the file: m, cm, mm, inch, ... (default: found by the height)");
+  app->add_option("--up", options->up, "Axis of the file that points up: y, +z, -x, ... (default: found by the shape)");
+  app->add_option("--joints", options->joints,
+                  "File of joints in the scan's coordinates, as joints.json (default: found in pictures of the scan)");
+  app->add_option("--vertices", options->vertices, "Largest number of vertices of the template")
+      ->check(CLI::Range(500, 1000000))
+      ->capture_default_str();
+  app->add_option("--nodes", options->nodes, "Number of graph nodes")
+      ->check(CLI::Range(4, 100000))
+      ->capture_default_str();
+  app->add_option("--name", options->name, "Name of the character and its files")->capture_default_str();
+  app->footer(
+      "Examples:\n"
+      "  doppel character create scan.obj --out anna\n"
+      "  doppel character create scan.ply --unit mm --up z --out anna");
+  return {app, [options](const CommonOptions& common) { return run_create(*options, common); }};
+}
+
+}  // namespace doppel::tools
