@@ -29,8 +29,8 @@ constexpr const char* kBodies[] = {"cesium_man",    "m2m_female",           "m2m
 constexpr const char* kLimbJoints[] = {"shoulder", "elbow", "wrist", "hip", "knee", "ankle"};
 
 Vector3d direction_of(const nlohmann::json& value) {
-  if (value.is_array()) return {value[0], value[1], value[2]};
-  const std::string text = value;
+  if (value.is_array()) return {value[0].get<double>(), value[1].get<double>(), value[2].get<double>()};
+  const auto text = value.get<std::string>();
   return (text[0] == '-' ? -1.0 : 1.0) * Vector3d::Unit(text[1] - 'x');
 }
 
@@ -62,9 +62,9 @@ TEST_F(RealScan, UnitUpAndFacingOfScansAreFound) {
     const nlohmann::json scan = truth(body, "scan_truth.json");
     const ScanOrientation found = find_orientation(read(body, "scan.obj"));
     SCOPED_TRACE(::testing::PrintToString(found.reasons));
-    EXPECT_EQ(found.unit, scan["units"]);
-    EXPECT_EQ(found.up, scan["up"]);
-    EXPECT_NEAR(found.height, double(truth(body, "truth.json")["height"]), 0.02);
+    EXPECT_EQ(found.unit, scan["units"].get<std::string>());
+    EXPECT_EQ(found.up, scan["up"].get<std::string>());
+    EXPECT_NEAR(found.height, truth(body, "truth.json")["height"].get<double>(), 0.02);
     ASSERT_TRUE(found.facing.has_value());
     EXPECT_LT(degrees_between(*found.facing, direction_of(scan["facing"])), 10.0);
     EXPECT_FALSE(found.floor);
@@ -104,7 +104,7 @@ TEST_F(RealScan, SpecksAndHolesAreCountedAndMended) {
     const nlohmann::json scan = truth(body, "scan_truth.json");
     const RepairedMesh repaired = repair(character(body));
     SCOPED_TRACE(::testing::PrintToString(repaired.report.sentences()));
-    EXPECT_EQ(repaired.report.specks, int(scan["floating_specks"]));
+    EXPECT_EQ(repaired.report.specks, scan["floating_specks"].get<int>());
     EXPECT_GT(repaired.report.holes, 0);
     EXPECT_EQ(inspect_mesh(repaired.mesh).non_manifold_edges, 0);
     EXPECT_EQ(repaired.report.open_borders, 0);
@@ -137,7 +137,8 @@ TEST_F(RealScan, LimbJointsLieInTheSolid) {
     for (const char* joint : kLimbJoints)
       for (const char* side : {"l_", "r_"}) {
         const nlohmann::json& p = landmarks[std::string(side) + joint];
-        const Vector3d place = (to_metres * Eigen::Vector4d(p[0], p[1], p[2], 1.0)).head<3>();
+        const Vector3d place =
+            (to_metres * Eigen::Vector4d(p[0].get<double>(), p[1].get<double>(), p[2].get<double>(), 1.0)).head<3>();
         EXPECT_TRUE(solid.inside(place)) << body << " " << file << " " << side << joint << " depth "
                                          << solid.depth(place);
       }
