@@ -64,8 +64,8 @@ Field read_field(const HeatDomain& domain, const std::vector<float>& heat, int n
   for (std::size_t i = 0; i < points.size(); ++i) {
     const HeatDomain::Stencil stencil = domain.stencil(points[i]);
     for (std::size_t k = 0; k < 8; ++k) {
-      // Air counts only where nothing of the body is near.
-      const double inside = domain.grid.inside[stencil.cell[k]] != 0 ? 1.0 : 1e-4;
+      // Air counts only where nothing of the body is near: between two limbs it has the temperature of both.
+      const double inside = domain.grid.inside[stencil.cell[k]] != 0 ? 1.0 : 1e-9;
       const auto share = static_cast<float>(inside * (stencil.weight[k] + 1e-6));
       const float* values = &heat[as_size(domain.cell_number[stencil.cell[k]]) * as_size(num_bones)];
       field.row(static_cast<Eigen::Index>(i)) += share * Eigen::Map<const Eigen::RowVectorXf>(values, num_bones);

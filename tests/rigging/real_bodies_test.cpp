@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <iostream>
@@ -183,7 +184,7 @@ class RealPlacement : public support::SharedFolderTest {};
 
 TEST_F(RealPlacement, ImprovesDisturbedJointsAndKeepsGoodOnes) {
   const std::vector<double> kNoise{0.0, 0.015, 0.03, 0.05};
-  const std::vector<double> kAllowed{0.005, 0.015, 0.02, 0.024};
+  const std::vector<double> kAllowed{0.002, 0.015, 0.02, 0.024};
   std::map<double, std::vector<double>> errors;
   for (const std::string& name : support::kRealisticBodies) {
     const support::RiggedBody body = support::read_rigged_body(shared_ / "bodies", name);
