@@ -26,9 +26,8 @@ struct Character {
   TriangleMesh mesh;  ///< the template in the rest pose, world metres
   Skeleton skeleton;
   SkinningWeights skin;
-  SkinningMode skinning = SkinningMode::dual_quaternion;  ///< of the vertices by `skin`
-  std::vector<int> bone_joint;                            ///< [Bn] joint that carries each bone
-  std::vector<double> rest_dofs;                          ///< [D] the pose the template was scanned in
+  std::vector<int> bone_joint;    ///< [Bn] joint that carries each bone
+  std::vector<double> rest_dofs;  ///< [D] the pose the template was scanned in
   EmbeddedGraph graph;
   std::vector<int> labels;       ///< [N] LIP labels, or empty
   std::vector<double> rigidity;  ///< [N] s_i
@@ -64,8 +63,7 @@ double skeleton_distance(const Character& character);
 constexpr double kSkeletonOffTemplate = 0.2;
 
 /// Reads a "skeletool character file v1.0" and the files that it names. By convention, `segmentation.txt` and a graph
-/// OBJ (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`) are read from the same folder. The
-/// keyword `skinning` with `linear` or `dual_quaternion` is an addition of Doppel; without it, dual quaternions.
+/// OBJ (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`) are read from the same folder.
 /// Chooses the marker reading (decide_marker_reading), checks that all counts agree, and warns when the skeleton does
 /// not lie inside the template.
 /// @throws FileError / Error naming the two files that disagree

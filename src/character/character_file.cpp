@@ -18,16 +18,7 @@ constexpr char kCharacterHeader[] = "skeletool character file v1.0";
 /// The files named in a `.character` file; `pose` may be empty.
 struct CharacterFiles {
   fs::path skeleton, mesh, skin, pose;
-  SkinningMode skinning = SkinningMode::dual_quaternion;
 };
-
-SkinningMode read_skinning(TextReader& reader) {
-  reader.require_line("'linear' or 'dual_quaternion'");
-  if (reader.line() == "linear") return SkinningMode::linear;
-  if (reader.line() != "dual_quaternion")
-    reader.fail_here("the skinning '{}' is not known; it is linear or dual_quaternion", excerpt(reader.line()));
-  return SkinningMode::dual_quaternion;
-}
 
 void read_character_header(TextReader& reader) {
   reader.require_line("the header");
@@ -42,18 +33,11 @@ CharacterFiles read_file_names(const fs::path& path) {
   TextReader reader(path, "a character file");
   read_character_header(reader);
   std::map<std::string, fs::path> named;
-  SkinningMode skinning = SkinningMode::dual_quaternion;
   while (reader.next_line()) {
     const std::string keyword(reader.line());
-    if (keyword != "skeleton" && keyword != "mesh" && keyword != "skin" && keyword != "pose" && keyword != "skinning")
-      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin, pose and skinning",
-                       excerpt(keyword));
+    if (keyword != "skeleton" && keyword != "mesh" && keyword != "skin" && keyword != "pose")
+      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin and pose", excerpt(keyword));
     if (named.count(keyword)) reader.fail_here("'{}' occurs a second time", keyword);
-    if (keyword == "skinning") {
-      skinning = read_skinning(reader);
-      named[keyword];
-      continue;
-    }
     reader.require_line(fmt::format("the path of the {}", keyword));
     const fs::path file = resolve_path(path, reader.line());
     std::error_code unreadable;  // an invalid file name counts as a missing file
@@ -65,7 +49,7 @@ CharacterFiles read_file_names(const fs::path& path) {
   for (const char* needed : {"skeleton", "mesh", "skin"})
     if (!named.count(needed))
       fail_at({path.string(), 0}, "the file names no {}; it needs skeleton, mesh and skin", needed);
-  return {named["skeleton"], named["mesh"], named["skin"], named["pose"], skinning};
+  return {named["skeleton"], named["mesh"], named["skin"], named["pose"]};
 }
 
 bool ends_with(const std::string& text, const std::string& end) {
@@ -96,7 +80,6 @@ std::vector<double> read_rest_pose(const fs::path& path, int num_dofs) {
 
 void read_skin_of(const CharacterFiles& files, Character& character) {
   character.skin = read_skin(files.skin);
-  character.skinning = files.skinning;
   if (character.skin.num_vertices() != character.num_vertices())
     fail("{} has weights for {} vertices, but the mesh {} has {}; they do not belong together", files.skin.string(),
          character.skin.num_vertices(), files.mesh.string(), character.num_vertices());
@@ -188,12 +171,11 @@ fs::path write_character(const fs::path& folder, const Character& character) {
   write_motion(folder / (name + ".motion"), Motion{{character.rest_dofs}, {0}}, true);
   write_obj(folder / (name + ".obj"), character.mesh, kMetresPerMillimetre);
   write_obj(folder / (name + "_graph.obj"), graph_mesh(character), kMetresPerMillimetre);
-  const bool linear = character.skinning == SkinningMode::linear;
   // Written last, so that a folder with a .character file is complete.
   const fs::path path = folder / (name + ".character");
-  write_atomically(
-      path, fmt::format("{0}\nskeleton\n  {1}.skeleton\nmesh\n  {1}.obj\nskin\n  {1}.skin\npose\n  {1}.motion\n{2}",
-                        kCharacterHeader, name, linear ? "skinning\n  linear\n" : ""));
+  write_atomically(path,
+                   fmt::format("{0}\nskeleton\n  {1}.skeleton\nmesh\n  {1}.obj\nskin\n  {1}.skin\npose\n  {1}.motion\n",
+                               kCharacterHeader, name));
   return path;
 }
 

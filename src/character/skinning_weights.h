@@ -8,10 +8,6 @@
 
 namespace doppel {
 
-/// How the transforms of a vertex's bones are blended. Dual quaternions keep the volume at bent joints. Imported rigs
-/// were made for linear blending.
-enum class SkinningMode { dual_quaternion = 0, linear = 1 };
-
 /// Sparse skinning weights: (bone, weight) pairs for each of N vertices, largest first. The weights of a vertex sum to
 /// 1. The first bone of a vertex fixes the signs of dual quaternions.
 struct SkinningWeights {

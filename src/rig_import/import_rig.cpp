@@ -272,7 +272,6 @@ void RigImporter::weld() {
 void RigImporter::build_character() {
   Character& character = rig_.character;
   character.name = options_.name;
-  character.skinning = SkinningMode::linear;
   character.options.num_nodes = options_.nodes;
   if (options_.weld) weld();
   skeleton_ = build_skeleton(plan_, bones_, centres_, samples_, options_.joint_limit);

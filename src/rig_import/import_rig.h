@@ -41,7 +41,7 @@ struct ImportedJoint {
 };
 
 struct ImportedRig {
-  Character character;  ///< complete, with linear skinning
+  Character character;  ///< complete; its weights are those of the file, for linear blend skinning
   std::vector<ImportedMotion> motions;
   std::vector<int> vertex_map;        ///< [N] vertex of the file, counted over all primitives of the scene
   std::vector<ImportedJoint> joints;  ///< parents first

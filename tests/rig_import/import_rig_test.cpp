@@ -60,7 +60,6 @@ TEST_F(ImportRig, ARunOfAxesPerJoint) {
   EXPECT_EQ(rig.character.skeleton.root().axes, (std::array<int, 3>{1, 2, 0}));
   EXPECT_FALSE(rig.character.skeleton.dofs[3].limits);
   EXPECT_NEAR((*rig.character.skeleton.dofs[6].limits)[1], M_PI, 1e-12);
-  EXPECT_EQ(rig.character.skinning, SkinningMode::linear);
   EXPECT_EQ(rig.vertex_map, (std::vector<int>{0, 1, 2, 3, 4, 5}));
   EXPECT_EQ(rig.character.skin.bones, (std::vector<std::string>{"upper", "lower"}));
 }
@@ -118,7 +117,6 @@ TEST_F(ImportRig, WrittenAndReadBackItIsTheSame) {
   const std::filesystem::path file = write_imported_rig(out, rig);
   const Character back = load_character(file);
   EXPECT_EQ(back.fingerprint(), rig.character.fingerprint());
-  EXPECT_EQ(back.skinning, SkinningMode::linear);
   const auto joints = nlohmann::json::parse(read_file(out / "joints.json"));
   EXPECT_EQ(joints["joints"].size(), 21U);
   EXPECT_TRUE(joints["joints"]["pelvis"].is_null());
