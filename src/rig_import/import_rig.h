@@ -58,7 +58,7 @@ double sampling_rate(const SceneAnimation& animation);
 ///
 /// The template is the surface in the bind pose, and every DoF is 0 there. A joint of the file becomes a run of
 /// rotations about the world's axes at its position, after translations where an animation moves the joint in its
-/// parent. The root has three translations and three rotations. Skinning is linear, as in the file. Primitives without
+/// parent. The root has three translations and three rotations. The weights are for linear blending. Primitives without
 /// a skin follow the joint above them.
 /// @throws UsageError for an animation that the scene does not have; Error when the scene has no skin, or when joints
 ///   are sheared or mirrored so that no skeleton can hold them
