@@ -8,6 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
+#include "doppel/rig_import/rig_graph.h"
 #include "doppel/rig_import/rig_motion.h"
 #include "doppel/rig_import/rig_plan.h"
 #include "doppel/scene/scene_mesh.h"
@@ -278,8 +279,7 @@ void RigImporter::build_character() {
   character.skeleton = skeleton_.skeleton;
   build_skin();
   complete_character(character);
-  character.graph =
-      build_graph(character.mesh, std::min(options_.nodes, character.num_vertices()), character.options.graph);
+  character.graph = build_graph(character.mesh, coarse_mesh(character.mesh, options_.nodes), character.options.graph);
 }
 
 /// The distance between the file's own skinning and the character's, at five frames.

@@ -1,5 +1,6 @@
 #include "doppel/rig_import/landmarks_of_rig.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cctype>
 #include <cmath>

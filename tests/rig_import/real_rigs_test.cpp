@@ -153,7 +153,7 @@ TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Bodies, RealRigs,
+INSTANTIATE_TEST_SUITE_P(Real, RealRigs,
                          ::testing::Values("cesium_man", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit",
                                            "mh_woman_slim", "quaternius_dress_fbx", "robot_expressive"),
                          [](const auto& body) { return std::string(body.param); });

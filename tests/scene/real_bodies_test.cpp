@@ -79,7 +79,7 @@ TEST_P(RealRiggedBodies, JointsAreWhereTheFileTakesThem) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Bodies, RealRiggedBodies,
+INSTANTIATE_TEST_SUITE_P(Real, RealRiggedBodies,
                          ::testing::Values("cesium_man", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit",
                                            "mh_woman_slim", "quaternius_dress_fbx", "robot_expressive"),
                          [](const auto& body) { return std::string(body.param); });
