@@ -31,9 +31,11 @@ constexpr double kMostDenseFrames = 1500;
 double key_rate(const SceneAnimation& animation) {
   for (const double rate : {1.0, 2.0, 5.0, 10.0, 12.0, 15.0, 20.0, 24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 100.0, 120.0,
                             150.0, 200.0, 240.0, 300.0}) {
-    bool all = true;
-    for (const SceneChannel& channel : animation.channels)
-      for (const double time : channel.times) all = all && std::abs(time * rate - std::round(time * rate)) < 1e-3;
+    const auto has_frame = [rate](double time) { return std::abs(time * rate - std::round(time * rate)) < 1e-3; };
+    bool all = std::all_of(animation.keys.begin(), animation.keys.end(), has_frame);
+    if (animation.keys.empty())
+      for (const SceneChannel& channel : animation.channels)
+        all = all && std::all_of(channel.times.begin(), channel.times.end(), has_frame);
     if (all) return rate;
   }
   return 0.0;

@@ -119,7 +119,7 @@ Eigen::Vector3d model_default(const FbxRecord& model, const std::string& propert
 }
 
 SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_node, const FbxRecord& model,
-                              const std::string& property) {
+                              const std::string& property, std::set<double>& keys) {
   static const std::array<const char*, 3> kAxes{"d|X", "d|Y", "d|Z"};
   const Eigen::Vector3d usual = model_default(model, property);
   std::array<Curve, 3> curves;
@@ -128,6 +128,7 @@ SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_
     curves[as_size(axis)].fallback = fbx_number(curve_node, name, usual[axis]);
     const auto found = objects.below(curve_node, "AnimationCurve", name);
     if (!found.empty()) curves[as_size(axis)] = read_curve(*found[0], curves[as_size(axis)].fallback);
+    keys.insert(curves[as_size(axis)].times.begin(), curves[as_size(axis)].times.end());
   }
   SceneChannel channel;
   const bool angles = property == "Lcl Rotation";
@@ -164,6 +165,7 @@ std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects,
   for (const FbxRecord* stack : objects.all("AnimationStack")) {
     SceneAnimation animation;
     animation.name = fbx_name(*stack);
+    std::set<double> own_keys;
     const auto layers = objects.below(*stack, "AnimationLayer");
     if (layers.size() > 1)
       warnings.push_back(fmt::format("animation '{}' has {} layers; the first is read", animation.name, layers.size()));
@@ -173,12 +175,13 @@ std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects,
         const auto node = node_of.find(model);
         if (node == node_of.end()) continue;
         if (property != "Lcl Translation" && property != "Lcl Rotation" && property != "Lcl Scaling") continue;
-        SceneChannel channel = read_fbx_channel(objects, *curve_node, *model, property);
+        SceneChannel channel = read_fbx_channel(objects, *curve_node, *model, property, own_keys);
         channel.node = node->second;
         keys += static_cast<std::int64_t>(channel.times.size());
         if (keys > limits.keys) fail("the animations have more than {} keys", limits.keys);
         animation.channels.push_back(std::move(channel));
       }
+    animation.keys.assign(own_keys.begin(), own_keys.end());
     if (!animation.channels.empty()) animations.push_back(std::move(animation));
   }
   return animations;

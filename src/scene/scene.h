@@ -81,6 +81,8 @@ struct SceneAnimation {
   std::vector<SceneChannel> channels;
   double start = 0.0;  ///< time of the first key, seconds
   double end = 0.0;    ///< time of the last key, seconds
+  /// Times of the file's own keys, ascending, where a reader gave the channels more (curves of FBX); else empty.
+  std::vector<double> keys;
 };
 
 struct Scene {

@@ -56,7 +56,7 @@ TEST_F(ImportRig, ARunOfAxesPerJoint) {
   std::vector<std::string> names;
   for (const Joint& joint : rig.character.skeleton.joints) names.push_back(joint.name);
   EXPECT_EQ(names, (std::vector<std::string>{"upper_tx", "upper_ty", "upper_tz", "upper_ry", "upper_rz", "upper_rx",
-                                             "lower_rx", "lower_rz", "lower_ry"}));
+                                             "lower_rx", "lower_ry", "lower_rz"}));
   EXPECT_EQ(rig.character.skeleton.root().axes, (std::array<int, 3>{1, 2, 0}));
   EXPECT_FALSE(rig.character.skeleton.dofs[3].limits);
   EXPECT_NEAR((*rig.character.skeleton.dofs[6].limits)[1], M_PI, 1e-12);
@@ -70,7 +70,7 @@ TEST_F(ImportRig, TheAnimationBecomesAMotion) {
   EXPECT_EQ(motion.file, "bend.motion");
   EXPECT_EQ(motion.frames_per_second, 600.0);
   EXPECT_EQ(motion.motion.num_frames(), 601);
-  EXPECT_NEAR(motion.motion.frames[300][7], M_PI / 4, 1e-6);  // lower_rz half way
+  EXPECT_NEAR(motion.motion.frames[300][8], M_PI / 4, 1e-6);  // lower_rz half way
   EXPECT_LT(motion.error, 1e-6);
 }
 
