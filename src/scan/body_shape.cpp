@@ -26,6 +26,7 @@ constexpr double kPartsAlong = 64.0;  // cells of the grid that tells parts apar
 constexpr double kSpeckSize = 0.06;   // of the largest extent
 constexpr int kSlices = 100;
 constexpr double kFootTop = 0.035, kAnkleBottom = 0.05, kAnkleTop = 0.1;  // shares of the height
+constexpr std::size_t kMirrored = 5000;                                   // cells that are mirrored
 constexpr double kLeastToes = 0.008;
 constexpr double kSearchTurn = 30.0;     // degrees on either side of the toes' direction
 constexpr double kTurnPenalty = 1.5e-4;  // overlap per squared degree
@@ -63,7 +64,7 @@ class MainPart {
     const AlignedBox3d box = box_of(mesh);
     cell_ = std::max(box.sizes().maxCoeff() / kPartsAlong, 1e-300);
     origin_ = box.min() - Vector3d::Constant(2.0 * cell_);
-    for (int k = 0; k < 3; ++k) layout_.dims[as_size(k)] = static_cast<int>(box.sizes()[k] / cell_) + 5;
+    for (int k = 0; k < 3; ++k) layout_.dims[as_size(k)] = static_cast<int>(box.sizes()[k] / cell_) + 6;
     const std::vector<std::uint8_t> crossed = crossed_cells(layout_, origin_, cell_, mesh);
     std::vector<std::uint8_t> empty = dilated(layout_, crossed, 1);
     for (std::uint8_t& cell : empty) cell = cell == 0;
@@ -224,9 +225,11 @@ int gap(const Profile& profile, bool from_above) {
 /// The share of the body's cells whose mirror image lies in the body.
 double mirror_overlap(const CoarseBody& body, const std::vector<Vector3d>& cells, const Vector3d& centre,
                       const Vector3d& across) {
-  int hits = 0;
-  for (const Vector3d& cell : cells) hits += body.solid.inside(cell - 2.0 * (cell - centre).dot(across) * across);
-  return static_cast<double>(hits) / static_cast<double>(std::max<std::size_t>(1, cells.size()));
+  const std::size_t step = 1 + cells.size() / kMirrored;
+  int hits = 0, tried = 0;
+  for (std::size_t i = 0; i < cells.size(); i += step, ++tried)
+    hits += body.solid.inside(cells[i] - 2.0 * (cells[i] - centre).dot(across) * across);
+  return static_cast<double>(hits) / std::max(1, tried);
 }
 
 }  // namespace
@@ -270,7 +273,8 @@ CoarseBody coarse_body(const TriangleMesh& mesh) {
   TriangleMesh coarse = clustered(mesh, std::max(likely.sizes().maxCoeff() / kClustersAlong, 1e-300), likely, cluster);
   if (coarse.faces.empty())
     fail<UsageError>("finding the orientation of the scan: all triangles lie in one point; check the file");
-  coarse = only_main_part(coarse, MainPart(coarse));
+  const MainPart first(coarse);
+  coarse = only_main_part(coarse, first);
   const FoundFloor floor = search_floor(coarse);
   if (floor.direction >= 0) coarse = above_floor(coarse, floor);
   const MainPart part(coarse);
@@ -278,7 +282,7 @@ CoarseBody coarse_body(const TriangleMesh& mesh) {
   VoxelSolidOptions options;
   options.cell = std::max(box_of(coarse).sizes().maxCoeff() / kCellsAlong, 1e-300);
   CoarseBody body{
-      VoxelSolid(coarse, options), {}, exact_box(mesh, coarse, cluster, floor), floor.direction, part.share()};
+      VoxelSolid(coarse, options), {}, exact_box(mesh, coarse, cluster, floor), floor.direction, first.share()};
   for (const int cell : body.solid.inside_cells()) body.cells.push_back(body.solid.centre(cell));
   // A surface without an inside is taken as it is.
   if (body.cells.empty()) body.cells = coarse.vertices;

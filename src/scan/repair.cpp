@@ -28,6 +28,8 @@ constexpr double kNoArea = 1e-12;       // of the squared height: a face without
 constexpr double kOneSurface = 0.9;     // share of the area of the largest component in a scan of one surface
 constexpr double kLidShare = 0.25;      // a lid larger than this share of its component would close a sheet
 constexpr double kClearVolume = 0.005;  // |volume| over area^1.5 that tells inside from outside; a sphere has 0.094
+constexpr int kFewFaces = 12;           // a small component of so few faces must touch the body to belong to it
+constexpr double kTouching = 0.15;      // of the distance that is allowed to others
 constexpr int kSpeckRounds = 6;         // chains of small parts that hang on each other
 constexpr double kSeparateFloorShare = 0.6;  // a floor of this share in parts of its own is no part of the body
 constexpr double kNoSpeck = 0.02;            // share of the largest component's area beyond which none is a speck
@@ -230,7 +232,10 @@ class ScanRepair {
         body[as_size(c)] = true;
         fresh.push_back(c);
       }
-    for (int round = 0; round < kSpeckRounds && !fresh.empty(); ++round) fresh = join_near(component, fresh, body);
+    std::vector<int> sizes(as_size(count), 0);
+    for (const int c : component) ++sizes[as_size(c)];
+    for (int round = 0; round < kSpeckRounds && !fresh.empty(); ++round)
+      fresh = join_near(component, sizes, fresh, body);
     std::vector<bool> keep(mesh_.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f) keep[f] = body[as_size(component[f])];
     report_.specks = static_cast<int>(std::count(body.begin(), body.end(), false));
@@ -238,8 +243,8 @@ class ScanRepair {
   }
 
   /// Marks the components near those of `fresh` as body. @return the marked ones
-  std::vector<int> join_near(const std::vector<int>& component, const std::vector<int>& fresh,
-                             std::vector<bool>& body) const {
+  std::vector<int> join_near(const std::vector<int>& component, const std::vector<int>& sizes,
+                             const std::vector<int>& fresh, std::vector<bool>& body) const {
     const std::set<int> set(fresh.begin(), fresh.end());
     std::vector<Triangle> faces;
     for (std::size_t f = 0; f < component.size(); ++f)
@@ -248,10 +253,11 @@ class ScanRepair {
     for (Vector3d& v : finite)
       if (!v.allFinite()) v.setZero();
     const TriangleTree tree(finite, faces);
-    const double reach = options_.speck_distance * height_;
     std::vector<int> joined;
     for (std::size_t f = 0; f < component.size(); ++f) {
       if (body[as_size(component[f])]) continue;
+      const double reach =
+          options_.speck_distance * height_ * (sizes[as_size(component[f])] <= kFewFaces ? kTouching : 1.0);
       for (const int v : mesh_.faces[f]) {
         if (tree.closest(mesh_.vertices[as_size(v)]).squared_distance > reach * reach) continue;
         body[as_size(component[f])] = true;
