@@ -23,8 +23,7 @@ double overlap(const cv::Mat& a, const cv::Mat& b) {
   return static_cast<double>(cv::countNonZero(a & b)) / cv::countNonZero(a | b);
 }
 
-/// Skips where neither the cache nor the network gives the weights.
-class RealMasks : public support::SharedFolderTest {
+class RealMasks : public support::BlazePoseTest {
  protected:
   void SetUp() override {
     BlazePoseTest::SetUp();
