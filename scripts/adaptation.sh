@@ -28,7 +28,7 @@ all_done
 
 # held NAME SEED WHEN: the held-out part of adapt.json before or after
 held() {
-  tr -d ' \n' <"$folder/$1-$2/adapt.json" | grep -o "\"heldout,$3\":.*" | sed 's/"tunedon.*//' >"$folder/$1-$2-$3.json"
+  tr -d ' \n' <"$folder/$1-$2/adapt.json" | grep -o "\"heldout,$3\":{.*" | sed 's/"tunedon.*//' >"$folder/$1-$2-$3.json"
   echo "$1-$2-$3.json"
 }
 # of_seed NAME WHEN METHOD METRIC SEED; cell NAME WHEN METHOD METRIC DIGITS: mean and spread over the seeds
