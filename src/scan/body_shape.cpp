@@ -21,7 +21,7 @@ using Eigen::Vector3d;
 
 constexpr double kQuantile = 0.01, kBeyondQuantile = 0.4;  // of the face centres; specks far away lie beyond
 constexpr double kClustersAlong = 150.0;                   // cells of the coarse mesh along the longest side
-constexpr double kCellsAlong = 110.0;                      // cells of the coarse solid
+constexpr double kCellsAlong = 80.0;                       // cells of the coarse solid
 constexpr double kPartsAlong = 64.0;  // cells of the grid that tells parts apart; parts a cell apart are one
 constexpr double kSpeckSize = 0.06;   // of the largest extent
 constexpr int kSlices = 100;
@@ -63,7 +63,7 @@ class MainPart {
   explicit MainPart(const TriangleMesh& mesh) {
     const AlignedBox3d box = box_of(mesh);
     cell_ = std::max(box.sizes().maxCoeff() / kPartsAlong, 1e-300);
-    origin_ = box.min() - Vector3d::Constant(2.0 * cell_);
+    origin_ = box.min() - Vector3d::Constant(2.5 * cell_);  // the border stays empty in spite of rounding
     for (int k = 0; k < 3; ++k) layout_.dims[as_size(k)] = static_cast<int>(box.sizes()[k] / cell_) + 6;
     const std::vector<std::uint8_t> crossed = crossed_cells(layout_, origin_, cell_, mesh);
     std::vector<std::uint8_t> empty = dilated(layout_, crossed, 1);
