@@ -26,7 +26,8 @@ constexpr double kPartsAlong = 64.0;  // cells of the grid that tells parts apar
 constexpr double kSpeckSize = 0.06;   // of the largest extent
 constexpr int kSlices = 100;
 constexpr double kFootTop = 0.035, kAnkleBottom = 0.05, kAnkleTop = 0.1;  // shares of the height
-constexpr std::size_t kMirrored = 5000;                                   // cells that are mirrored
+constexpr double kOverlapNoise = 0.01;   // of the overlap between neighbouring directions
+constexpr std::size_t kMirrored = 5000;  // cells that are mirrored
 constexpr double kLeastToes = 0.008;
 constexpr double kSearchTurn = 30.0;     // degrees on either side of the toes' direction
 constexpr double kTurnPenalty = 1.5e-4;  // overlap per squared degree
@@ -332,16 +333,24 @@ std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
   toes.normalize();
 
   const Vector3d centre = centre_of(rest);
-  double best = -1.0;
+  const auto turned = [&](double degrees) {
+    return Vector3d(Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, up) * toes);
+  };
+  // The mean of the good directions, because the cells make the overlap jump a little from one to the next.
+  double sum = 0.0, weights = 0.0;
+  std::vector<std::pair<double, double>> worths;
   for (double degrees = -kSearchTurn; degrees <= kSearchTurn; degrees += 2.0) {
-    const Vector3d direction = Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, up) * toes;
-    const double overlap = mirror_overlap(body, rest, centre, up.cross(direction));
-    const double worth = overlap - kTurnPenalty * degrees * degrees;
-    if (worth <= best) continue;
-    best = worth;
-    facing.direction = direction;
-    facing.mirror = overlap;
+    const double overlap = mirror_overlap(body, rest, centre, up.cross(turned(degrees)));
+    worths.emplace_back(overlap - kTurnPenalty * degrees * degrees, degrees);
   }
+  const double best = std::max_element(worths.begin(), worths.end())->first;
+  for (const auto& [worth, degrees] : worths) {
+    const double weight = std::exp((worth - best) / kOverlapNoise);
+    sum += weight * degrees;
+    weights += weight;
+  }
+  facing.direction = turned(sum / weights);
+  facing.mirror = mirror_overlap(body, rest, centre, up.cross(facing.direction));
   return facing;
 }
 
