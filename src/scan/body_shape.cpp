@@ -21,12 +21,13 @@ using Eigen::Vector3d;
 
 constexpr double kQuantile = 0.01, kBeyondQuantile = 0.4;  // of the face centres; specks far away lie beyond
 constexpr double kClustersAlong = 150.0;                   // cells of the coarse mesh along the longest side
-constexpr double kCellsAlong = 110.0;                      // cells of the coarse solid
+constexpr double kCellsAlong = 80.0;                       // cells of the coarse solid
 constexpr double kPartsAlong = 64.0;  // cells of the grid that tells parts apart; parts a cell apart are one
 constexpr double kSpeckSize = 0.06;   // of the largest extent
 constexpr int kSlices = 100;
 constexpr double kFootTop = 0.035, kAnkleBottom = 0.05, kAnkleTop = 0.1;  // shares of the height
-constexpr std::size_t kMirrored = 5000;                                   // cells that are mirrored
+constexpr double kOverlapNoise = 0.01;   // of the overlap between neighbouring directions
+constexpr std::size_t kMirrored = 5000;  // cells that are mirrored
 constexpr double kLeastToes = 0.008;
 constexpr double kSearchTurn = 30.0;     // degrees on either side of the toes' direction
 constexpr double kTurnPenalty = 1.5e-4;  // overlap per squared degree
@@ -63,7 +64,7 @@ class MainPart {
   explicit MainPart(const TriangleMesh& mesh) {
     const AlignedBox3d box = box_of(mesh);
     cell_ = std::max(box.sizes().maxCoeff() / kPartsAlong, 1e-300);
-    origin_ = box.min() - Vector3d::Constant(2.0 * cell_);
+    origin_ = box.min() - Vector3d::Constant(2.5 * cell_);  // the border stays empty in spite of rounding
     for (int k = 0; k < 3; ++k) layout_.dims[as_size(k)] = static_cast<int>(box.sizes()[k] / cell_) + 6;
     const std::vector<std::uint8_t> crossed = crossed_cells(layout_, origin_, cell_, mesh);
     std::vector<std::uint8_t> empty = dilated(layout_, crossed, 1);
@@ -332,16 +333,24 @@ std::optional<Facing> find_facing(const CoarseBody& body, int up_direction) {
   toes.normalize();
 
   const Vector3d centre = centre_of(rest);
-  double best = -1.0;
+  const auto turned = [&](double degrees) {
+    return Vector3d(Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, up) * toes);
+  };
+  // The mean of the good directions, because the cells make the overlap jump a little from one to the next.
+  double sum = 0.0, weights = 0.0;
+  std::vector<std::pair<double, double>> worths;
   for (double degrees = -kSearchTurn; degrees <= kSearchTurn; degrees += 2.0) {
-    const Vector3d direction = Eigen::AngleAxisd(degrees * std::numbers::pi / 180.0, up) * toes;
-    const double overlap = mirror_overlap(body, rest, centre, up.cross(direction));
-    const double worth = overlap - kTurnPenalty * degrees * degrees;
-    if (worth <= best) continue;
-    best = worth;
-    facing.direction = direction;
-    facing.mirror = overlap;
+    const double overlap = mirror_overlap(body, rest, centre, up.cross(turned(degrees)));
+    worths.emplace_back(overlap - kTurnPenalty * degrees * degrees, degrees);
   }
+  const double best = std::max_element(worths.begin(), worths.end())->first;
+  for (const auto& [worth, degrees] : worths) {
+    const double weight = std::exp((worth - best) / kOverlapNoise);
+    sum += weight * degrees;
+    weights += weight;
+  }
+  facing.direction = turned(sum / weights);
+  facing.mirror = mirror_overlap(body, rest, centre, up.cross(facing.direction));
   return facing;
 }
 

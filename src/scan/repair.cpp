@@ -28,9 +28,10 @@ constexpr double kNoArea = 1e-12;       // of the squared height: a face without
 constexpr double kOneSurface = 0.9;     // share of the area of the largest component in a scan of one surface
 constexpr double kLidShare = 0.25;      // a lid larger than this share of its component would close a sheet
 constexpr double kClearVolume = 0.005;  // |volume| over area^1.5 that tells inside from outside; a sphere has 0.094
-constexpr int kFewFaces = 12;           // a small component of so few faces must touch the body to belong to it
-constexpr double kTouching = 0.15;      // of the distance that is allowed to others
-constexpr int kSpeckRounds = 6;         // chains of small parts that hang on each other
+// A tiny body of so few faces must touch to belong to the person; with fewer it is a sheet, such as a strand of hair.
+constexpr int kFewestClosed = 4, kFewFaces = 12;
+constexpr double kTouching = 0.15;           // of the distance that is allowed to others
+constexpr int kSpeckRounds = 6;              // chains of small parts that hang on each other
 constexpr double kSeparateFloorShare = 0.6;  // a floor of this share in parts of its own is no part of the body
 constexpr double kNoSpeck = 0.02;            // share of the largest component's area beyond which none is a speck
 constexpr int kBorder = -1;
@@ -256,8 +257,9 @@ class ScanRepair {
     std::vector<int> joined;
     for (std::size_t f = 0; f < component.size(); ++f) {
       if (body[as_size(component[f])]) continue;
-      const double reach =
-          options_.speck_distance * height_ * (sizes[as_size(component[f])] <= kFewFaces ? kTouching : 1.0);
+      const int size = sizes[as_size(component[f])];
+      const bool tiny = size >= kFewestClosed && size <= kFewFaces;
+      const double reach = options_.speck_distance * height_ * (tiny ? kTouching : 1.0);
       for (const int v : mesh_.faces[f]) {
         if (tree.closest(mesh_.vertices[as_size(v)]).squared_distance > reach * reach) continue;
         body[as_size(component[f])] = true;

@@ -14,7 +14,7 @@ struct RepairOptions {
   double speck_distance = 0.01;  ///< a component nearer to the body than this belongs to it (hair, eyes, buttons)
   /// Holes with a shorter border are filled. In a scan of one surface every opening is a hole; in a body of several
   /// parts the larger ones are cuffs and hems.
-  double hole_length_one_surface = 0.35, hole_length_parts = 0.06;
+  double hole_length_one_surface = 0.6, hole_length_parts = 0.06;
   int hole_edges = 400;      ///< holes with more edges stay open
   bool remove_floor = true;  ///< a horizontal sheet under the feet (y is up)
 };

@@ -81,7 +81,7 @@ TEST(Repair, WeldingKeepsTheSeamOfTheTexture) {
 }
 
 TEST(Repair, NamesVerticesThatAreNotFinite) {
-  TriangleMesh sphere = make_sphere(3);
+  TriangleMesh sphere = make_sphere(4);
   sphere.vertices[40].y() = std::numeric_limits<double>::quiet_NaN();
   sphere.vertices[77].z() = std::numeric_limits<double>::infinity();
   const RepairedMesh repaired = repair(sphere);
@@ -161,7 +161,7 @@ TEST(Repair, PartsSheetsThatCross) {
 }
 
 TEST(Repair, FillsSmallHolesWithTheBordersColours) {
-  TriangleMesh sphere = make_sphere(4);
+  TriangleMesh sphere = make_sphere(5);
   for (const Vector3d& v : sphere.vertices) sphere.colours.push_back(0.5 * (v + Vector3d::Ones()));
   const double full = volume(sphere);
   std::erase_if(sphere.faces, [&](const Triangle& f) {

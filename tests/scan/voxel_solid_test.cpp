@@ -32,9 +32,9 @@ TEST(WindingNumber, IsOneInsideAndZeroOutsideOfASphere) {
   const WindingNumber winding(sphere);
   for (const double r : {0.0, 0.3, 0.7, 0.9, 0.98}) {
     const Vector3d point = r * Vector3d(1, 2, -1).normalized();
-    EXPECT_NEAR(winding.at(point), 1.0, 0.01) << r;
+    EXPECT_NEAR(winding.at(point), 1.0, 0.03) << r;
   }
-  for (const double r : {1.02, 1.2, 2.0, 10.0}) EXPECT_NEAR(winding.at(r * Vector3d(1, 2, -1).normalized()), 0.0, 0.01);
+  for (const double r : {1.02, 1.2, 2.0, 10.0}) EXPECT_NEAR(winding.at(r * Vector3d(1, 2, -1).normalized()), 0.0, 0.03);
 }
 
 TEST(WindingNumber, OfAHemisphereIsItsSolidAngle) {
@@ -42,7 +42,7 @@ TEST(WindingNumber, OfAHemisphereIsItsSolidAngle) {
   std::erase_if(half.faces, [&](const Triangle& f) {
     return half.vertices[f[0]].y() + half.vertices[f[1]].y() + half.vertices[f[2]].y() < 0.0;
   });
-  EXPECT_NEAR(WindingNumber(half).at(Vector3d::Zero()), 0.5, 0.005);
+  EXPECT_NEAR(WindingNumber(half).at(Vector3d::Zero()), 0.5, 0.02);
 }
 
 TEST(VoxelSolid, DepthOfACubeIsTheDistanceToItsSides) {
@@ -53,7 +53,7 @@ TEST(VoxelSolid, DepthOfACubeIsTheDistanceToItsSides) {
                                 Vector3d(0.0, 0.9, 0.0), Vector3d(0.7, 0.5, 0.0)}) {
     const Vector3d beyond = (point - Vector3d(0, 0.5, 0)).cwiseAbs() - Vector3d::Constant(0.5);
     const double truth = -beyond.maxCoeff();
-    EXPECT_NEAR(solid.depth(point), truth, 0.02) << point.transpose();
+    EXPECT_NEAR(solid.depth(point), truth, 0.03) << point.transpose();
     EXPECT_EQ(solid.inside(point), truth > 0.0);
   }
   EXPECT_GT(solid.depth_gradient({0.4, 0.5, 0.0}).dot(-Vector3d::UnitX()), 0.95);
