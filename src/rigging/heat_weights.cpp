@@ -84,8 +84,9 @@ void scale_rows(Field& field, double power) {
   }
 }
 
-/// Replaces the rows by the mean of themselves and the mean of their neighbours, `rounds` times.
-void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, int rounds) {
+/// Averages the rows over the edges of the mesh, `rounds` times. A short edge counts more: the two sides of a hem must
+/// not part. An edge of two cells counts as much as the vertex itself counts against six of them.
+void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, double cell, int rounds) {
   std::vector<std::array<int, 2>> edges;
   for (const Triangle& face : mesh.faces)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -95,16 +96,17 @@ void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, i
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   for (int round = 0; round < rounds; ++round) {
-    Field sum = Field::Zero(field.rows(), field.cols());
-    Eigen::VectorXf count = Eigen::VectorXf::Zero(field.rows());
+    Field sum = field;
+    Eigen::VectorXf total = Eigen::VectorXf::Ones(field.rows());
     for (const auto& [a, b] : edges) {
-      sum.row(a) += field.row(b);
-      sum.row(b) += field.row(a);
-      count[a] += 1;
-      count[b] += 1;
+      const double length = (places.positions[as_size(a)] - places.positions[as_size(b)]).norm();
+      const auto share = static_cast<float>(0.33 * cell / (length + 0.05 * cell));
+      sum.row(a) += share * field.row(b);
+      sum.row(b) += share * field.row(a);
+      total[a] += share;
+      total[b] += share;
     }
-    for (Eigen::Index i = 0; i < field.rows(); ++i)
-      if (count[i] > 0) field.row(i) = 0.5f * field.row(i) + (0.5f / count[i]) * sum.row(i);
+    field = total.cwiseInverse().asDiagonal() * sum;
   }
 }
 
@@ -150,7 +152,7 @@ SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBon
   const int num_bones = static_cast<int>(bones.size());
   Field field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
   scale_rows(field, options.sharpness);
-  smooth_rows(field, mesh, places, options.smoothing);
+  smooth_rows(field, mesh, places, solid.cell, options.smoothing);
 
   SkinningWeights skin;
   for (const HeatBone& bone : bones) skin.bones.push_back(bone.name);
