@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "doppel/core/as_size.h"
@@ -47,13 +48,30 @@ Places find_places(const TriangleMesh& mesh) {
 
 using Field = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;  // [P, Bn]
 
-/// Where the temperature of a place is read: below the surface if that is inside of the body, else at the place.
+/// The centre of the inside cell that is nearest to a point, at most two cells away along each axis; else the point.
+Eigen::Vector3d nearest_inside(const SolidGrid& solid, const Eigen::Vector3d& point) {
+  const Eigen::Vector3i middle = solid.cell_of(point);
+  Eigen::Vector3d best = point;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int z = middle.z() - 2; z <= middle.z() + 2; ++z)
+    for (int y = middle.y() - 2; y <= middle.y() + 2; ++y)
+      for (int x = middle.x() - 2; x <= middle.x() + 2; ++x) {
+        const double away = (solid.centre(x, y, z) - point).squaredNorm();
+        if (away >= nearest || !solid.is_inside(x, y, z)) continue;
+        nearest = away;
+        best = solid.centre(x, y, z);
+      }
+  return best;
+}
+
+/// Where the temperature of a place is read: a little below the surface, so that the stencil does not reach across a
+/// gap, and inside of the body if that is near. The air between two limbs has the temperature of both.
 std::vector<Eigen::Vector3d> reading_points(const Places& places, const SolidGrid& solid) {
-  constexpr double kBelow = 0.75;  // of a cell, so that the stencil does not reach across a gap
+  constexpr double kBelow = 0.75;  // of a cell
   std::vector<Eigen::Vector3d> points;
   for (std::size_t i = 0; i < places.positions.size(); ++i) {
     const Eigen::Vector3d below = places.positions[i] - kBelow * solid.cell * places.normals[i];
-    points.push_back(solid.is_inside(below) ? below : places.positions[i]);
+    points.push_back(solid.is_inside(below) ? below : nearest_inside(solid, below));
   }
   return points;
 }
