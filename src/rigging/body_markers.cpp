@@ -174,7 +174,7 @@ void add_leg_markers(MarkerBuilder& b, const Side& side) {
   b.add(side.name + "ankle", side.bone + "Foot", ankle);
   const double shin = (ankle - knee).norm();
   const Vector3d down = (ankle - knee) / shin, foot = b.joints.at(side.name + "toe_end") - ankle;
-  const Vector3d ahead = (foot - foot.dot(down) * down).normalized(), outward = side.sign * down.cross(ahead);
+  const Vector3d ahead = (foot - foot.dot(down) * down).normalized(), outward = side.sign * ahead.cross(down);
   const std::vector<Vector3d> vertices = foot_vertices(b, side, shin, down);
   // The vertex that lies farthest in a direction.
   const auto extreme = [&](const Vector3d& direction, const Vector3d& otherwise) {

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "doppel/core/as_size.h"
@@ -47,13 +48,30 @@ Places find_places(const TriangleMesh& mesh) {
 
 using Field = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;  // [P, Bn]
 
-/// Where the temperature of a place is read: below the surface if that is inside of the body, else at the place.
+/// The centre of the inside cell that is nearest to a point, at most two cells away along each axis; else the point.
+Eigen::Vector3d nearest_inside(const SolidGrid& solid, const Eigen::Vector3d& point) {
+  const Eigen::Vector3i middle = solid.cell_of(point);
+  Eigen::Vector3d best = point;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int z = middle.z() - 2; z <= middle.z() + 2; ++z)
+    for (int y = middle.y() - 2; y <= middle.y() + 2; ++y)
+      for (int x = middle.x() - 2; x <= middle.x() + 2; ++x) {
+        const double away = (solid.centre(x, y, z) - point).squaredNorm();
+        if (away >= nearest || !solid.is_inside(x, y, z)) continue;
+        nearest = away;
+        best = solid.centre(x, y, z);
+      }
+  return best;
+}
+
+/// Where the temperature of a place is read: a little below the surface, so that the stencil does not reach across a
+/// gap, and inside of the body if that is near. The air between two limbs has the temperature of both.
 std::vector<Eigen::Vector3d> reading_points(const Places& places, const SolidGrid& solid) {
-  constexpr double kBelow = 0.75;  // of a cell, so that the stencil does not reach across a gap
+  constexpr double kBelow = 0.75;  // of a cell
   std::vector<Eigen::Vector3d> points;
   for (std::size_t i = 0; i < places.positions.size(); ++i) {
     const Eigen::Vector3d below = places.positions[i] - kBelow * solid.cell * places.normals[i];
-    points.push_back(solid.is_inside(below) ? below : places.positions[i]);
+    points.push_back(solid.is_inside(below) ? below : nearest_inside(solid, below));
   }
   return points;
 }
@@ -84,8 +102,9 @@ void scale_rows(Field& field, double power) {
   }
 }
 
-/// Replaces the rows by the mean of themselves and the mean of their neighbours, `rounds` times.
-void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, int rounds) {
+/// Averages the rows over the edges of the mesh, `rounds` times. A short edge counts more: the two sides of a hem must
+/// not part. An edge of two cells counts as much as the vertex itself counts against six of them.
+void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, double cell, int rounds) {
   std::vector<std::array<int, 2>> edges;
   for (const Triangle& face : mesh.faces)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -95,16 +114,17 @@ void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, i
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   for (int round = 0; round < rounds; ++round) {
-    Field sum = Field::Zero(field.rows(), field.cols());
-    Eigen::VectorXf count = Eigen::VectorXf::Zero(field.rows());
+    Field sum = field;
+    Eigen::VectorXf total = Eigen::VectorXf::Ones(field.rows());
     for (const auto& [a, b] : edges) {
-      sum.row(a) += field.row(b);
-      sum.row(b) += field.row(a);
-      count[a] += 1;
-      count[b] += 1;
+      const double length = (places.positions[as_size(a)] - places.positions[as_size(b)]).norm();
+      const auto share = static_cast<float>(0.33 * cell / (length + 0.05 * cell));
+      sum.row(a) += share * field.row(b);
+      sum.row(b) += share * field.row(a);
+      total[a] += share;
+      total[b] += share;
     }
-    for (Eigen::Index i = 0; i < field.rows(); ++i)
-      if (count[i] > 0) field.row(i) = 0.5f * field.row(i) + (0.5f / count[i]) * sum.row(i);
+    field = total.cwiseInverse().asDiagonal() * sum;
   }
 }
 
@@ -150,7 +170,7 @@ SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBon
   const int num_bones = static_cast<int>(bones.size());
   Field field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
   scale_rows(field, options.sharpness);
-  smooth_rows(field, mesh, places, options.smoothing);
+  smooth_rows(field, mesh, places, solid.cell, options.smoothing);
 
   SkinningWeights skin;
   for (const HeatBone& bone : bones) skin.bones.push_back(bone.name);

@@ -24,7 +24,7 @@ struct HeatOptions {
   double sharpness = 2.0;         ///< power of the weights; above 1 the transition at a joint becomes shorter
   double air = 1e-4;              ///< conduction of the cells around the body, relative to those inside
   double wall = 0.1;  ///< conduction through a surface inside of the solid: skin under clothes, touching limbs
-  int smoothing = 2;  ///< rounds of averaging over the edges of the mesh
+  int smoothing = 3;  ///< rounds of averaging over the edges of the mesh
 };
 
 /// Skinning weights by heat that flows through the body. Bone i has temperature 1 in field i and 0 in the other fields.
