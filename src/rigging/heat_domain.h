@@ -4,7 +4,9 @@
 #include <array>
 #include <vector>
 
-#include "doppel/rigging/heat_weights.h"
+#include "doppel/geometry/mesh.h"
+#include "doppel/rigging/heat_options.h"
+#include "doppel/rigging/solid_grid.h"
 
 namespace doppel {
 
@@ -35,8 +37,5 @@ HeatDomain make_heat_domain(const TriangleMesh& mesh, const std::vector<HeatBone
 
 /// Solves for the steady temperature: [n * bones], row-major, cell by cell.
 std::vector<float> solve_heat(const HeatDomain& domain, int num_bones, const HeatOptions& options);
-
-/// Distance of each inside cell's centre from the nearest cell outside, metres; 0 outside.
-std::vector<float> distance_to_outside(const SolidGrid& grid);
 
 }  // namespace doppel

@@ -1,8 +1,9 @@
+#include "doppel/rigging/solid_grid.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include "doppel/core/as_size.h"
-#include "doppel/rigging/heat_domain.h"
 
 namespace doppel {
 namespace {

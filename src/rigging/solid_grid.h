@@ -37,6 +37,9 @@ struct SolidGrid {
   }
 };
 
+/// Distance of each inside cell's centre from the nearest cell outside, metres; 0 outside.
+std::vector<float> distance_to_outside(const SolidGrid& grid);
+
 /// The inside cells of a voxel solid.
 SolidGrid solid_grid(const VoxelSolid& solid);
 

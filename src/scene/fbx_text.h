@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "doppel/scene/fbx_file.h"
+#include "doppel/scene/fbx_record.h"
 
 namespace doppel {
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "doppel/scene/read_scene.h"
 #include "doppel/scene/scene.h"
+#include "doppel/scene/scene_limits.h"
 
 namespace doppel {
 

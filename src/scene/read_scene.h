@@ -1,20 +1,11 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 
 #include "doppel/scene/scene.h"
+#include "doppel/scene/scene_limits.h"
 
 namespace doppel {
-
-/// Bounds of what a reader accepts, so that a damaged file cannot take all memory.
-struct SceneLimits {
-  std::int64_t vertices = 60'000'000;
-  std::int64_t triangles = 60'000'000;
-  int nodes = 100'000;
-  int keys = 20'000'000;  ///< of all animations
-  int image_side = 16384;
-};
 
 /// Reads glTF 2.0 (.gltf, .glb, .vrm), FBX (.fbx, binary and text), Collada (.dae), STL, PLY and OBJ. The format is
 /// found by the content where it has a mark, else by the extension. Polygons are split into triangles. Weights are

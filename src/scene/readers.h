@@ -2,7 +2,8 @@
 
 #include <filesystem>
 
-#include "doppel/scene/read_scene.h"
+#include "doppel/scene/scene.h"
+#include "doppel/scene/scene_limits.h"
 
 namespace doppel {
 
