@@ -20,6 +20,7 @@
 #include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
+#include "doppel/rig_import/motions_json.h"
 
 namespace doppel::tools {
 namespace {
@@ -210,8 +211,11 @@ struct Performer {
   std::optional<ActorFile> file;
   std::unique_ptr<TrainedActor> trained;
 
-  double frames_per_second() const {
-    return file ? file->description().frames_per_second : trained ? trained->frames_per_second : 25.0;
+  /// The rate of the training, or nothing: skinning alone has no rate.
+  std::optional<double> frames_per_second() const {
+    if (file) return file->description().frames_per_second;
+    if (trained) return trained->frames_per_second;
+    return std::nullopt;
   }
 };
 
@@ -278,10 +282,21 @@ void write_motions(const AnimateOptions& options, const Character& character, co
     write_bvh(folder / "driven.bvh", bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs));
 }
 
+double frame_rate(const AnimateOptions& options, const Performer& performer) {
+  if (options.fps > 0) return options.fps;
+  const std::optional<double> trained = performer.frames_per_second(), imported = imported_rate(options.motion);
+  if (trained && imported && *imported != *trained)
+    log::warn(
+        "{} has {:g} frames per second, but the actor was trained at {:g}, so it will seem to move slowly or fast; "
+        "import the motion with --fps {:g}",
+        options.motion, *imported, *trained, *trained);
+  return trained ? *trained : imported.value_or(25.0);
+}
+
 int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
-  const double fps = options.fps > 0 ? options.fps : performer.frames_per_second();
+  const double fps = frame_rate(options, performer);
   nlohmann::json report;
   const Motion motion = driven_motion(options, character, fps, report);
   const auto writers = make_writers(options, character, performer, fps);
@@ -309,7 +324,8 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--source-fps", options.source_fps,
                  "Frames per second of a .motion for another skeleton (default: --fps)")
       ->check(CLI::Range(0.1, 1000.0));
-  app.add_option("--fps", options.fps, "Frames per second of the result (default: the rate of the training, else 25)")
+  app.add_option("--fps", options.fps,
+                 "Frames per second of the result (default: of the training, else of the imported motion, else 25)")
       ->check(CLI::Range(0.1, 1000.0));
 }
 

@@ -3,7 +3,7 @@
 #include "character_report.h"
 #include "doppel/autorig/create_character.h"
 #include "doppel/autorig/scan_of_scene.h"
-#include "doppel/core/error.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/geometry/image_file.h"
@@ -20,7 +20,7 @@ struct CreateOptions {
   int vertices = 6000, nodes = 500;
 };
 
-/// What the file says of unit and up axis counts where the user says nothing.
+/// Takes unit and up axis from the file where the user does not give them.
 void take_hints(const Scene& scene, OrientationOptions& orientation) {
   if (orientation.up.empty() && scene.up) orientation.up = std::string(1, *scene.up);
   if (orientation.unit.empty() && scene.metres_per_unit) orientation.unit = fmt::format("{}", *scene.metres_per_unit);
@@ -43,13 +43,11 @@ CreatedCharacter create(const CreateOptions& options, const CommonOptions& commo
 int run_create(const CreateOptions& options, const CommonOptions& common) {
   const CreatedCharacter created = create(options, common);
   for (const std::string& note : created.notes) log::info("{}", note);
-  const fs::path out = options.out;
-  if (!created.joint_sheet.empty()) {
-    fs::create_directories(out);
-    write_image(out / "joints.jpg", created.joint_sheet);
-  }
-  write_joints(out / "joints.json", created.joints);
-  const fs::path written = write_character(out, created.character);
+  const fs::path written = write_character_folder(options.out, options.name, [&](const fs::path& folder) {
+    write_character(folder, created.character);
+    write_joints(folder / "joints.json", created.joints);
+    if (!created.joint_sheet.empty()) write_image(folder / "joints.jpg", created.joint_sheet);
+  });
   nlohmann::ordered_json report;
   report["written"] = written.string();
   report["notes"] = created.notes;

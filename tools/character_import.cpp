@@ -8,7 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/rig_import/import_rig.h"
-#include "doppel/rig_import/landmarks_of_rig.h"
+#include "doppel/rig_import/motions_json.h"
 #include "doppel/scene/read_scene.h"
 
 namespace doppel::tools {
@@ -45,14 +45,7 @@ nlohmann::ordered_json describe_import(const ImportedRig& rig, const std::filesy
   report["dofs"] = rig.character.num_dofs();
   report["landmarks"] =
       std::count_if(rig.landmark_joint.begin(), rig.landmark_joint.end(), [](int j) { return j >= 0; });
-  report["motions"] = nlohmann::ordered_json::array();
-  for (const ImportedMotion& motion : rig.motions)
-    report["motions"].push_back({{"file", motion.file},
-                                 {"animation", motion.animation},
-                                 {"frames", motion.motion.num_frames()},
-                                 {"frames_per_second", motion.frames_per_second},
-                                 {"start_s", motion.start},
-                                 {"error_mm", 1000 * motion.error}});
+  report["motions"] = motions_json(rig);
   report["warnings"] = rig.warnings;
   return report;
 }

@@ -63,6 +63,8 @@ std::string Character::fingerprint() const {
   digest.add(graph.vertex_nodes.items);
   digest.add_weights(graph.weights);
   for (const Dof& dof : skeleton.dofs) digest.add(dof.name);
+  // Nothing is added by default, so that digests of earlier versions hold.
+  if (skinning == SkinningMode::linear) digest.add(std::string("linear"));
   return digest.text();
 }
 

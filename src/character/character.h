@@ -26,8 +26,10 @@ struct Character {
   TriangleMesh mesh;  ///< the template in the rest pose, world metres
   Skeleton skeleton;
   SkinningWeights skin;
-  std::vector<int> bone_joint;    ///< [Bn] joint that carries each bone
-  std::vector<double> rest_dofs;  ///< [D] the pose the template was scanned in
+  SkinningMode skinning =
+      SkinningMode::dual_quaternion;  ///< of the vertices; graph nodes always blend dual quaternions
+  std::vector<int> bone_joint;        ///< [Bn] joint that carries each bone
+  std::vector<double> rest_dofs;      ///< [D] the pose the template was scanned in
   EmbeddedGraph graph;
   std::vector<int> labels;       ///< [N] LIP labels, or empty
   std::vector<double> rigidity;  ///< [N] s_i
@@ -37,8 +39,8 @@ struct Character {
   int num_vertices() const { return mesh.num_vertices(); }
   int num_nodes() const { return graph.num_nodes(); }
   int num_dofs() const { return skeleton.num_dofs(); }
-  /// A digest of what determines the shapes of networks (topology, skin, graph, DoFs): 16 hex digits. Checkpoints hold
-  /// it.
+  /// A digest of what determines the shapes of networks (topology, skin, graph, DoFs) and the skinning mode: 16 hex
+  /// digits. Checkpoints hold it.
   std::string fingerprint() const;
 };
 
@@ -62,10 +64,11 @@ double skeleton_distance(const Character& character);
 /// A skeleton_distance above this value means that the skeleton is not inside the body, metres.
 constexpr double kSkeletonOffTemplate = 0.2;
 
-/// Reads a "skeletool character file v1.0" and the files that it names. By convention, `segmentation.txt` and a graph
-/// OBJ (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`) are read from the same folder.
-/// Chooses the marker reading (decide_marker_reading), checks that all counts agree, and warns when the skeleton does
-/// not lie inside the template.
+/// Reads a "skeletool character file v1.0" and the files that it names. The keyword `skinning`, with the line `linear`
+/// or `dual_quaternion` (the default) after it, is an extension of Doppel. By convention, `segmentation.txt` and a
+/// graph OBJ (`<stem>_graph.obj`, `<stem>Simplified.obj`, `simplified.obj`, `*_graph.obj`) are read from the same
+/// folder. Chooses the marker reading (decide_marker_reading), checks that all counts agree, and warns when the
+/// skeleton does not lie inside the template.
 /// @throws FileError / Error naming the two files that disagree
 Character load_character(const std::filesystem::path& path, const CharacterOptions& options = {});
 

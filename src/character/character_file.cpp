@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "doppel/character/character.h"
 #include "doppel/character/file_text.h"
@@ -15,9 +16,10 @@ namespace {
 
 constexpr char kCharacterHeader[] = "skeletool character file v1.0";
 
-/// The files named in a `.character` file; `pose` may be empty.
+/// The content of a `.character` file; `pose` may be empty.
 struct CharacterFiles {
   fs::path skeleton, mesh, skin, pose;
+  SkinningMode skinning = SkinningMode::dual_quaternion;
 };
 
 void read_character_header(TextReader& reader) {
@@ -29,27 +31,47 @@ void read_character_header(TextReader& reader) {
   reader.fail_here("not a character file: the first line must be '{}'", kCharacterHeader);
 }
 
-CharacterFiles read_file_names(const fs::path& path) {
+fs::path read_file_name(TextReader& reader, const fs::path& path, const std::string& keyword) {
+  const fs::path file = resolve_path(path, reader.line());
+  std::error_code unreadable;  // an invalid file name counts as a missing file
+  if (!fs::is_regular_file(file, unreadable))
+    reader.fail_here("the {} '{}' does not exist (looked for {})", keyword, excerpt(reader.line()),
+                     excerpt(file.string(), 400));
+  return file;
+}
+
+SkinningMode read_skinning_mode(const TextReader& reader) {
+  const std::string_view word = reader.line();
+  if (word == "linear") return SkinningMode::linear;
+  if (word != "dual_quaternion") reader.fail_here("'{}' is no skinning; give linear or dual_quaternion", excerpt(word));
+  return SkinningMode::dual_quaternion;
+}
+
+CharacterFiles read_character_lines(const fs::path& path) {
   TextReader reader(path, "a character file");
   read_character_header(reader);
-  std::map<std::string, fs::path> named;
+  CharacterFiles files;
+  const std::map<std::string, fs::path*> named{
+      {"skeleton", &files.skeleton}, {"mesh", &files.mesh}, {"skin", &files.skin}, {"pose", &files.pose}};
+  std::set<std::string> seen;
   while (reader.next_line()) {
     const std::string keyword(reader.line());
-    if (keyword != "skeleton" && keyword != "mesh" && keyword != "skin" && keyword != "pose")
-      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin and pose", excerpt(keyword));
-    if (named.count(keyword)) reader.fail_here("'{}' occurs a second time", keyword);
-    reader.require_line(fmt::format("the path of the {}", keyword));
-    const fs::path file = resolve_path(path, reader.line());
-    std::error_code unreadable;  // an invalid file name counts as a missing file
-    if (!fs::is_regular_file(file, unreadable))
-      reader.fail_here("the {} '{}' does not exist (looked for {})", keyword, excerpt(reader.line()),
-                       excerpt(file.string(), 400));
-    named[keyword] = file;
+    if (keyword != "skinning" && !named.count(keyword))
+      reader.fail_here("'{}' is not known here; the keywords are skeleton, mesh, skin, pose and skinning",
+                       excerpt(keyword));
+    if (!seen.insert(keyword).second) reader.fail_here("'{}' occurs a second time", keyword);
+    if (keyword == "skinning") {
+      reader.require_line("linear or dual_quaternion");
+      files.skinning = read_skinning_mode(reader);
+    } else {
+      reader.require_line(fmt::format("the path of the {}", keyword));
+      *named.at(keyword) = read_file_name(reader, path, keyword);
+    }
   }
   for (const char* needed : {"skeleton", "mesh", "skin"})
-    if (!named.count(needed))
+    if (!seen.count(needed))
       fail_at({path.string(), 0}, "the file names no {}; it needs skeleton, mesh and skin", needed);
-  return {named["skeleton"], named["mesh"], named["skin"], named["pose"]};
+  return files;
 }
 
 bool ends_with(const std::string& text, const std::string& end) {
@@ -137,10 +159,11 @@ void write_labels(const fs::path& path, const Character& character) {
 }  // namespace
 
 Character load_character(const fs::path& path, const CharacterOptions& options) {
-  const CharacterFiles files = read_file_names(path);
+  const CharacterFiles files = read_character_lines(path);
   Character character;
   character.name = path.stem().string();
   character.options = options;
+  character.skinning = files.skinning;
   character.mesh = read_obj(files.mesh, kMetresPerMillimetre);
   character.skeleton = read_skeleton(files.skeleton);
   character.rest_dofs = read_rest_pose(files.pose, character.num_dofs());
@@ -173,9 +196,11 @@ fs::path write_character(const fs::path& folder, const Character& character) {
   write_obj(folder / (name + "_graph.obj"), graph_mesh(character), kMetresPerMillimetre);
   // Written last, so that a folder with a .character file is complete.
   const fs::path path = folder / (name + ".character");
-  write_atomically(path,
-                   fmt::format("{0}\nskeleton\n  {1}.skeleton\nmesh\n  {1}.obj\nskin\n  {1}.skin\npose\n  {1}.motion\n",
-                               kCharacterHeader, name));
+  std::string text = fmt::format(
+      "{0}\nskeleton\n  {1}.skeleton\nmesh\n  {1}.obj\nskin\n  {1}.skin\npose\n  {1}.motion\n", kCharacterHeader, name);
+  // Written only where needed: other programs do not know the keyword.
+  if (character.skinning == SkinningMode::linear) text += "skinning\n  linear\n";
+  write_atomically(path, text);
   return path;
 }
 

@@ -8,6 +8,9 @@
 
 namespace doppel {
 
+/// How the transforms of a vertex's bones are blended. Equations: layers/skinning/skinning.h
+enum class SkinningMode { dual_quaternion = 0, linear = 1 };
+
 /// Sparse skinning weights: (bone, weight) pairs for each of N vertices, largest first. The weights of a vertex sum to
 /// 1. The first bone of a vertex fixes the signs of dual quaternions.
 struct SkinningWeights {

@@ -198,7 +198,19 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
   const Vector3d cross = v.cross(rest);
   result.turned = rest + 2.0 / result.squared_norm * (w * cross + v.cross(cross));
   result.translation = 2.0 / result.squared_norm * (result.dual * result.real.conjugate()).vec();
+  if (character_.skinning == SkinningMode::linear) {
+    result.translation = -result.turned;
+    for (std::size_t i = 0; i < result.bones.size(); ++i)
+      result.translation += result.weights[i] * moved_by_bone(body, result.bones[i], vertex);
+  }
   return result;
+}
+
+/// The rest position, moved rigidly with one bone.
+Vector3d PoseModel::moved_by_bone(const PosedBody& body, int bone, int vertex) const {
+  const auto b = as_size(bone);
+  const auto joint = as_size(character_.bone_joint[b]);
+  return body.world_from_joint[joint] * (joint_from_rest_[b] * rest_vertices_[as_size(vertex)]);
 }
 
 Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const { return skinned(body, vertex).position(); }
@@ -217,9 +229,17 @@ Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
 ///   dr_b = 1/2 omega r_b,  dd_b = 1/2 (omega d_b + u r_b),
 ///   dx = tau_v x (2 y + t) + vec(omega h + u a) - e_s tau_v - tau_s t,   tau = 1/2 omega a,
 /// with a = c_b r_b r* / |r|^2 and h = c_b d_b r* / |r|^2 (s: scalar part, v: vector part). The rows below are
-/// gradient^T dx, sorted by omega and u.
+/// gradient^T dx, sorted by omega and u. With linear skinning, dx = w_b (omega x x_b + u).
 void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& blended, const Vector3d& gradient,
                                     const Row& row) const {
+  if (character_.skinning == SkinningMode::linear) {
+    for (std::size_t i = 0; i < blended.bones.size(); ++i) {
+      Eigen::Matrix<double, 6, 1> force;
+      force << moved_by_bone(body, blended.bones[i], blended.vertex).cross(gradient), gradient;
+      add_force(body, as_size(bone_carrier_[as_size(blended.bones[i])]), blended.weights[i] * force, row);
+    }
+    return;
+  }
   Quaterniond conjugate = blended.real.conjugate();
   conjugate.coeffs() /= blended.squared_norm;
   const double e_scalar = 2.0 * (blended.dual * conjugate).w();

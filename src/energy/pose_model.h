@@ -69,9 +69,9 @@ class PoseModel {
   std::vector<double> moved(const std::vector<double>& dofs, const Eigen::VectorXd& step) const;
 
   Eigen::Vector3d landmark(const PosedBody& body, int landmark) const;
-  /// World position of a vertex, skinned with dual quaternions as in `CharacterSurface::skinned`.
+  /// World position of a vertex, as in `CharacterSurface::skinned`.
   Eigen::Vector3d vertex(const PosedBody& body, int vertex) const;
-  /// The rigid motion of a vertex from the rest pose.
+  /// The rigid motion of a vertex from the rest pose. Its rotation blends dual quaternions in either skinning mode.
   Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
   const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[as_size(vertex)]; }
   /// A vertex in a pose: intermediate results that its position, normal and jacobian share.
@@ -115,6 +115,7 @@ class PoseModel {
   int carrier_of(int joint);
   void add_force(const PosedBody& body, std::size_t carrier, const Eigen::Matrix<double, 6, 1>& force, Row row) const;
   void add_twists(PosedBody& body) const;
+  Eigen::Vector3d moved_by_bone(const PosedBody& body, int bone, int vertex) const;
   void find_root_dofs();
 
   const Character& character_;

@@ -45,7 +45,7 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
              const std::vector<std::unique_ptr<SequenceWriter>>& writers);
 
 /// Poses every frame of `motion`, passes it to each of `writers`, then closes the writers.
-/// @param actor the trained actor, or null for skinning alone (per-vertex dual quaternions)
+/// @param actor the trained actor, or null for skinning alone, in the mode of the character
 /// @throws Error when the motion, the character and the actor do not belong together
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
              const std::vector<std::unique_ptr<SequenceWriter>>& writers);

@@ -4,11 +4,12 @@
 
 namespace doppel {
 
-CharacterSurfaceImpl::CharacterSurfaceImpl(const Character& character, SkinningMode mode)
+CharacterSurfaceImpl::CharacterSurfaceImpl(const Character& character, std::optional<SkinningMode> mode)
     : torch::nn::Module("CharacterSurface"),
       kinematics_(register_module("kinematics", Kinematics(character))),
-      vertex_skinning_(register_module("vertex_skinning", Skinning(character.skin, mode))),
-      node_skinning_(register_module("node_skinning", Skinning(node_skinning_weights(character), mode))),
+      vertex_skinning_(register_module("vertex_skinning", Skinning(character.skin, mode.value_or(character.skinning)))),
+      node_skinning_(register_module(
+          "node_skinning", Skinning(node_skinning_weights(character), mode.value_or(SkinningMode::dual_quaternion)))),
       embedded_deformation_(register_module("embedded_deformation", EmbeddedDeformation(character))),
       rest_(embedded_deformation_->graph().rest),
       rest_float_(rest_.to(torch::kFloat32)) {}

@@ -6,6 +6,8 @@
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
+#include <optional>
+
 #include "doppel/character/character.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/kinematics/kinematics.h"
@@ -15,7 +17,9 @@ namespace doppel {
 
 class CharacterSurfaceImpl : public torch::nn::Module {
  public:
-  explicit CharacterSurfaceImpl(const Character& character, SkinningMode mode = SkinningMode::dual_quaternion);
+  /// @param mode of vertices and nodes. By default vertices have the mode of the character and nodes blend dual
+  ///   quaternions.
+  explicit CharacterSurfaceImpl(const Character& character, std::optional<SkinningMode> mode = std::nullopt);
 
   /// Pure skinning, each vertex with its own blend of bones. @param dofs [B,D] @return [B,N,3] world metres
   torch::Tensor skinned(const torch::Tensor& dofs);

@@ -48,7 +48,7 @@ MotionGraphNetImpl::MotionGraphNetImpl(const std::string& name, const Character&
     : name_(name), config_(config), window_(character.skeleton), num_vertices_(character.num_vertices()) {
   config.check();
   kinematics_ = Kinematics(character);
-  skinning_ = Skinning(character.skin, SkinningMode::dual_quaternion);
+  skinning_ = Skinning(character.skin, character.skinning);
   const bool flat = config.network == NetworkKind::fully_connected;
   NetworkPlan plan{config.network, config.sagcn, config.ablation};
   plan.inputs = (flat ? character.num_dofs() : 3) * (config.past_frames + 1);

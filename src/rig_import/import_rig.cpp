@@ -276,6 +276,7 @@ void RigImporter::build_character() {
   Character& character = rig_.character;
   character.name = options_.name;
   character.options.num_nodes = options_.nodes;
+  character.skinning = SkinningMode::linear;
   if (options_.weld) weld();
   skeleton_ = build_skeleton(plan_, bones_, centres_, samples_, options_.joint_limit);
   character.skeleton = skeleton_.skeleton;

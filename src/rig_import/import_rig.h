@@ -64,9 +64,8 @@ double sampling_rate(const SceneAnimation& animation);
 ///   are sheared or mirrored so that no skeleton can hold them
 ImportedRig import_rig(const Scene& scene, const ImportRigOptions& options = {});
 
-/// Writes `<name>.character` with all it names, the motions, `vertex_map.npy`, `joints.json` and `motions.json` to a
-/// temporary folder beside `folder`, then moves them into place, so that nothing is half written.
-/// @return the path of the `.character` file
+/// Writes `<name>.character` with all it names, the motions, `vertex_map.npy`, `joints.json` and `motions.json`.
+/// @return the path of the `.character` file @throws as write_character_folder
 std::filesystem::path write_imported_rig(const std::filesystem::path& folder, const ImportedRig& rig);
 
 }  // namespace doppel

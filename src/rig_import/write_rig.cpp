@@ -1,12 +1,13 @@
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "doppel/character/character_folder.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
+#include "doppel/rig_import/motions_json.h"
 
 namespace doppel {
 
@@ -43,19 +44,6 @@ Json joints_json(const ImportedRig& rig) {
   return report;
 }
 
-Json motions_json(const ImportedRig& rig) {
-  Json report;
-  report["motions"] = Json::array();
-  for (const ImportedMotion& motion : rig.motions)
-    report["motions"].push_back({{"file", motion.file},
-                                 {"animation", motion.animation},
-                                 {"frames", motion.motion.num_frames()},
-                                 {"frames_per_second", motion.frames_per_second},
-                                 {"start_s", motion.start},
-                                 {"error_mm", 1000 * motion.error}});
-  return report;
-}
-
 void write_all(const fs::path& folder, const ImportedRig& rig) {
   write_character(folder, rig.character);
   for (const ImportedMotion& motion : rig.motions) write_motion(folder / motion.file, motion.motion);
@@ -65,54 +53,42 @@ void write_all(const fs::path& folder, const ImportedRig& rig) {
   // Names of joints are any bytes; those that are no UTF-8 are replaced.
   const auto text = [](const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n"; };
   write_atomically(folder / "joints.json", text(joints_json(rig)));
-  write_atomically(folder / "motions.json", text(motions_json(rig)));
-}
-
-/// Files of another character that load_character would read with this one.
-void check_folder(const fs::path& folder, const std::string& name) {
-  std::error_code none;
-  if (!fs::exists(folder, none)) return;
-  if (!fs::is_directory(folder, none)) fail<UsageError>("{} is a file; give a folder to write into", folder.string());
-  if (fs::exists(folder / "segmentation.txt", none))
-    fail<UsageError>(
-        "{} holds a segmentation.txt of another character, which would be read with this one; give an empty folder",
-        folder.string());
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string file = entry.path().filename().string();
-    if (entry.path().extension() == ".character" && file != name + ".character")
-      fail<UsageError>("{} holds another character, {}; give an empty folder", folder.string(), file);
-  }
+  write_atomically(folder / "motions.json", text(Json{{"motions", motions_json(rig)}}));
 }
 
 }  // namespace
 
-fs::path write_imported_rig(const fs::path& folder, const ImportedRig& rig) {
-  const std::string& name = rig.character.name;
-  check_folder(folder, name);
-  fs::path place = fs::absolute(folder).lexically_normal();
-  if (place.filename().empty()) place = place.parent_path();
-  const fs::path temporary = place.parent_path() / fmt::format(".{}.partial", place.filename().string());
-  fs::remove_all(temporary);
-  try {
-    fs::create_directories(temporary);
-    write_all(temporary, rig);
-    fs::create_directories(place);
-    std::vector<fs::path> files;
-    for (const auto& entry : fs::directory_iterator(temporary)) files.push_back(entry.path());
-    // The .character file last: a folder that has it is complete.
-    std::stable_partition(files.begin(), files.end(), [](const fs::path& f) { return f.extension() != ".character"; });
-    for (const fs::path& file : files) fs::rename(file, place / file.filename());
-    fs::remove_all(temporary);
-  } catch (const fs::filesystem_error& e) {
-    std::error_code none;
-    fs::remove_all(temporary, none);
-    fail("the character cannot be written to {}: {}", folder.string(), e.code().message());
-  } catch (...) {
-    std::error_code none;
-    fs::remove_all(temporary, none);
-    throw;
+Json motions_json(const ImportedRig& rig) {
+  Json motions = Json::array();
+  for (const ImportedMotion& motion : rig.motions)
+    motions.push_back({{"file", motion.file},
+                       {"animation", motion.animation},
+                       {"frames", motion.motion.num_frames()},
+                       {"frames_per_second", motion.frames_per_second},
+                       {"start_s", motion.start},
+                       {"error_mm", 1000 * motion.error}});
+  return motions;
+}
+
+std::optional<double> imported_rate(const fs::path& motion) {
+  const fs::path list = motion.parent_path() / "motions.json";
+  std::error_code none;
+  if (!fs::is_regular_file(list, none)) return std::nullopt;
+  const Json report = Json::parse(read_file(list), nullptr, false);
+  if (!report.is_object() || !report.contains("motions") || !report["motions"].is_array())
+    fail_at({list.string(), 0}, "is not the list of motions that `doppel character import` writes");
+  for (const Json& entry : report["motions"]) {
+    if (!entry.is_object() || entry.value("file", Json()) != motion.filename().string()) continue;
+    const Json rate = entry.value("frames_per_second", Json());
+    if (!rate.is_number() || !(rate.get<double>() > 0))
+      fail_at({list.string(), 0}, "gives {} no positive `frames_per_second`", motion.filename().string());
+    return rate.get<double>();
   }
-  return folder / (name + ".character");
+  return std::nullopt;
+}
+
+fs::path write_imported_rig(const fs::path& folder, const ImportedRig& rig) {
+  return write_character_folder(folder, rig.character.name, [&](const fs::path& place) { write_all(place, rig); });
 }
 
 }  // namespace doppel

@@ -47,10 +47,6 @@ Scene read_format(const fs::path& path, const SceneLimits& limits) {
 
 }  // namespace
 
-bool is_scene_file(const fs::path& path) {
-  return std::find(kExtensions.begin(), kExtensions.end(), extension_of(path)) != kExtensions.end();
-}
-
 Scene read_scene(const fs::path& path, const SceneLimits& limits) {
   std::error_code none;
   if (!fs::is_regular_file(path, none)) fail_at({path.string(), 0}, "there is no such file");

@@ -14,7 +14,4 @@ namespace doppel {
 ///   of range, nodes in a circle, a compression that is not read, counts beyond the limits
 Scene read_scene(const std::filesystem::path& path, const SceneLimits& limits = {});
 
-/// Whether the extension is one that read_scene knows.
-bool is_scene_file(const std::filesystem::path& path);
-
 }  // namespace doppel

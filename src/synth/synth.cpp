@@ -300,7 +300,7 @@ std::vector<Points> skin_motion(const Character& character, const Motion& motion
     for (int a = 0; a < 3; ++a) points.data_ptr<double>()[3 * v + a] = p[a];
   }
   Kinematics kinematics(character);
-  Skinning skinning(character.skin, SkinningMode::dual_quaternion);
+  Skinning skinning(character.skin, character.skinning);
   std::vector<Points> frames;
   for (int begin = 0; begin < motion.num_frames(); begin += kChunk) {
     const int count = std::min(kChunk, motion.num_frames() - begin);

@@ -82,6 +82,18 @@ TEST_F(CharacterReads, KeywordsInAnyOrderBackslashesAndNoPose) {
   EXPECT_EQ(c.skin.weights, character_.skin.weights);
 }
 
+TEST_F(CharacterReads, TheSkinningModeItWasWrittenWith) {
+  EXPECT_EQ(load_character(path_).skinning, SkinningMode::dual_quaternion);
+  EXPECT_EQ(read_file(path_).find("skinning"), std::string::npos);
+  Character linear = load_character(path_);
+  linear.skinning = SkinningMode::linear;
+  const support::TemporaryFolder other;
+  const Character c = load_character(write_character(other.path(), linear));
+  EXPECT_EQ(c.skinning, SkinningMode::linear);
+  EXPECT_EQ(c.fingerprint(), linear.fingerprint());
+  EXPECT_NE(c.fingerprint(), character_.fingerprint());
+}
+
 TEST_F(CharacterReads, GraphNamesOfTheDatasets) {
   for (const char* name : {"tubeSimplified.obj", "simplified.obj", "other_graph.obj"}) {
     fs::rename(load_character(path_).graph_source, file(name));
@@ -178,6 +190,7 @@ TEST_F(CharacterRejects, FaultsOfTheFileItself) {
   EXPECT_THAT(with("tube.obj", "cube.obj"), HasSubstr("does not exist"));
   EXPECT_THAT(with("skin\n", "mesh\n"), HasSubstr("second time"));
   EXPECT_THAT(with("skin\n  tube.skin\n", ""), HasSubstr("names no skin"));
+  EXPECT_THAT(with("pose\n", "skinning\n  cubic\npose\n"), HasSubstr("'cubic' is no skinning; give linear or"));
   EXPECT_THAT(with("pose\n  tube.motion\n", "pose\n"), HasSubstr("ends"));
   EXPECT_THROW(load_character(file("none.character")), FileError);
 }

@@ -11,8 +11,16 @@ namespace {
 
 constexpr int kSegments = 5;
 
-TEST(PoseModel, SkinsAsTheSurfaceLayerDoes) {
-  const Character character = make_test_character(kSegments);
+const SkinningMode kModes[] = {SkinningMode::dual_quaternion, SkinningMode::linear};
+
+class PoseModelSkinning : public testing::TestWithParam<SkinningMode> {};
+INSTANTIATE_TEST_SUITE_P(Modes, PoseModelSkinning, testing::ValuesIn(kModes), [](const auto& mode) {
+  return mode.param == SkinningMode::linear ? "linear" : "dual_quaternion";
+});
+
+TEST_P(PoseModelSkinning, EqualsTheSurfaceLayer) {
+  Character character = make_test_character(kSegments);
+  character.skinning = GetParam();
   const PoseModel model(character, tube_landmarks(kSegments), all_dofs(character));
   const std::vector<double> dofs = bent_pose(character, 0.3);
   torch::Tensor pose = torch::empty({1, character.num_dofs()});
@@ -21,8 +29,10 @@ TEST(PoseModel, SkinsAsTheSurfaceLayerDoes) {
   const torch::Tensor expected = CharacterSurface(character)->skinned(pose)[0].contiguous();
   const PosedBody body = model.pose(dofs, false);
   for (int v = 0; v < character.num_vertices(); ++v)
-    for (int k = 0; k < 3; ++k)
+    for (int k = 0; k < 3; ++k) {
       ASSERT_NEAR(model.vertex(body, v)[k], expected[v][k].item<float>(), 2e-6) << "vertex " << v;
+      ASSERT_NEAR((model.movement(body, v) * character.mesh.vertices[as_size(v)])[k], model.vertex(body, v)[k], 1e-12);
+    }
 }
 
 /// Jacobian of points along random directions against central differences, by every unknown.
@@ -56,8 +66,9 @@ TEST(PoseModelGradient, Landmarks) {
       });
 }
 
-TEST(PoseModelGradient, SkinnedVertices) {
-  const Character character = make_test_character(kSegments, 6, 9);
+TEST_P(PoseModelSkinning, JacobianOfVertices) {
+  Character character = make_test_character(kSegments, 6, 9);
+  character.skinning = GetParam();
   const PoseModel model(character, tube_landmarks(kSegments), all_dofs(character));
   check_jacobian(
       model, bent_pose(character, 0.5), character.num_vertices(),

@@ -97,6 +97,9 @@ TEST_F(RealSkinning, VerticesEqualTheOracle) {
   EXPECT_TRUE(is_near(dual->skinned(single(dofs_)), expected_dual, 1e-2 * kMillimetre));
   EXPECT_TRUE(is_near(linear->skinned(dofs_), expected_linear, 1e-6 * kMillimetre));
   EXPECT_TRUE(is_near(linear->skinned(single(dofs_)), expected_linear, 1e-3 * kMillimetre));
+  Character linear_actor = actor();
+  linear_actor.skinning = SkinningMode::linear;
+  EXPECT_TRUE(is_near(CharacterSurface(linear_actor)->skinned(dofs_), expected_linear, 1e-6 * kMillimetre));
 }
 
 TEST_F(RealSkinning, NodesEqualTheOracle) {

@@ -9,8 +9,10 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/rig_import/motions_json.h"
 #include "doppel/scene/read_scene.h"
 #include "support/gltf_writer.h"
+#include "support/temporary_folder.h"
 
 namespace doppel::import_rig_test {
 namespace {
@@ -23,12 +25,7 @@ using Json = GltfWriter::Json;
 
 class ImportRig : public ::testing::Test {
  protected:
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) / "import_rig_test";
-  void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  support::TemporaryFolder folder_;
   Scene read(const GltfWriter& file) const {
     file.write(folder_ / "rig.glb");
     return read_scene(folder_ / "rig.glb");
@@ -123,6 +120,24 @@ TEST_F(ImportRig, WrittenAndReadBackItIsTheSame) {
   EXPECT_EQ(joints["rig"][1]["position"][1], 1.0);
   EXPECT_EQ(nlohmann::json::parse(read_file(out / "motions.json"))["motions"][0]["file"], "bend.motion");
   EXPECT_FALSE(std::filesystem::exists(folder_ / ".out.partial"));
+}
+
+TEST_F(ImportRig, ItIsSkinnedLinearlyAsTheFileIs) {
+  EXPECT_EQ(import_rig(read(bending_arm()), small()).character.skinning, SkinningMode::linear);
+}
+
+TEST_F(ImportRig, TheRateOfAMotionStandsBesideIt) {
+  ImportRigOptions options = small();
+  options.frames_per_second = 40.0;
+  write_imported_rig(folder_ / "out", import_rig(read(bending_arm()), options));
+  EXPECT_EQ(imported_rate(folder_ / "out" / "bend.motion"), 40.0);
+  EXPECT_EQ(imported_rate(folder_ / "out" / "other.motion"), std::nullopt);
+  EXPECT_EQ(imported_rate(folder_ / "bend.motion"), std::nullopt);
+  for (const char* text : {"", "[]", R"({"motions": 3})", R"({"motions": [{"file": "bend.motion"}]})",
+                           R"({"motions": [{"file": "bend.motion", "frames_per_second": -1}]})"}) {
+    write_atomically(folder_ / "out" / "motions.json", text);
+    EXPECT_THROW(imported_rate(folder_ / "out" / "bend.motion"), FileError) << text;
+  }
 }
 
 TEST_F(ImportRig, NothingIsWrittenOverAnotherCharacter) {

@@ -5,12 +5,11 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
-#include "doppel/scene/read_scene.h"
-#include "support/shared_folder.h"
+#include "support/rig_reference.h"
+#include "support/temporary_folder.h"
 
 namespace doppel::real_rigs_test {
 namespace {
@@ -35,39 +34,8 @@ Points skinned(const Character& character, const std::vector<double>& dofs) {
   return posed;
 }
 
-/// The rigged bodies with a reference: 200 vertices at one time of one animation, in the units of the file.
-class RealRigs : public support::SharedFolderTest, public ::testing::WithParamInterface<const char*> {
+class RealRigs : public support::RigReferenceTest {
  protected:
-  void SetUp() override {
-    SharedFolderTest::SetUp();
-    if (IsSkipped()) return;
-    folder_ = shared_ / "bodies" / GetParam();
-    if (!std::filesystem::exists(folder_)) GTEST_SKIP() << folder_ << " does not exist";
-    reference_ = Json::parse(read_file(folder_ / "anim_reference.json"));
-    truth_ = read_npy(folder_ / "anim_posed.npy").as<double>();
-    scene_ = read_scene(folder_ / reference_["file"].get<std::string>());
-    out_ = std::filesystem::path(::testing::TempDir()) / (std::string("rig_") + GetParam());
-    std::filesystem::remove_all(out_);
-  }
-  void TearDown() override { std::filesystem::remove_all(out_); }
-
-  std::string animation() const {
-    return reference_.contains("animation_index")
-               ? scene_.animations.at(reference_["animation_index"].get<std::size_t>()).name
-               : reference_["animation_stack"].get<std::string>();
-  }
-
-  int vertex_of(std::size_t row) const {
-    if (reference_.contains("geometry_vertex")) return reference_["geometry_vertex"][row].get<int>();
-    const Json& name = reference_["node_primitive_vertex"][row];
-    int first = 0;
-    for (const ScenePrimitive& primitive : scene_.primitives) {
-      if (primitive.node == name[0] && primitive.index == name[1]) return first + name[2].get<int>();
-      first += primitive.num_vertices();
-    }
-    fail("no such primitive");
-  }
-
   /// Largest distance to the reference, metres. @param map vertex of the file of each of the posed vertices
   double largest_error(const Points& posed, const std::vector<int>& map,
                        const Eigen::Affine3d& file_from_character) const {
@@ -86,23 +54,20 @@ class RealRigs : public support::SharedFolderTest, public ::testing::WithParamIn
     return largest;
   }
 
-  std::filesystem::path folder_, out_;
-  Json reference_;
-  std::vector<double> truth_;
-  Scene scene_;
+  support::TemporaryFolder out_;
   mutable int found_ = 0;
 };
 
 TEST_P(RealRigs, WrittenAndReadBackTheCharacterMovesAsTheFile) {
   const double seconds = reference_["time_s"].get<double>();
   ImportRigOptions options;
-  options.animations = {animation()};
+  options.animations = {animation().name};
   // A rate that has a frame at the time of the reference.
   options.frames_per_second = std::abs(seconds * 1000 - std::round(seconds * 1000)) < 1e-6 ? 1000 : 10000;
   const ImportedRig rig = import_rig(scene_, options);
   ASSERT_EQ(rig.motions.size(), 1U);
   EXPECT_LT(rig.motions[0].error, 3e-5);
-  const std::filesystem::path file = write_imported_rig(out_, rig);
+  const std::filesystem::path file = write_imported_rig(out_.path(), rig);
   const Character character = load_character(file);
   EXPECT_EQ(character.fingerprint(), rig.character.fingerprint());
   const Motion motion = read_motion(out_ / rig.motions[0].file, character.num_dofs());
@@ -115,7 +80,7 @@ TEST_P(RealRigs, WrittenAndReadBackTheCharacterMovesAsTheFile) {
 TEST_P(RealRigs, StraightLinesBetweenFramesOfTheUsualRateAreExactEnough) {
   const double seconds = reference_["time_s"].get<double>();
   ImportRigOptions options;
-  options.animations = {animation()};
+  options.animations = {animation().name};
   const ImportedRig rig = import_rig(scene_, options);
   const double at = (seconds - rig.motions[0].start) * rig.motions[0].frames_per_second;
   const auto frame = as_size(at);
@@ -129,7 +94,7 @@ TEST_P(RealRigs, StraightLinesBetweenFramesOfTheUsualRateAreExactEnough) {
 
 TEST_P(RealRigs, WeldedVerticesMoveAsTheFile) {
   ImportRigOptions options;
-  options.animations = {animation()};
+  options.animations = {animation().name};
   options.weld = true;
   const ImportedRig rig = import_rig(scene_, options);
   EXPECT_LT(rig.motions[0].error, 3e-5);
@@ -153,9 +118,7 @@ TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Real, RealRigs,
-                         ::testing::Values("cesium_man", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit",
-                                           "mh_woman_slim", "quaternius_dress_fbx", "robot_expressive"),
+INSTANTIATE_TEST_SUITE_P(Real, RealRigs, support::rig_references(),
                          [](const auto& body) { return std::string(body.param); });
 
 }  // namespace

@@ -18,8 +18,6 @@
 
 namespace doppel {
 
-enum class SkinningMode { dual_quaternion = 0, linear = 1 };
-
 /// Skinned points.
 /// @param points  [N,3] shared by the batch, or [B,N,3]
 /// @param bones   [B,Bn,3,4] rigid transforms

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/scene/read_scene.h"
+#include "support/shared_folder.h"
+
+namespace doppel::support {
+
+/// A rigged body with a reference: 200 vertices at one time of one animation, in the units of the file. The parameter
+/// names the body.
+class RigReferenceTest : public SharedFolderTest, public ::testing::WithParamInterface<const char*> {
+ protected:
+  void SetUp() override {
+    SharedFolderTest::SetUp();
+    if (IsSkipped()) return;
+    folder_ = shared_ / "bodies" / GetParam();
+    if (!std::filesystem::exists(folder_)) GTEST_SKIP() << folder_ << " does not exist";
+    reference_ = nlohmann::json::parse(read_file(folder_ / "anim_reference.json"));
+    truth_ = read_npy(folder_ / "anim_posed.npy").as<double>();
+    scene_ = read_scene(folder_ / reference_["file"].get<std::string>());
+  }
+
+  const SceneAnimation& animation() const {
+    if (reference_.contains("animation_index"))
+      return scene_.animations.at(reference_["animation_index"].get<std::size_t>());
+    for (const SceneAnimation& animation : scene_.animations)
+      if (animation.name == reference_["animation_stack"]) return animation;
+    fail("no such animation");
+  }
+
+  /// The vertex of the scene, in the order of primitives, that a row of the reference names.
+  int vertex_of(std::size_t row) const {
+    if (reference_.contains("geometry_vertex")) return reference_["geometry_vertex"][row].get<int>();
+    const nlohmann::json& name = reference_["node_primitive_vertex"][row];
+    int first = 0;
+    for (const ScenePrimitive& primitive : scene_.primitives) {
+      if (primitive.node == name[0] && primitive.index == name[1]) return first + name[2].get<int>();
+      first += primitive.num_vertices();
+    }
+    fail("no such primitive");
+  }
+
+  std::filesystem::path folder_;
+  nlohmann::json reference_;
+  std::vector<double> truth_;  ///< [200 * 3]
+  Scene scene_;
+};
+
+/// The bodies that have a reference.
+inline auto rig_references() {
+  return ::testing::Values("cesium_man", "m2m_male_apose", "mh_girl_dress", "mh_man_old_suit", "mh_woman_slim",
+                           "quaternius_dress_fbx", "robot_expressive");
+}
+
+}  // namespace doppel::support
