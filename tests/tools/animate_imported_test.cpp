@@ -24,7 +24,7 @@ TEST_P(RealAnimateImported, VerticesAreThoseOfTheFile) {
   const Outcome imported = run("character import '" + (folder_ / reference_["file"].get<std::string>()).string() +
                                "' --out " + rig + " --animation '" + animation().name + "' --json");
   ASSERT_EQ(imported.code, 0) << imported.err;
-  const Json motion = Json::parse(read_file(out / "rig/motions.json")).at(0);
+  const Json motion = Json::parse(read_file(out / "rig/motions.json"))["motions"].at(0);
   const Outcome animated = run("animate --character " + rig + "/actor.character --motion '" + rig + "/" +
                                motion["file"].get<std::string>() + "' --format npy --out " + played);
   ASSERT_EQ(animated.code, 0) << animated.err;
