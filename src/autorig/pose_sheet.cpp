@@ -1,0 +1,69 @@
+#include "doppel/autorig/pose_sheet.h"
+
+#include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
+
+#include "doppel/autorig/draw_scan.h"
+#include "doppel/character/blend_skin.h"
+#include "doppel/rigging/test_poses.h"
+
+namespace doppel {
+
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+constexpr int kSides = 4;
+constexpr double kElevation = 0.1;  // radians
+constexpr double kPhase = 0.35;     // of the first camera, in steps between cameras
+
+AlignedBox3d box_around(const std::vector<Vector3d>& vertices) {
+  AlignedBox3d box;
+  for (const Vector3d& vertex : vertices) box.extend(vertex);
+  return box;
+}
+
+/// Puts a posed body on the floor, with the middle of its box above the origin.
+void put_on_floor(std::vector<Vector3d>& vertices) {
+  const AlignedBox3d box = box_around(vertices);
+  const Vector3d shift(-box.center().x(), -box.min().y(), -box.center().z());
+  for (Vector3d& vertex : vertices) vertex += shift;
+}
+
+void write_label(cv::Mat& image, const std::string& text) {
+  const double scale = image.cols / 480.0;
+  const cv::Point at(image.cols / 40, image.rows / 14);
+  cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(0), 1, cv::LINE_AA);
+}
+
+}  // namespace
+
+cv::Mat draw_pose_sheet(const Character& character, int size) {
+  std::vector<TestPose> poses = test_poses(character.skeleton, character.rest_dofs);
+  poses.insert(poses.begin(), {"rest pose", character.rest_dofs});
+  std::vector<std::vector<Vector3d>> bodies;
+  AlignedBox3d box;
+  for (const TestPose& pose : poses) {
+    bodies.push_back(posed_vertices(character, pose.dofs));
+    put_on_floor(bodies.back());
+    box.extend(box_around(bodies.back()));
+  }
+  const std::vector<PinholeCamera> cameras = cameras_around(box, kSides, kElevation, kPhase, size);
+  cv::Mat sheet(static_cast<int>(poses.size()) * size, kSides * size, CV_8UC3);
+  TriangleMesh mesh = character.mesh;
+  for (std::size_t row = 0; row < poses.size(); ++row) {
+    mesh.vertices = bodies[row];
+    ScanPainter painter(mesh);
+    for (int side = 0; side < kSides; ++side) {
+      cv::Mat image = painter.draw(cameras[static_cast<std::size_t>(side)]);
+      if (side == 0) write_label(image, poses[row].name);
+      image.copyTo(sheet(cv::Rect(side * size, static_cast<int>(row) * size, size, size)));
+    }
+  }
+  return sheet;
+}
+
+}  // namespace doppel
