@@ -1,6 +1,7 @@
 #include "doppel/autorig/pose_sheet.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
@@ -19,6 +20,7 @@ using Eigen::Vector3d;
 constexpr int kSides = 4;
 constexpr double kElevation = 0.1;  // radians
 constexpr double kPhase = 0.35;     // of the first camera, in steps between cameras
+constexpr double kBorder = 0.03;    // around the bodies, as a share of the height of a picture
 
 AlignedBox3d box_around(const std::vector<Vector3d>& vertices) {
   AlignedBox3d box;
@@ -33,15 +35,32 @@ void put_on_floor(std::vector<Vector3d>& vertices) {
   for (Vector3d& vertex : vertices) vertex += shift;
 }
 
+/// Cuts the images of all cameras to the same rectangle, that in which bodies are seen, and scales them to a height.
+void zoom_to_bodies(std::vector<PinholeCamera>& cameras, const std::vector<std::vector<Vector3d>>& bodies, int height) {
+  Eigen::AlignedBox2d seen;
+  for (const PinholeCamera& camera : cameras)
+    for (const auto& body : bodies)
+      for (const Vector3d& vertex : body) seen.extend(camera.project(vertex));
+  const Eigen::Vector2d border = Eigen::Vector2d::Constant(kBorder * seen.sizes().y());
+  const Eigen::Vector2d low = seen.min() - border, extent = seen.sizes() + 2.0 * border;
+  const double scale = height / extent.y();
+  for (PinholeCamera& camera : cameras) {
+    camera.K.topRightCorner<2, 1>() -= low;
+    camera.K.topRows<2>() *= scale;
+    camera.width = static_cast<int>(std::ceil(scale * extent.x()));
+    camera.height = height;
+  }
+}
+
 void write_label(cv::Mat& image, const std::string& text) {
-  const double scale = image.cols / 480.0;
-  const cv::Point at(image.cols / 40, image.rows / 14);
+  const double scale = image.rows / 600.0;
+  const cv::Point at(image.rows / 60, image.rows / 20);
   cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(0), 1, cv::LINE_AA);
 }
 
 }  // namespace
 
-cv::Mat draw_pose_sheet(const Character& character, int size) {
+cv::Mat draw_pose_sheet(const Character& character, int height) {
   std::vector<TestPose> poses = test_poses(character.skeleton, character.rest_dofs);
   poses.insert(poses.begin(), {"rest pose", character.rest_dofs});
   std::vector<std::vector<Vector3d>> bodies;
@@ -51,8 +70,10 @@ cv::Mat draw_pose_sheet(const Character& character, int size) {
     put_on_floor(bodies.back());
     box.extend(box_around(bodies.back()));
   }
-  const std::vector<PinholeCamera> cameras = cameras_around(box, kSides, kElevation, kPhase, size);
-  cv::Mat sheet(static_cast<int>(poses.size()) * size, kSides * size, CV_8UC3);
+  std::vector<PinholeCamera> cameras = cameras_around(box, kSides, kElevation, kPhase, height);
+  zoom_to_bodies(cameras, bodies, height);
+  const int width = cameras[0].width;
+  cv::Mat sheet(static_cast<int>(poses.size()) * height, kSides * width, CV_8UC3);
   TriangleMesh mesh = character.mesh;
   for (std::size_t row = 0; row < poses.size(); ++row) {
     mesh.vertices = bodies[row];
@@ -60,7 +81,7 @@ cv::Mat draw_pose_sheet(const Character& character, int size) {
     for (int side = 0; side < kSides; ++side) {
       cv::Mat image = painter.draw(cameras[static_cast<std::size_t>(side)]);
       if (side == 0) write_label(image, poses[row].name);
-      image.copyTo(sheet(cv::Rect(side * size, static_cast<int>(row) * size, size, size)));
+      image.copyTo(sheet(cv::Rect(side * width, static_cast<int>(row) * height, width, height)));
     }
   }
   return sheet;

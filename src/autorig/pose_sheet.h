@@ -10,9 +10,9 @@ namespace doppel {
 /// each the skinned template from four sides: obliquely from the front, and on from there towards the body's left. All
 /// rows have the same scale, and the lowest vertex of each pose lies at the same height. The name of the pose stands in
 /// the first picture of its row.
-/// @param size of a single picture, pixels
-/// @return 8-bit BGR, 4 size by 6 size
+/// @param height of a row, pixels; the width of a column follows from the extent of the bodies
+/// @return 8-bit BGR, 6 rows and 4 columns of pictures
 /// @throws Error as test_poses
-cv::Mat draw_pose_sheet(const Character& character, int size = 320);
+cv::Mat draw_pose_sheet(const Character& character, int height = 400);
 
 }  // namespace doppel

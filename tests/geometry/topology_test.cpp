@@ -50,6 +50,24 @@ TriangleMesh random_soup(int vertices, int faces) {
 
 std::vector<TriangleMesh> example_meshes() { return {make_sphere(2), make_sheet(6, 4), random_soup(60, 30)}; }
 
+TEST(TopologyAgrees, FaceNeighboursWithThePairsOfFacesThatShareAnEdge) {
+  for (const TriangleMesh& mesh : example_meshes()) {
+    const IndexRows rows = face_neighbours(mesh.faces);
+    ASSERT_EQ(rows.num_rows(), mesh.num_faces());
+    for (int f = 0; f < mesh.num_faces(); ++f) {
+      std::vector<int> expected;
+      for (int g = 0; g < mesh.num_faces(); ++g) {
+        std::set<int> shared;
+        for (const int v : mesh.faces[f])
+          if (std::count(mesh.faces[g].begin(), mesh.faces[g].end(), v)) shared.insert(v);
+        if (g != f && shared.size() >= 2) expected.push_back(g);
+      }
+      EXPECT_THAT(rows.row(f), ::testing::ElementsAreArray(expected)) << f;
+    }
+  }
+  EXPECT_THAT(face_neighbours({{0, 1, 2}, {1, 0, 3}, {0, 1, 4}}).row(0), ElementsAre(1, 2)) << "three on one edge";
+}
+
 TEST(TopologyAgrees, EdgesAndRingsWithTheFaces) {
   for (const TriangleMesh& mesh : example_meshes()) {
     std::set<std::array<int, 2>> expected;
