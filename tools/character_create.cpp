@@ -73,7 +73,8 @@ int run_create(const CreateOptions& options, const CommonOptions& common) {
   report["written"] = written.string();
   report["notes"] = created.notes;
   report["warnings"] = faults;
-  report["bending"] = common.json ? describe_bending(created.bending) : nlohmann::ordered_json(created.bending.summary());
+  report["bending"] =
+      common.json ? describe_bending(created.bending) : nlohmann::ordered_json(created.bending.summary());
   report.update(describe_character(created.character, false));
   print_report(report, common.json);
   return 0;

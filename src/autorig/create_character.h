@@ -34,7 +34,8 @@ struct CreatedCharacter {
 };
 
 /// Makes the character of a scanned person who stands upright: unit and up axis, repair, joints, template, skinning
-/// weights, labels, graph. Examines and draws how the result bends. The world of the character: metres, y up, feet at y = 0.
+/// weights, labels, graph. Examines and draws how the result bends. The world of the character: metres, y up, feet at y
+/// = 0.
 /// @param scan in the file's coordinates
 /// @throws UsageError / Error as merge_parts, find_orientation, repair, find_joints, read_joints and make_character
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,

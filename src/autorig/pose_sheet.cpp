@@ -20,7 +20,8 @@ using Eigen::Vector3d;
 constexpr int kSides = 4;
 constexpr double kElevation = 0.1;  // radians
 constexpr double kPhase = 0.35;     // of the first camera, in steps between cameras
-constexpr double kBorder = 0.03;    // around the bodies, as a share of the height of a picture
+constexpr double kBorder = 0.03;    // around the bodies, as a share of the extent of all bodies
+constexpr double kLabel = 0.05;     // room for the name of the pose, in the same way
 
 AlignedBox3d box_around(const std::vector<Vector3d>& vertices) {
   AlignedBox3d box;
@@ -42,7 +43,8 @@ void zoom_to_bodies(std::vector<PinholeCamera>& cameras, const std::vector<std::
     for (const auto& body : bodies)
       for (const Vector3d& vertex : body) seen.extend(camera.project(vertex));
   const Eigen::Vector2d border = Eigen::Vector2d::Constant(kBorder * seen.sizes().y());
-  const Eigen::Vector2d low = seen.min() - border, extent = seen.sizes() + 2.0 * border;
+  const Eigen::Vector2d label(0.0, kLabel * seen.sizes().y());
+  const Eigen::Vector2d low = seen.min() - border - label, extent = seen.sizes() + 2.0 * border + label;
   const double scale = height / extent.y();
   for (PinholeCamera& camera : cameras) {
     camera.K.topRightCorner<2, 1>() -= low;
@@ -54,7 +56,7 @@ void zoom_to_bodies(std::vector<PinholeCamera>& cameras, const std::vector<std::
 
 void write_label(cv::Mat& image, const std::string& text) {
   const double scale = image.rows / 600.0;
-  const cv::Point at(image.rows / 60, image.rows / 20);
+  const cv::Point at(image.rows / 60, image.rows / 22);
   cv::putText(image, text, at, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(0), 1, cv::LINE_AA);
 }
 

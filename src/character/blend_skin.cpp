@@ -49,14 +49,12 @@ std::vector<Vector3d> SkinBlend::vertices(const std::vector<Vector3d>& rest, con
   std::vector<Vector3d> posed;
   posed.reserve(rest.size());
   for (int v = 0; v < skin.num_vertices(); ++v)
-    posed.push_back(
-        point(rest[as_size(v)], skin.vertex_bones.row(v), skin.vertex_bones.row_of(skin.weights, v)));
+    posed.push_back(point(rest[as_size(v)], skin.vertex_bones.row(v), skin.vertex_bones.row_of(skin.weights, v)));
   return posed;
 }
 
 std::vector<Vector3d> posed_vertices(const Character& character, const std::vector<double>& dofs) {
-  return SkinBlend(bone_motions(character, dofs), character.skinning)
-      .vertices(character.mesh.vertices, character.skin);
+  return SkinBlend(bone_motions(character, dofs), character.skinning).vertices(character.mesh.vertices, character.skin);
 }
 
 }  // namespace doppel

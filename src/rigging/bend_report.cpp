@@ -81,8 +81,7 @@ BendReport examine_bending(const Character& character, const BendLimits& limits)
   const IndexRows neighbours = face_neighbours(mesh.faces);
   std::vector<ExaminedLimb> elbows, knees;
   for (const std::string side : {"Left", "Right"}) {
-    elbows.push_back(
-        limb_of(character, {side + "Arm", side + "ForeArm", side + "ForeArmRoll"}, side + "Hand"));
+    elbows.push_back(limb_of(character, {side + "Arm", side + "ForeArm", side + "ForeArmRoll"}, side + "Hand"));
     knees.push_back(limb_of(character, {side + "UpLeg", side + "Leg"}, side + "Foot"));
   }
   BendReport report{mesh.num_faces(), mesh.num_vertices(), limits, {}};
@@ -102,12 +101,12 @@ std::vector<std::string> BendReport::faults() const {
   std::vector<std::string> sentences;
   for (const PoseBend& bend : poses) {
     if (bend.stretched_alone > 0)
-      sentences.push_back(fmt::format(
-          "in the pose '{}' {} of {} triangles stretch more than {:g} times without their neighbours", bend.pose,
-          bend.stretched_alone, triangles, limits.stretch));
+      sentences.push_back(
+          fmt::format("in the pose '{}' {} of {} triangles stretch more than {:g} times without their neighbours",
+                      bend.pose, bend.stretched_alone, triangles, limits.stretch));
     if (bend.sticking > 0)
-      sentences.push_back(fmt::format("in the pose '{}' {} of {} vertices stick to another limb", bend.pose,
-                                      bend.sticking, vertices));
+      sentences.push_back(
+          fmt::format("in the pose '{}' {} of {} vertices stick to another limb", bend.pose, bend.sticking, vertices));
     for (const std::string& fault : {volume_fault(bend, "an elbow", bend.elbow_volume, limits.volume),
                                      volume_fault(bend, "a knee", bend.knee_volume, limits.volume)})
       if (!fault.empty()) sentences.push_back(fault);

@@ -21,9 +21,9 @@ struct PoseBend {
   int stretched_alone = 0;             ///< those of them that do so without their neighbours (count_stretched)
   double largest_stretch = 1.0;        ///< of any triangle
   int sticking = 0;                    ///< vertices that another limb drags along (StickingVertices)
-  std::optional<double> elbow_volume;  ///< relative to the rest pose (LimbPiece); of left and right the one farther from
-                                       ///< 1; nothing where no triangle belongs to the piece
-  std::optional<double> knee_volume;   ///< in the same way
+  std::optional<double> elbow_volume;  ///< relative to the rest pose (LimbPiece); of left and right the one farther
+                                       ///< from 1; nothing where no triangle belongs to the piece
+  std::optional<double> knee_volume;  ///< in the same way
 };
 
 struct BendReport {

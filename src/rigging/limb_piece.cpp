@@ -42,8 +42,7 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
   for (const Triangle& face : faces)
     if (std::all_of(face.begin(), face.end(), inside)) faces_.push_back(face);
   const std::vector<Edge> open = open_edges(faces_);
-  const std::vector<int> hole =
-      MeshTopology(static_cast<int>(vertices.size()), open).components();
+  const std::vector<int> hole = MeshTopology(static_cast<int>(vertices.size()), open).components();
   std::map<int, Cap> caps;
   for (const Edge& edge : open) {
     Cap& cap = caps[hole[as_size(edge[0])]];

@@ -15,8 +15,8 @@ std::vector<double> triangle_stretches(const std::vector<Triangle>& faces, const
                                        const std::vector<Eigen::Vector3d>& posed);
 
 struct StretchedTriangles {
-  int all = 0;           ///< triangles that stretch more than the limit
-  int alone = 0;         ///< those of them with a neighbour that stretches less than half as much, or without neighbours
+  int all = 0;    ///< triangles that stretch more than the limit
+  int alone = 0;  ///< those of them with a neighbour that stretches less than half as much, or without neighbours
   double largest = 0.0;  ///< stretch of any triangle
 };
 

@@ -20,7 +20,7 @@ const std::vector<NamedPose>& named_poses() {
   static const std::vector<NamedPose> poses{
       {"arms overhead",
        {{"*Shoulder_rz", 0.4}, {"*Arm_rz", 1.4}, {"*Arm_ry", 0.1}, {"*Arm_rx", 0.0}, {"*ForeArm_ry", 0.1}}},
-      {"elbows bent", {{"*Arm_rz", 0.0}, {"*Arm_ry", 1.4}, {"*Arm_rx", 0.0}, {"*ForeArm_ry", 2.4}}},
+      {"elbows bent", {{"*Arm_rz", 0.0}, {"*Arm_ry", 1.4}, {"*Arm_rx", 1.4}, {"*ForeArm_ry", 2.4}}},
       {"deep squat",
        {{"*UpLeg_rx", 2.0},
         {"*UpLeg_rz", 0.35},
@@ -30,8 +30,7 @@ const std::vector<NamedPose>& named_poses() {
         {"*Arm_rz", 0.0},
         {"*Arm_ry", 1.3},
         {"*Arm_rx", 0.0}}},
-      {"high kick",
-       {{"LeftUpLeg_rx", 1.6}, {"LeftLeg_rx", 0.05}, {"RightUpLeg_rx", -0.4}, {"RightLeg_rx", 0.05}}},
+      {"high kick", {{"LeftUpLeg_rx", 1.6}, {"LeftLeg_rx", 0.05}, {"RightUpLeg_rx", -0.4}, {"RightLeg_rx", 0.05}}},
       {"twist", {{"Spine_ry", 0.8}, {"Head_ry", 1.0}}}};
   return poses;
 }
@@ -53,9 +52,11 @@ std::vector<TestPose> test_poses(const Skeleton& skeleton, const std::vector<dou
   for (const NamedPose& pose : named_poses()) {
     result.push_back({pose.name, rest_dofs});
     for (const auto& [name, angle] : pose.angles) {
-      if (name[0] != '*') set_angle(skeleton, name, angle, result.back().dofs);
+      if (name[0] != '*')
+        set_angle(skeleton, name, angle, result.back().dofs);
       else
-        for (const char* side : {"Left", "Right"}) set_angle(skeleton, side + name.substr(1), angle, result.back().dofs);
+        for (const char* side : {"Left", "Right"})
+          set_angle(skeleton, side + name.substr(1), angle, result.back().dofs);
     }
   }
   return result;

@@ -45,7 +45,8 @@ void print(const std::string& name, const BendReport& report) {
   std::cout << name << ": " << report.summary() << "\n";
   for (const PoseBend& bend : report.poses)
     std::cout << fmt::format(
-        "  {}: {} triangles stretch more than 3 times, {} alone, at most {:.1f} times; {} vertices stick; elbow {:.3f}, "
+        "  {}: {} triangles stretch more than 3 times, {} alone, at most {:.1f} times; {} vertices stick; elbow "
+        "{:.3f}, "
         "knee {:.3f}\n",
         bend.pose, bend.stretched, bend.stretched_alone, bend.largest_stretch, bend.sticking,
         bend.elbow_volume.value_or(0.0), bend.knee_volume.value_or(0.0));

@@ -18,8 +18,8 @@ inline TriangleMesh cylinder(double from, double to, double radius,
   for (int i = 0; i < rings; ++i)
     for (int k = 0; k < kTubeCorners; ++k) {
       const double angle = 2 * M_PI * k / kTubeCorners;
-      mesh.vertices.push_back(
-          centre + Eigen::Vector3d(from + i * step, radius * std::cos(angle), radius * std::sin(angle)));
+      mesh.vertices.push_back(centre +
+                              Eigen::Vector3d(from + i * step, radius * std::cos(angle), radius * std::sin(angle)));
     }
   for (int i = 0; i + 1 < rings; ++i)
     for (int k = 0; k < kTubeCorners; ++k) {
@@ -65,8 +65,7 @@ inline Character tube_body(const BodyJoints& joints, double radius = 0.03) {
         character.skin.vertex_bones.offsets.push_back(character.num_vertices());
         character.skin.weights.push_back(1.0);
       }
-      for (const Triangle& f : tube.faces)
-        character.mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
+      for (const Triangle& f : tube.faces) character.mesh.faces.push_back({f[0] + first, f[1] + first, f[2] + first});
     }
   }
   complete_character(character);
