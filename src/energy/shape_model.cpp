@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
 
 namespace doppel {
 namespace {
@@ -12,22 +12,11 @@ using Eigen::Vector3d;
 
 constexpr double kStep = 1e-2;  // of a forward difference, deviations of the parameter
 
-std::vector<Marker> markers_named(const Character& character, const std::vector<std::string>& names) {
-  std::vector<Marker> markers;
-  for (const std::string& name : names) {
-    const auto& all = character.skeleton.markers;
-    const auto found = std::find_if(all.begin(), all.end(), [&](const Marker& marker) { return marker.name == name; });
-    if (found == all.end()) fail("{} has no marker {}", character.name, name);
-    markers.push_back(*found);
-  }
-  return markers;
-}
-
 }  // namespace
 
 ShapedBody::ShapedBody(Character character, const std::vector<std::string>& landmarks)
     : character_(std::make_unique<const Character>(std::move(character))),
-      poses_(*character_, markers_named(*character_, landmarks), {}) {}
+      poses_(*character_, markers_named(character_->skeleton, landmarks), {}) {}
 
 ShapeSource::ShapeSource(const ShapeFamily& family, std::vector<std::string> landmarks)
     : family_(family), landmarks_(std::move(landmarks)) {}
