@@ -136,6 +136,7 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);
   TrackReport report;
   report.method = "multiview";
+  report.bone_scales = options.bone_scales;
   std::optional<FirstPass> first;
   if (twice) {
     options.config.fit.shared_dofs = first.emplace(footage, options, chosen, progress).shared_dofs();
