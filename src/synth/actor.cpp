@@ -5,10 +5,10 @@
 #include <cmath>
 #include <string>
 
+#include "doppel/geometry/isosurface.h"
 #include "doppel/geometry/topology.h"
-#include "doppel/synth/atlas.h"
+#include "doppel/geometry/unwrap.h"
 #include "doppel/synth/body_field.h"
-#include "doppel/synth/isosurface.h"
 #include "doppel/synth/paint.h"
 
 namespace doppel::synth {
@@ -301,7 +301,9 @@ Actor make_actor(const ActorOptions& options) {
   Actor actor;
   Character& c = actor.character;
   c.name = "actor";
-  c.mesh = coarsen(mesh_body(field, options.grid_cell), field, options.vertices, relative_edge);
+  const TriangleMesh fine =
+      mesh_field(BodyField::field(), {-0.78, -0.06, -0.46}, {0.78, 1.83, 0.46}, options.grid_cell);
+  c.mesh = coarsen(fine, BodyField::field(), options.vertices, relative_edge);
   unwrap(c.mesh, 3.0 / options.texture_size);
   c.mesh.texture = paint_texture(c.mesh, field, options.texture_size);
   c.labels = parser_labels(c.mesh, field);

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "doppel/core/error.h"
+#include "doppel/core/random.h"
 #include "doppel/synth/body_field.h"
-#include "doppel/synth/random.h"
 
 namespace doppel::synth {
 
