@@ -14,8 +14,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kSideSegments = kRightArm - kLeftArm;
-
 int segment_of_bone(const std::string& bone) {
   for (const char* name : {"Root", "Spine", "Spine1", "Chest", "LeftShoulder", "RightShoulder"})
     if (bone == name) return kTrunk;

@@ -67,6 +67,8 @@ enum Segment : int {
   kRightFoot,
   kNumSegments
 };
+inline constexpr int kSideSegments = kRightArm - kLeftArm;  ///< from a segment on the left to the same on the right
+
 /// The shares of the segments in a point of the body; they sum to 1.
 using SegmentWeights = Eigen::Matrix<double, kNumSegments, 1>;
 

@@ -86,7 +86,7 @@ class ReferenceShape {
     d = smooth_min(d, head(q), 0.03);
     const double legs = smooth_min(leg(p), leg(other_half(p)), 0.012);
     d = smooth_min(d, legs, 0.05);
-    return smooth_min(d, arm(q), 0.045);
+    return smooth_min(d, arm(q), 0.07);
   }
 
  private:
@@ -96,7 +96,8 @@ class ReferenceShape {
     double d = ellipsoid(q, on_trunk(0.60, 0, 0.006), {0.164, 0.20, 0.112});
     d = smooth_min(d, ellipsoid(q, on_trunk(0.28, 0, 0.012), {0.150, 0.17, 0.106}), 0.08);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.03, 0, -0.002), {0.174, 0.125, 0.112}), 0.06);
-    d = smooth_min(d, round_cone(q, on_trunk(0.90, 0.03, -0.005), shoulder_, 0.055, 0.054), 0.06);
+    d = smooth_min(d, round_cone(q, on_trunk(0.88, 0.03, -0.005), shoulder_ + Vector3d(-0.01, 0.004, 0), 0.058, 0.052),
+                   0.07);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.645, 0.072, 0.070), {0.068, 0.062, 0.046}), 0.06);
     return smooth_min(d, ellipsoid(q, on_trunk(-0.02, 0.078, -0.062), {0.084, 0.085, 0.062}), 0.05);
   }
@@ -126,7 +127,7 @@ class ReferenceShape {
 
   double arm(const Vector3d& q) const {
     double d = round_cone(q, shoulder_, elbow_, 0.056, 0.046);
-    d = smooth_min(d, ellipsoid(q, shoulder_ + Vector3d(0.008, 0, 0), {0.058, 0.056, 0.058}), 0.03);
+    d = smooth_min(d, ellipsoid(q, shoulder_ + Vector3d(0.008, 0, 0), {0.054, 0.052, 0.054}), 0.04);
     const Vector3d belly = elbow_ + 0.25 * (wrist_ - elbow_);
     double forearm = round_cone(q, elbow_, wrist_, 0.043, 0.028);
     forearm = smooth_min(forearm, round_cone(q, belly, belly + 0.06 * forearm_, 0.044, 0.038), 0.03);
@@ -143,11 +144,11 @@ class ReferenceShape {
   }
 
   double leg(const Vector3d& p) const {
-    double d = round_cone(p, hip_ + Vector3d(0.012, 0, 0), knee_, 0.094, 0.060);
+    double d = round_cone(p, hip_ + Vector3d(0.012, 0, 0), knee_, 0.094, 0.057);
     const Vector3d shin = ankle_ - knee_;
-    double lower = round_cone(p, knee_, ankle_, 0.056, 0.036);
+    double lower = round_cone(p, knee_, ankle_, 0.054, 0.036);
     lower = smooth_min(lower, ellipsoid(p, knee_ + 0.27 * shin - Vector3d(0, 0, 0.014), {0.056, 0.125, 0.058}), 0.04);
-    d = smooth_min(d, lower, 0.03);
+    d = smooth_min(d, lower, 0.06);
     return smooth_min(d, foot(p), 0.02);
   }
 
