@@ -22,7 +22,7 @@ double hair_share(const Vector3d& p, const BodyJoints& joints) {
   const Vector3d q = (p - middle) / head;
   const double face = Vector3d(0, -0.66, 0.75).dot(q - Vector3d(0, 0.48, 0.52));
   const double ear = (Vector3d(std::abs(q.x()), q.y(), q.z()) - (joints.at("left_ear") - middle) / head).norm();
-  return (1 - smooth_step(-0.16, 0.10, face)) * smooth_step(-0.75, -0.35, q.y()) * smooth_step(0.22, 0.42, ear);
+  return (1 - smooth_step(-0.40, 0.10, face)) * smooth_step(-0.75, -0.35, q.y()) * smooth_step(0.22, 0.42, ear);
 }
 
 /// The shares of top and trousers in a vertex of trunk or limbs.

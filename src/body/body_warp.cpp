@@ -186,10 +186,11 @@ BodyWarp::Across BodyWarp::across(int segment, double t, const Map& map) const {
     default:
       break;
   }
-  // The thigh widens outwards: its inner side keeps its distance from the middle, so that the thighs do not meet.
+  // At the hip joint the thigh is as wide as the hips, so that trunk and thigh agree there. The thigh widens outwards:
+  // its inner side keeps its distance from the middle, so that the thighs do not meet.
   const Frame& frame = frames_[segment];
   const double level = std::clamp(t, 0.0, 1.0);
-  Across a = round(at_level<2>({{{kThighLevel, f[kThighGirth]}, {kKneeLevel, f[kKneeGirth]}}}, t));
+  Across a = round(at_level<3>({{{0.0, f[kHipGirth]}, {kThighLevel, f[kThighGirth]}, {kKneeLevel, f[kKneeGirth]}}}, t));
   const double radius = 0.205 * frame.length * (1 - 0.35 * level);
   const double middle = std::abs(frame.origin.x() + level * frame.length * frame.axes(0, 0));
   const double moved = std::abs(map.origin_[segment].x() + f[kThighLength] * level * frame.length * frame.axes(0, 0));
@@ -207,7 +208,6 @@ Vector3d BodyWarp::segment_point(int segment, const Vector3d& reference, const M
                                                       a.front * local.z() + a.shift_front);
 }
 
-/// Where a point of a bone goes: as the surface does on head, hands and feet, in proportion to the length elsewhere.
 Vector3d BodyWarp::bone_point(int segment, const Vector3d& reference, const Map& map) const {
   const int left = segment >= kRightArm ? segment - kSideSegments : segment;
   if (left == kHead || left == kLeftHand || left == kLeftFoot) return segment_point(segment, reference, map);
@@ -258,6 +258,10 @@ Vector3d BodyWarp::Map::point(const Vector3d& reference, const SegmentWeights& w
   for (int s = 0; s < kNumSegments; ++s)
     if (weights[s] > kLeast) sum += weights[s] * warp_->segment_point(s, reference, *this);
   return sum;
+}
+
+Vector3d BodyWarp::Map::bone_point(Segment segment, const Vector3d& reference) const {
+  return warp_->bone_point(segment, reference, *this);
 }
 
 BodyJoints BodyWarp::Map::joints() const {

@@ -102,6 +102,9 @@ class BodyWarp {
    public:
     /// @param reference a point of the reference body @param weights of the point
     Eigen::Vector3d point(const Eigen::Vector3d& reference, const SegmentWeights& weights) const;
+    /// Where a point that is fixed to a segment's bone goes: as the surface does on head, hands and feet, in proportion
+    /// to the bone's length elsewhere.
+    Eigen::Vector3d bone_point(Segment segment, const Eigen::Vector3d& reference) const;
     /// The joints of the reference, moved. Girths do not move joints.
     BodyJoints joints() const;
 

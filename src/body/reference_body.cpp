@@ -82,10 +82,10 @@ class ReferenceShape {
 
   double distance(const Vector3d& p) const {
     const Vector3d q(std::abs(p.x()), p.y(), p.z());
-    double d = smooth_min(torso(q), neck(q), 0.05);
+    double d = smooth_min(torso(q), neck(q), 0.04);
     d = smooth_min(d, head(q), 0.03);
     const double legs = smooth_min(leg(p), leg(other_half(p)), 0.012);
-    d = smooth_min(d, legs, 0.05);
+    d = smooth_min(d, legs, 0.04);
     return smooth_min(d, arm(q), 0.07);
   }
 
@@ -93,18 +93,19 @@ class ReferenceShape {
   Vector3d on_trunk(double t, double side, double front) const { return hips_ + t * trunk_ + Vector3d(side, 0, front); }
 
   double torso(const Vector3d& q) const {
-    double d = ellipsoid(q, on_trunk(0.60, 0, 0.006), {0.164, 0.20, 0.112});
-    d = smooth_min(d, ellipsoid(q, on_trunk(0.28, 0, 0.012), {0.150, 0.17, 0.106}), 0.08);
-    d = smooth_min(d, ellipsoid(q, on_trunk(0.03, 0, -0.002), {0.174, 0.125, 0.112}), 0.06);
+    double d = ellipsoid(q, on_trunk(0.60, 0, 0.004), {0.172, 0.22, 0.117});
+    d = smooth_min(d, ellipsoid(q, on_trunk(0.30, 0, 0.012), {0.153, 0.22, 0.103}), 0.08);
+    d = smooth_min(d, ellipsoid(q, on_trunk(0.15, 0, 0), {0.156, 0.12, 0.102}), 0.06);
+    d = smooth_min(d, ellipsoid(q, on_trunk(0.05, 0, -0.002), {0.167, 0.105, 0.106}), 0.06);
     d = smooth_min(d, round_cone(q, on_trunk(0.88, 0.03, -0.005), shoulder_ + Vector3d(-0.01, 0.004, 0), 0.058, 0.052),
                    0.07);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.645, 0.072, 0.070), {0.068, 0.062, 0.046}), 0.06);
-    return smooth_min(d, ellipsoid(q, on_trunk(-0.02, 0.078, -0.062), {0.084, 0.085, 0.062}), 0.05);
+    return smooth_min(d, ellipsoid(q, on_trunk(0, 0.070, -0.056), {0.082, 0.076, 0.062}), 0.05);
   }
 
   double neck(const Vector3d& q) const {
-    const double d = round_cone(q, neck_ - Vector3d(0, 0.03, 0), head_ + Vector3d(0, 0.02, 0.005), 0.060, 0.054);
-    const double shoulders = round_cone(q, on_trunk(1.02, 0.02, -0.008), on_trunk(0.93, 0.115, -0.008), 0.045, 0.036);
+    const double d = round_cone(q, neck_ - Vector3d(0, 0.03, 0), head_ + Vector3d(0, 0.02, 0.005), 0.051, 0.048);
+    const double shoulders = round_cone(q, on_trunk(0.955, 0.02, -0.014), on_trunk(0.905, 0.115, -0.010), 0.040, 0.036);
     return smooth_min(d, shoulders, 0.05);
   }
 
@@ -144,7 +145,9 @@ class ReferenceShape {
   }
 
   double leg(const Vector3d& p) const {
-    double d = round_cone(p, hip_ + Vector3d(0.012, 0, 0), knee_, 0.094, 0.057);
+    const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.010, 0, 0);
+    double d = round_cone(p, hip_ - Vector3d(0, 0, 0.005), thigh, 0.084, 0.087);
+    d = smooth_min(d, round_cone(p, thigh, knee_, 0.087, 0.056), 0.04);
     const Vector3d shin = ankle_ - knee_;
     double lower = round_cone(p, knee_, ankle_, 0.054, 0.036);
     lower = smooth_min(lower, ellipsoid(p, knee_ + 0.27 * shin - Vector3d(0, 0, 0.014), {0.056, 0.125, 0.058}), 0.04);
