@@ -65,8 +65,8 @@ TEST_P(RealBodies, BendLikeTheirOwnRig) {
   EXPECT_NEAR(character.num_nodes(), 500, 30);
   const BendReport report = examine_bending(character);
   print(body.name, report);
-  // The limits of the report are not met by every body (docs/results/bodies.md); these bounds notice when it gets worse.
-  // The skirt of the girl joins her legs, and the arms of the old man touch his trunk.
+  // The limits of the report are not met by every body (docs/results/bodies.md); these bounds notice when it gets
+  // worse. The skirt of the girl joins her legs, and the arms of the old man touch his trunk.
   const bool limbs_touch = body.name == "mh_girl_dress" || body.name == "mh_man_old_suit";
   for (const PoseBend& bend : report.poses) {
     EXPECT_LE(bend.stretched_alone, report.triangles / (limbs_touch ? 400 : 900)) << bend.pose;
