@@ -130,7 +130,7 @@ class ReferenceShape {
     double d = round_cone(q, shoulder_, elbow_, 0.056, 0.046);
     d = smooth_min(d, ellipsoid(q, shoulder_ + Vector3d(0.008, 0, 0), {0.054, 0.052, 0.054}), 0.04);
     const Vector3d belly = elbow_ + 0.25 * (wrist_ - elbow_);
-    double forearm = round_cone(q, elbow_, wrist_, 0.043, 0.028);
+    double forearm = round_cone(q, elbow_, wrist_, 0.042, 0.0255);
     forearm = smooth_min(forearm, round_cone(q, belly, belly + 0.06 * forearm_, 0.044, 0.038), 0.03);
     return smooth_min(smooth_min(d, forearm, 0.025), hand(q), 0.02);
   }
@@ -139,7 +139,7 @@ class ReferenceShape {
     const Vector3d q = p - ankle_, local(q.dot(outward_), p.y(), q.dot(forward_));
     double d = round_cone(local, {0.0, 0.042, -0.018}, {0.004, 0.036, 0.125}, 0.041, 0.043);
     d = smooth_min(d, ellipsoid(local, {0.004, 0.028, 0.150}, {0.047, 0.032, 0.060}), 0.03);
-    d = smooth_min(d, round_cone(local, {0, ankle_.y() + 0.005, 0}, {0, ankle_.y() + 0.05, -0.002}, 0.040, 0.036),
+    d = smooth_min(d, round_cone(local, {0, ankle_.y() + 0.005, 0}, {0, ankle_.y() + 0.05, -0.002}, 0.037, 0.032),
                    0.03);
     return smooth_max(d, -p.y(), 0.012);
   }
@@ -147,9 +147,9 @@ class ReferenceShape {
   double leg(const Vector3d& p) const {
     const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.010, 0, 0);
     double d = round_cone(p, hip_ - Vector3d(0, 0, 0.005), thigh, 0.084, 0.087);
-    d = smooth_min(d, round_cone(p, thigh, knee_, 0.087, 0.056), 0.04);
+    d = smooth_min(d, round_cone(p, thigh, knee_, 0.087, 0.053), 0.04);
     const Vector3d shin = ankle_ - knee_;
-    double lower = round_cone(p, knee_, ankle_, 0.054, 0.036);
+    double lower = round_cone(p, knee_, ankle_, 0.051, 0.032);
     lower = smooth_min(lower, ellipsoid(p, knee_ + 0.27 * shin - Vector3d(0, 0, 0.014), {0.056, 0.125, 0.058}), 0.04);
     d = smooth_min(d, lower, 0.06);
     return smooth_min(d, foot(p), 0.02);
