@@ -5,13 +5,14 @@
 #     geometry   EGNet, its inputs and its masks: AMVIoU in all cameras
 #     training   EGNet, the weights of its losses and what keeps it from overfitting: AMVIoU in all cameras
 #     texture    TexNet on the chain of the thesis: MSE in the mask
+#     hybrid     the hybrid on that chain, three frames: PSNR, SSIM, AMVIoU and distance from the truth in new cameras
 # CAMERAS=0,1,2,3,4,5 (the default) are trained on. SEEDS="1 2 3" (the default). STEPS=1500 (the default) are the steps of
-# EGNet. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.
+# EGNet. HELD_OUT=6,7 (the default) are the new cameras of the hybrid. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 1 ] || { sed -n '2,10s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,12s/^# //p' "$0" >&2; exit 2; }
 capture="$1" folder="${2:-extras}" groups=("${@:3}")
-[ ${#groups[@]} -gt 0 ] || groups=(geometry training texture)
+[ ${#groups[@]} -gt 0 ] || groups=(geometry training texture hybrid)
 cameras="${CAMERAS:-0,1,2,3,4,5}" steps="${STEPS:-1500}"
 source scripts/figures.sh
 mkdir -p "$folder"
@@ -101,10 +102,15 @@ texture_variants() {
     texnet.model.surface_normals=true texnet.loss.distance=squares
 }
 
-texture() {
+# chains: trains the chain of the thesis with every seed
+chains() {
   local seed
   for seed in "${seeds[@]}"; do side_by_side variant chain "$seed" 350 egnet,lighting,deltanet,texnet; done
   all_done
+}
+
+texture() {
+  chains >&2
   pass=train texture_variants >&2
   all_done
   echo "| dynamic texture, 800 steps | masked MSE |"
@@ -113,6 +119,45 @@ texture() {
   row "static texture under learnt lighting" chain lit MSE 2
   row "the thesis" chain texnet MSE 2
   pass=row texture_variants
+}
+
+# hybrid_run NAME SEED [key=value ...]: trains the hybrid on three frames and evaluates it in the cameras $held_out
+held_out="${HELD_OUT:-6,7}"
+hybrid_run() {
+  local run="$1-$2" frames=8,24,40 options
+  as_options seed="$2" capture="$folder/prepared-350" ddc="$(realpath "$folder")/chain-$2" \
+    "radiance.data.cameras=[$cameras]" "radiance.data.frames=[$frames]" "${@:3}"
+  [ -f "$folder/$run.json" ] || train "$run" configs/small/hybrid.yaml "${options[@]}" --stages radiance
+  evaluate "$run" "$run" --split train --frames $frames --cameras "$held_out"
+}
+
+# hybrid_variant TITLE NAME [key=value ...]: starts the trainings of a variant, or prints its row
+hybrid_variant() {
+  local seed
+  if [ "$pass" = train ]; then
+    for seed in "${seeds[@]}"; do side_by_side hybrid_run "$2" "$seed" "${@:3}"; done
+    return
+  fi
+  echo "| $1 | $(over_seeds 2 of_seed "$2" radiance PSNR) | $(over_seeds 4 of_seed "$2" radiance SSIM) |" \
+    "$(over_seeds 4 of_seed "$2" refined AMVIoU) | $(over_seeds 2 of_seed "$2" refined surface_distance_mm) |"
+}
+
+none=(radiance.loss.anchor=0 radiance.model.field.place_octaves=0 radiance.model.field.view_dependent=true)
+hybrid_variants() {
+  hybrid_variant "none of the three" hybrid-none "${none[@]}"
+  hybrid_variant "\`anchor: 3e6\`" hybrid-anchor "${none[@]}" radiance.loss.anchor=3e6
+  hybrid_variant "\`place_octaves: 8\`" hybrid-place "${none[@]}" radiance.model.field.place_octaves=8
+  hybrid_variant "\`view_dependent: false\`" hybrid-view "${none[@]}" radiance.model.field.view_dependent=false
+  hybrid_variant "all three" hybrid-all
+}
+
+hybrid() {
+  chains >&2
+  pass=train hybrid_variants >&2
+  all_done
+  echo "| hybrid, cameras $held_out | PSNR | SSIM | AMVIoU | distance from the ground truth, mm |"
+  echo "|---|---:|---:|---:|---:|"
+  pass=row hybrid_variants
 }
 
 for group in "${groups[@]}"; do

@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <map>
 #include <nlohmann/json.hpp>
 
 #include "doppel/core/as_size.h"
@@ -36,26 +35,7 @@ Points skinned(const Character& character, const std::vector<double>& dofs) {
 
 class RealRigs : public support::RigReferenceTest {
  protected:
-  /// Largest distance to the reference, metres. @param map vertex of the file of each of the posed vertices
-  double largest_error(const Points& posed, const std::vector<int>& map,
-                       const Eigen::Affine3d& file_from_character) const {
-    std::map<int, std::size_t> ours;
-    for (std::size_t i = 0; i < map.size(); ++i) ours.emplace(map[i], i);
-    double largest = 0.0;
-    int found = 0;
-    for (std::size_t row = 0; 3 * row < truth_.size(); ++row) {
-      const auto vertex = ours.find(vertex_of(row));
-      if (vertex == ours.end()) continue;
-      ++found;
-      const Eigen::Vector3d truth = file_from_character.inverse() * Eigen::Map<const Eigen::Vector3d>(&truth_[3 * row]);
-      largest = std::max(largest, (posed[vertex->second] - truth).norm());
-    }
-    found_ = found;
-    return largest;
-  }
-
   support::TemporaryFolder out_;
-  mutable int found_ = 0;
 };
 
 TEST_P(RealRigs, WrittenAndReadBackTheCharacterMovesAsTheFile) {

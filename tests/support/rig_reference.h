@@ -1,6 +1,9 @@
 #pragma once
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -47,10 +50,29 @@ class RigReferenceTest : public SharedFolderTest, public ::testing::WithParamInt
     fail("no such primitive");
   }
 
+  /// Largest distance to the reference, metres. Counts the vertices of the reference among the posed ones in `found_`.
+  /// @param posed metres @param map vertex of the file of each of the posed vertices
+  double largest_error(const std::vector<Eigen::Vector3d>& posed, const std::vector<int>& map,
+                       const Eigen::Affine3d& file_from_character) {
+    std::map<int, std::size_t> ours;
+    for (std::size_t i = 0; i < map.size(); ++i) ours.emplace(map[i], i);
+    double largest = 0.0;
+    found_ = 0;
+    for (std::size_t row = 0; 3 * row < truth_.size(); ++row) {
+      const auto vertex = ours.find(vertex_of(row));
+      if (vertex == ours.end()) continue;
+      ++found_;
+      const Eigen::Vector3d truth = file_from_character.inverse() * Eigen::Map<const Eigen::Vector3d>(&truth_[3 * row]);
+      largest = std::max(largest, (posed[vertex->second] - truth).norm());
+    }
+    return largest;
+  }
+
   std::filesystem::path folder_;
   nlohmann::json reference_;
   std::vector<double> truth_;  ///< [200 * 3]
   Scene scene_;
+  int found_ = 0;
 };
 
 /// The bodies that have a reference.

@@ -1,11 +1,8 @@
 // The program as a user meets it: exit codes, messages, and the whole way from footage to an exported actor. Most tests
 // run commands in this process, because each start of the program takes half a second.
-#include "program.h"
-
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -15,29 +12,15 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
+#include "run_program.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::program_test {
 namespace {
 
 using support::TemporaryFolder;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
-
-Outcome run(const std::string& arguments) {
-  std::vector<std::string> words = CLI::detail::split_up(arguments);
-  words.insert(words.begin(), "doppel");
-  std::vector<const char*> argv;
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  ::testing::internal::CaptureStdout();
-  ::testing::internal::CaptureStderr();
-  const int code = tools::run_program(static_cast<int>(argv.size()), argv.data());
-  const std::string out = ::testing::internal::GetCapturedStdout();
-  return {code, out, ::testing::internal::GetCapturedStderr()};
-}
+using tools::Outcome;
+using tools::run;
 
 /// Starts the program.
 Outcome start(const std::string& arguments) {

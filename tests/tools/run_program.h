@@ -1,0 +1,31 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "program.h"
+
+namespace doppel::tools {
+
+struct Outcome {
+  int code;
+  std::string out, err;
+};
+
+/// Runs a command of `doppel` in this process. @param arguments as in a shell, without the program's name
+inline Outcome run(const std::string& arguments) {
+  std::vector<std::string> words = CLI::detail::split_up(arguments);
+  words.insert(words.begin(), "doppel");
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  ::testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStderr();
+  const int code = run_program(static_cast<int>(argv.size()), argv.data());
+  const std::string out = ::testing::internal::GetCapturedStdout();
+  return {code, out, ::testing::internal::GetCapturedStderr()};
+}
+
+}  // namespace doppel::tools
