@@ -50,24 +50,25 @@ using BodyFactors = std::array<double, kNumFactors>;
 
 /// The parts of a body that are scaled along and across their own axes.
 enum Segment : int {
-  kTrunk,
-  kNeck,
-  kHead,
-  kLeftArm,
-  kLeftForearm,
-  kLeftHand,
-  kLeftThigh,
-  kLeftShin,
-  kLeftFoot,
-  kRightArm,
-  kRightForearm,
-  kRightHand,
-  kRightThigh,
-  kRightShin,
-  kRightFoot,
+  kTrunkSegment,
+  kNeckSegment,
+  kHeadSegment,
+  kLeftArmSegment,
+  kLeftForearmSegment,
+  kLeftHandSegment,
+  kLeftThighSegment,
+  kLeftShinSegment,
+  kLeftFootSegment,
+  kRightArmSegment,
+  kRightForearmSegment,
+  kRightHandSegment,
+  kRightThighSegment,
+  kRightShinSegment,
+  kRightFootSegment,
   kNumSegments
 };
-inline constexpr int kSideSegments = kRightArm - kLeftArm;  ///< from a segment on the left to the same on the right
+inline constexpr int kSideSegments =
+    kRightArmSegment - kLeftArmSegment;  ///< from a segment on the left to the same on the right
 
 /// The shares of the segments in a point of the body; they sum to 1.
 using SegmentWeights = Eigen::Matrix<double, kNumSegments, 1>;
