@@ -85,7 +85,7 @@ class ReferenceShape {
     double d = smooth_min(torso(q), neck(q), 0.04);
     d = smooth_min(d, head(q), 0.03);
     const double legs = smooth_min(leg(p), leg(other_half(p)), 0.012);
-    d = smooth_min(d, legs, 0.04);
+    d = smooth_min(d, legs, 0.06);
     return smooth_min(d, arm(q), 0.07);
   }
 
@@ -96,7 +96,7 @@ class ReferenceShape {
     double d = ellipsoid(q, on_trunk(0.60, 0, 0.004), {0.172, 0.22, 0.117});
     d = smooth_min(d, ellipsoid(q, on_trunk(0.30, 0, 0.012), {0.153, 0.22, 0.103}), 0.08);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.15, 0, 0), {0.156, 0.12, 0.102}), 0.06);
-    d = smooth_min(d, ellipsoid(q, on_trunk(0.05, 0, -0.002), {0.167, 0.105, 0.106}), 0.06);
+    d = smooth_min(d, ellipsoid(q, on_trunk(0.05, 0, -0.002), {0.175, 0.105, 0.106}), 0.06);
     d = smooth_min(d, round_cone(q, on_trunk(0.88, 0.03, -0.005), shoulder_ + Vector3d(-0.01, 0.004, 0), 0.058, 0.052),
                    0.07);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.645, 0.072, 0.070), {0.068, 0.062, 0.046}), 0.06);
@@ -145,9 +145,13 @@ class ReferenceShape {
   }
 
   double leg(const Vector3d& p) const {
-    const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.010, 0, 0);
-    double d = round_cone(p, hip_ - Vector3d(0, 0, 0.005), thigh, 0.084, 0.087);
-    d = smooth_min(d, round_cone(p, thigh, knee_, 0.087, 0.053), 0.04);
+    // Deeper than wide: two cones, one in front of the other.
+    const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.006, 0, 0), deep(0, 0, 0.014);
+    const auto upper = [&](const Vector3d& aside) {
+      return smooth_min(round_cone(p, hip_ + aside, thigh + aside, 0.080, 0.080),
+                        round_cone(p, thigh + aside, knee_ + 0.3 * aside, 0.080, 0.051), 0.04);
+    };
+    double d = smooth_min(upper(deep), upper(-deep), 0.03);
     const Vector3d shin = ankle_ - knee_;
     double lower = round_cone(p, knee_, ankle_, 0.051, 0.032);
     lower = smooth_min(lower, ellipsoid(p, knee_ + 0.27 * shin - Vector3d(0, 0, 0.014), {0.056, 0.125, 0.058}), 0.04);
