@@ -34,20 +34,20 @@ ClothShares cloth_shares(const Vector3d& p, const SegmentWeights& w, const BodyJ
   const Vector3d hips = 0.5 * (joints.at("left_hip") + joints.at("right_hip"));
   const double trunk = along(p, hips, joints.at("neck")), upper = smooth_step(-0.04, 0.10, trunk);
   ClothShares shares;
-  shares.top = w[kTrunk] * upper * (1 - smooth_step(0.90, 1.0, trunk));
-  shares.trousers = w[kTrunk] * (1 - upper);
+  shares.top = w[kTrunkSegment] * upper * (1 - smooth_step(0.90, 1.0, trunk));
+  shares.trousers = w[kTrunkSegment] * (1 - upper);
   for (const int side : {0, kSideSegments}) {
     const std::string name = side == 0 ? "left_" : "right_";
     const double forearm = along(p, joints.at(name + "elbow"), joints.at(name + "wrist"));
     const double shin = along(p, joints.at(name + "knee"), joints.at(name + "ankle"));
-    shares.top += w[kLeftArm + side] + w[kLeftForearm + side] * (1 - smooth_step(0.82, 0.95, forearm));
-    shares.trousers += w[kLeftThigh + side] + w[kLeftShin + side] * (1 - smooth_step(0.78, 0.92, shin));
+    shares.top += w[kLeftArmSegment + side] + w[kLeftForearmSegment + side] * (1 - smooth_step(0.82, 0.95, forearm));
+    shares.trousers += w[kLeftThighSegment + side] + w[kLeftShinSegment + side] * (1 - smooth_step(0.78, 0.92, shin));
     // In the folds of armpit and groin, clothes have no room.
-    const double fold = 1 - 2 * w[kTrunk] * w[kLeftArm + side];
+    const double fold = 1 - 2 * w[kTrunkSegment] * w[kLeftArmSegment + side];
     shares.top *= fold * fold;
   }
   // Between the legs, too.
-  const double thighs = w[kLeftThigh] + w[kRightThigh] + w[kTrunk] * (1 - upper);
+  const double thighs = w[kLeftThighSegment] + w[kRightThighSegment] + w[kTrunkSegment] * (1 - upper);
   const double apart = smooth_step(0.02, 0.09, std::abs(p.x()));
   shares.trousers *= 1 - thighs * (1 - apart);
   return shares;
@@ -65,7 +65,7 @@ BodyCover make_body_cover(const TriangleMesh& mesh, const std::vector<SegmentWei
   for (Vector3d& direction : cover.outward) direction.normalize();
   for (int v = 0; v < mesh.num_vertices(); ++v) {
     const Vector3d& p = mesh.vertices[v];
-    cover.hair.push_back(weights[v][kHead] * hair_share(p, joints));
+    cover.hair.push_back(weights[v][kHeadSegment] * hair_share(p, joints));
     const ClothShares shares = cloth_shares(p, weights[v], joints);
     cover.top.push_back(shares.top);
     cover.trousers.push_back(shares.trousers);

@@ -16,19 +16,19 @@ using Eigen::Vector3d;
 
 int segment_of_bone(const std::string& bone) {
   for (const char* name : {"Root", "Spine", "Spine1", "Chest", "LeftShoulder", "RightShoulder"})
-    if (bone == name) return kTrunk;
-  if (bone == "Neck") return kNeck;
-  if (bone == "Head") return kHead;
+    if (bone == name) return kTrunkSegment;
+  if (bone == "Neck") return kNeckSegment;
+  if (bone == "Head") return kHeadSegment;
   const bool right = bone.starts_with("Right");
   const std::string part = right ? bone.substr(5) : bone.starts_with("Left") ? bone.substr(4) : "";
-  const std::array<std::pair<const char*, int>, 8> parts{{{"Arm", kLeftArm},
-                                                          {"ForeArm", kLeftForearm},
-                                                          {"ForeArmRoll", kLeftForearm},
-                                                          {"Hand", kLeftHand},
-                                                          {"UpLeg", kLeftThigh},
-                                                          {"Leg", kLeftShin},
-                                                          {"Foot", kLeftFoot},
-                                                          {"ToeBase", kLeftFoot}}};
+  const std::array<std::pair<const char*, int>, 8> parts{{{"Arm", kLeftArmSegment},
+                                                          {"ForeArm", kLeftForearmSegment},
+                                                          {"ForeArmRoll", kLeftForearmSegment},
+                                                          {"Hand", kLeftHandSegment},
+                                                          {"UpLeg", kLeftThighSegment},
+                                                          {"Leg", kLeftShinSegment},
+                                                          {"Foot", kLeftFootSegment},
+                                                          {"ToeBase", kLeftFootSegment}}};
   for (const auto& [name, segment] : parts)
     if (part == name) return segment + (right ? kSideSegments : 0);
   fail(
@@ -74,18 +74,18 @@ std::vector<SegmentWeights> segment_weights(const TriangleMesh& mesh, const Skin
     for (std::size_t k = 0; k < bones.size(); ++k) weights[v][segment[bones[k]]] += shares[k];
   }
   const auto has = [&](int wanted) { return std::find(segment.begin(), segment.end(), wanted) != segment.end(); };
-  if (!has(kNeck)) {
-    for (SegmentWeights& w : weights) std::swap(w[kNeck], w[kHead]);
+  if (!has(kNeckSegment)) {
+    for (SegmentWeights& w : weights) std::swap(w[kNeckSegment], w[kHeadSegment]);
     const Vector3d neck = joints.at("head") - joints.at("neck");
-    divide(weights, mesh, kNeck, kHead, joints.at("head"), neck.normalized(), 0.4 * neck.norm());
+    divide(weights, mesh, kNeckSegment, kHeadSegment, joints.at("head"), neck.normalized(), 0.4 * neck.norm());
   }
   for (const bool left : {true, false}) {
     const int side = left ? 0 : kSideSegments;
-    if (has(kLeftHand + side)) continue;
+    if (has(kLeftHandSegment + side)) continue;
     const std::string name = left ? "left_" : "right_";
     const Vector3d forearm = joints.at(name + "wrist") - joints.at(name + "elbow");
-    divide(weights, mesh, kLeftForearm + side, kLeftHand + side, joints.at(name + "wrist"), forearm.normalized(),
-           0.1 * forearm.norm());
+    divide(weights, mesh, kLeftForearmSegment + side, kLeftHandSegment + side, joints.at(name + "wrist"),
+           forearm.normalized(), 0.1 * forearm.norm());
   }
   smooth_values(weights, MeshTopology(mesh), rounds);
   return weights;
@@ -99,9 +99,9 @@ struct BodyWarp::Across {
 BodyWarp::BodyWarp(const BodyJoints& reference) : joints_(reference) {
   complete_joints(joints_);
   const Vector3d hips = 0.5 * (joints_.at("left_hip") + joints_.at("right_hip")), left = Vector3d::UnitX();
-  set_frame(kTrunk, hips, joints_.at("neck"), left, kTrunkLength);
-  set_frame(kNeck, joints_.at("neck"), joints_.at("head"), left, kNeckLength);
-  set_frame(kHead, joints_.at("head"), joints_.at("head_top"), left, kHeadHeight);
+  set_frame(kTrunkSegment, hips, joints_.at("neck"), left, kTrunkLength);
+  set_frame(kNeckSegment, joints_.at("neck"), joints_.at("head"), left, kNeckLength);
+  set_frame(kHeadSegment, joints_.at("head"), joints_.at("head_top"), left, kHeadHeight);
   set_limbs(true);
   set_limbs(false);
 }
@@ -124,15 +124,15 @@ void BodyWarp::set_limbs(bool left) {
   const int side = left ? 0 : kSideSegments;
   const auto at = [&](const char* part) { return joints_.at(name + part); };
   const Vector3d outward = left ? Vector3d(Vector3d::UnitX()) : Vector3d(-Vector3d::UnitX());
-  set_frame(kLeftArm + side, at("shoulder"), at("elbow"), Vector3d::UnitZ(), kUpperArmLength);
-  set_frame(kLeftForearm + side, at("elbow"), at("wrist"), Vector3d::UnitZ(), kForearmLength);
-  set_frame(kLeftHand + side, at("wrist"), at("fingertip"), Vector3d::UnitZ(), kHandLength);
-  set_frame(kLeftThigh + side, at("hip"), at("knee"), outward, kThighLength);
-  set_frame(kLeftShin + side, at("knee"), at("ankle"), outward, kShinLength);
+  set_frame(kLeftArmSegment + side, at("shoulder"), at("elbow"), Vector3d::UnitZ(), kUpperArmLength);
+  set_frame(kLeftForearmSegment + side, at("elbow"), at("wrist"), Vector3d::UnitZ(), kForearmLength);
+  set_frame(kLeftHandSegment + side, at("wrist"), at("fingertip"), Vector3d::UnitZ(), kHandLength);
+  set_frame(kLeftThighSegment + side, at("hip"), at("knee"), outward, kThighLength);
+  set_frame(kLeftShinSegment + side, at("knee"), at("ankle"), outward, kShinLength);
   // The foot lies level: its third axis points up.
   Vector3d toe = at("toe_end");
   toe.y() = at("ankle").y();
-  Frame& foot = frames_[kLeftFoot + side];
+  Frame& foot = frames_[kLeftFootSegment + side];
   foot.origin = at("ankle");
   foot.length = (toe - foot.origin).norm();
   foot.along = kFootLength;
@@ -144,8 +144,8 @@ BodyWarp::Across BodyWarp::across(int segment, double t, const Map& map) const {
   const BodyFactors& f = map.factors_;
   const auto round = [](double factor) { return Across{factor, factor, 0, 0}; };
   const double elbow = std::sqrt(f[kUpperArmGirth] * f[kForearmGirth]);
-  const int left = segment >= kRightArm ? segment - kSideSegments : segment;
-  if (left == kTrunk) {
+  const int left = segment >= kRightArmSegment ? segment - kSideSegments : segment;
+  if (left == kTrunkSegment) {
     // Shoulders are as thick as chest and arms.
     const double shoulder = std::sqrt(f[kChestDepth] * f[kUpperArmGirth]);
     Across a;
@@ -164,24 +164,24 @@ BodyWarp::Across BodyWarp::across(int segment, double t, const Map& map) const {
     // A belly grows to the front: the back stays near the spine. The distance of the back from the axis is about a
     // fifth of the trunk's length.
     const double to_front = at_level<4>({{{kHipLevel, 0.0}, {kWaistLevel, 0.7}, {kChestLevel, 0.4}, {0.9, 0.0}}}, t);
-    a.shift_front = to_front * 0.2 * frames_[kTrunk].length * (a.front - f[kTrunkLength]);
+    a.shift_front = to_front * 0.2 * frames_[kTrunkSegment].length * (a.front - f[kTrunkLength]);
     return a;
   }
   switch (left) {
-    case kNeck:
+    case kNeckSegment:
       return round(f[kNeckGirth]);
-    case kHead:
+    case kHeadSegment:
       return {f[kHeadBreadth], f[kHeadDepth], 0, 0};
-    case kLeftArm:
+    case kLeftArmSegment:
       return round(at_level<2>({{{kUpperArmLevel, f[kUpperArmGirth]}, {1.0, elbow}}}, t));
-    case kLeftForearm:
+    case kLeftForearmSegment:
       return round(at_level<3>({{{0.0, elbow}, {kForearmLevel, f[kForearmGirth]}, {kWristLevel, f[kWristGirth]}}}, t));
-    case kLeftHand:
+    case kLeftHandSegment:
       return round(f[kHandBreadth]);
-    case kLeftShin:
+    case kLeftShinSegment:
       return round(
           at_level<3>({{{0.0, f[kKneeGirth]}, {kCalfLevel, f[kCalfGirth]}, {kAnkleLevel, f[kAnkleGirth]}}}, t));
-    case kLeftFoot:
+    case kLeftFootSegment:
       return {f[kFootBreadth], f[kAnkleHeight], 0, 0};
     default:
       break;
@@ -209,11 +209,12 @@ Vector3d BodyWarp::segment_point(int segment, const Vector3d& reference, const M
 }
 
 Vector3d BodyWarp::bone_point(int segment, const Vector3d& reference, const Map& map) const {
-  const int left = segment >= kRightArm ? segment - kSideSegments : segment;
-  if (left == kHead || left == kLeftHand || left == kLeftFoot) return segment_point(segment, reference, map);
+  const int left = segment >= kRightArmSegment ? segment - kSideSegments : segment;
+  if (left == kHeadSegment || left == kLeftHandSegment || left == kLeftFootSegment)
+    return segment_point(segment, reference, map);
   const Frame& frame = frames_[segment];
   const double along = map.factors_[frame.along];
-  const double side = segment == kTrunk ? map.factors_[kShoulderJoints] : along;
+  const double side = segment == kTrunkSegment ? map.factors_[kShoulderJoints] : along;
   const Vector3d local = frame.axes.transpose() * (reference - frame.origin);
   return map.origin_[segment] + frame.axes * local.cwiseProduct(Vector3d(along, side, along));
 }
@@ -223,24 +224,24 @@ void BodyWarp::place_limbs(Map& map, int side) const {
     const Frame& frame = frames_[segment];
     return Vector3d(map.origin_[segment] + map.factors_[frame.along] * frame.length * frame.axes.col(0));
   };
-  map.origin_[kLeftArm + side] = bone_point(kTrunk, frames_[kLeftArm + side].origin, map);
-  map.origin_[kLeftForearm + side] = end(kLeftArm + side);
-  map.origin_[kLeftHand + side] = end(kLeftForearm + side);
-  const Vector3d& hips = frames_[kTrunk].origin;
-  map.origin_[kLeftThigh + side] =
-      map.origin_[kTrunk] + map.factors_[kHipJoints] * (frames_[kLeftThigh + side].origin - hips);
-  map.origin_[kLeftShin + side] = end(kLeftThigh + side);
-  map.origin_[kLeftFoot + side] = end(kLeftShin + side);
+  map.origin_[kLeftArmSegment + side] = bone_point(kTrunkSegment, frames_[kLeftArmSegment + side].origin, map);
+  map.origin_[kLeftForearmSegment + side] = end(kLeftArmSegment + side);
+  map.origin_[kLeftHandSegment + side] = end(kLeftForearmSegment + side);
+  const Vector3d& hips = frames_[kTrunkSegment].origin;
+  map.origin_[kLeftThighSegment + side] =
+      map.origin_[kTrunkSegment] + map.factors_[kHipJoints] * (frames_[kLeftThighSegment + side].origin - hips);
+  map.origin_[kLeftShinSegment + side] = end(kLeftThighSegment + side);
+  map.origin_[kLeftFootSegment + side] = end(kLeftShinSegment + side);
 }
 
 void BodyWarp::place_origins(Map& map) const {
-  map.origin_[kTrunk] = frames_[kTrunk].origin;
-  map.origin_[kNeck] = bone_point(kTrunk, frames_[kNeck].origin, map);
-  map.origin_[kHead] = bone_point(kNeck, frames_[kHead].origin, map);
+  map.origin_[kTrunkSegment] = frames_[kTrunkSegment].origin;
+  map.origin_[kNeckSegment] = bone_point(kTrunkSegment, frames_[kNeckSegment].origin, map);
+  map.origin_[kHeadSegment] = bone_point(kNeckSegment, frames_[kHeadSegment].origin, map);
   for (const int side : {0, kSideSegments}) place_limbs(map, side);
-  const double ankle = 0.5 * (map.origin_[kLeftFoot].y() + map.origin_[kRightFoot].y());
+  const double ankle = 0.5 * (map.origin_[kLeftFootSegment].y() + map.origin_[kRightFootSegment].y());
   const double wanted =
-      0.5 * map.factors_[kAnkleHeight] * (frames_[kLeftFoot].origin.y() + frames_[kRightFoot].origin.y());
+      0.5 * map.factors_[kAnkleHeight] * (frames_[kLeftFootSegment].origin.y() + frames_[kRightFootSegment].origin.y());
   for (Vector3d& origin : map.origin_) origin.y() += wanted - ankle;
 }
 
@@ -270,15 +271,15 @@ BodyJoints BodyWarp::Map::joints() const {
     const int side = name.starts_with("right_") ? kSideSegments : 0;
     const std::string part = side != 0 ? name.substr(6) : name.starts_with("left_") ? name.substr(5) : name;
     for (const char* trunk : {"pelvis", "spine", "chest", "neck", "clavicle", "shoulder"})
-      if (part == trunk) return static_cast<int>(kTrunk);
+      if (part == trunk) return static_cast<int>(kTrunkSegment);
     for (const char* hand : {"hand", "fingertip", "wrist"})
-      if (part == hand) return kLeftHand + side;
+      if (part == hand) return kLeftHandSegment + side;
     for (const char* foot : {"toe", "toe_end", "heel", "ankle"})
-      if (part == foot) return kLeftFoot + side;
-    return part == "elbow"  ? kLeftForearm + side
-           : part == "hip"  ? kLeftThigh + side
-           : part == "knee" ? kLeftShin + side
-                            : static_cast<int>(kHead);
+      if (part == foot) return kLeftFootSegment + side;
+    return part == "elbow"  ? kLeftForearmSegment + side
+           : part == "hip"  ? kLeftThighSegment + side
+           : part == "knee" ? kLeftShinSegment + side
+                            : static_cast<int>(kHeadSegment);
   };
   for (const auto& [name, place] : warp_->joints_.positions)
     moved.positions[name] = warp_->bone_point(segment_of(name), place, *this);

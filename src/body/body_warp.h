@@ -50,24 +50,25 @@ using BodyFactors = std::array<double, kNumFactors>;
 
 /// The parts of a body that are scaled along and across their own axes.
 enum Segment : int {
-  kTrunk,
-  kNeck,
-  kHead,
-  kLeftArm,
-  kLeftForearm,
-  kLeftHand,
-  kLeftThigh,
-  kLeftShin,
-  kLeftFoot,
-  kRightArm,
-  kRightForearm,
-  kRightHand,
-  kRightThigh,
-  kRightShin,
-  kRightFoot,
+  kTrunkSegment,
+  kNeckSegment,
+  kHeadSegment,
+  kLeftArmSegment,
+  kLeftForearmSegment,
+  kLeftHandSegment,
+  kLeftThighSegment,
+  kLeftShinSegment,
+  kLeftFootSegment,
+  kRightArmSegment,
+  kRightForearmSegment,
+  kRightHandSegment,
+  kRightThighSegment,
+  kRightShinSegment,
+  kRightFootSegment,
   kNumSegments
 };
-inline constexpr int kSideSegments = kRightArm - kLeftArm;  ///< from a segment on the left to the same on the right
+inline constexpr int kSideSegments =
+    kRightArmSegment - kLeftArmSegment;  ///< from a segment on the left to the same on the right
 
 /// The shares of the segments in a point of the body; they sum to 1.
 using SegmentWeights = Eigen::Matrix<double, kNumSegments, 1>;
@@ -82,7 +83,7 @@ std::vector<SegmentWeights> segment_weights(const TriangleMesh& mesh, const Skin
                                             const BodyJoints& joints, int rounds);
 
 /// Heights on the trunk, from the middle of the hips (0) to the neck (1), where girths are taken.
-inline constexpr double kHipLevel = 0.03, kWaistLevel = 0.28, kChestLevel = 0.60, kShoulderLevel = 0.85;
+inline constexpr double kHipLevel = 0.03, kWaistLevel = 0.28, kChestLevel = 0.57, kShoulderLevel = 0.85;
 /// Places on the limbs, from the upper joint (0) to the lower one (1), where girths are taken.
 inline constexpr double kUpperArmLevel = 0.55, kForearmLevel = 0.25, kWristLevel = 0.96, kThighLevel = 0.30,
                         kKneeLevel = 1.0, kCalfLevel = 0.28, kAnkleLevel = 0.86;

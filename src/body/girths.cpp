@@ -115,12 +115,12 @@ std::vector<GirthLevel> girth_levels(const BodyJoints& joints) {
     add(measure, joints.at(from), joints.at(to), t, round);
   };
   const Vector3d &neck = joints.at("neck"), &head = joints.at("head"), &top = joints.at("head_top");
-  add("head_breadth", head, top, 0.60, side);
-  add("head_depth", head, top, 0.60, ahead);
+  add("head_breadth", head, top, 0.42, side);
+  add("head_depth", head, top, 0.42, ahead);
   // A tape around the neck lies lower in front, below the chin.
   const Vector3d along_neck = (head - neck).normalized();
-  levels.push_back({measure_index("neck_girth"), neck + 0.35 * (head - neck),
-                    (along_neck + 0.5 * (ahead - ahead.dot(along_neck) * along_neck)).normalized(), round});
+  levels.push_back({measure_index("neck_girth"), neck + 0.3 * (head - neck),
+                    (along_neck + 0.25 * (ahead - ahead.dot(along_neck) * along_neck)).normalized(), round});
   add("chest_girth", hips, neck, kChestLevel, round);
   add("chest_depth", hips, neck, kChestLevel, ahead);
   add("waist_girth", hips, neck, kWaistLevel, round);

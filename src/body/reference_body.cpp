@@ -85,7 +85,7 @@ class ReferenceShape {
     double d = smooth_min(torso(q), neck(q), 0.04);
     d = smooth_min(d, head(q), 0.03);
     const double legs = smooth_min(leg(p), leg(other_half(p)), 0.012);
-    d = smooth_min(d, legs, 0.04);
+    d = smooth_min(d, legs, 0.06);
     return smooth_min(d, arm(q), 0.07);
   }
 
@@ -96,7 +96,7 @@ class ReferenceShape {
     double d = ellipsoid(q, on_trunk(0.60, 0, 0.004), {0.172, 0.22, 0.117});
     d = smooth_min(d, ellipsoid(q, on_trunk(0.30, 0, 0.012), {0.153, 0.22, 0.103}), 0.08);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.15, 0, 0), {0.156, 0.12, 0.102}), 0.06);
-    d = smooth_min(d, ellipsoid(q, on_trunk(0.05, 0, -0.002), {0.167, 0.105, 0.106}), 0.06);
+    d = smooth_min(d, ellipsoid(q, on_trunk(0.05, 0, -0.002), {0.175, 0.105, 0.106}), 0.06);
     d = smooth_min(d, round_cone(q, on_trunk(0.88, 0.03, -0.005), shoulder_ + Vector3d(-0.01, 0.004, 0), 0.058, 0.052),
                    0.07);
     d = smooth_min(d, ellipsoid(q, on_trunk(0.645, 0.072, 0.070), {0.068, 0.062, 0.046}), 0.06);
@@ -130,7 +130,7 @@ class ReferenceShape {
     double d = round_cone(q, shoulder_, elbow_, 0.056, 0.046);
     d = smooth_min(d, ellipsoid(q, shoulder_ + Vector3d(0.008, 0, 0), {0.054, 0.052, 0.054}), 0.04);
     const Vector3d belly = elbow_ + 0.25 * (wrist_ - elbow_);
-    double forearm = round_cone(q, elbow_, wrist_, 0.043, 0.028);
+    double forearm = round_cone(q, elbow_, wrist_, 0.042, 0.0255);
     forearm = smooth_min(forearm, round_cone(q, belly, belly + 0.06 * forearm_, 0.044, 0.038), 0.03);
     return smooth_min(smooth_min(d, forearm, 0.025), hand(q), 0.02);
   }
@@ -139,17 +139,21 @@ class ReferenceShape {
     const Vector3d q = p - ankle_, local(q.dot(outward_), p.y(), q.dot(forward_));
     double d = round_cone(local, {0.0, 0.042, -0.018}, {0.004, 0.036, 0.125}, 0.041, 0.043);
     d = smooth_min(d, ellipsoid(local, {0.004, 0.028, 0.150}, {0.047, 0.032, 0.060}), 0.03);
-    d = smooth_min(d, round_cone(local, {0, ankle_.y() + 0.005, 0}, {0, ankle_.y() + 0.05, -0.002}, 0.040, 0.036),
+    d = smooth_min(d, round_cone(local, {0, ankle_.y() + 0.005, 0}, {0, ankle_.y() + 0.05, -0.002}, 0.037, 0.032),
                    0.03);
     return smooth_max(d, -p.y(), 0.012);
   }
 
   double leg(const Vector3d& p) const {
-    const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.010, 0, 0);
-    double d = round_cone(p, hip_ - Vector3d(0, 0, 0.005), thigh, 0.084, 0.087);
-    d = smooth_min(d, round_cone(p, thigh, knee_, 0.087, 0.056), 0.04);
+    // Deeper than wide: two cones, one in front of the other.
+    const Vector3d thigh = hip_ + 0.30 * (knee_ - hip_) + Vector3d(0.006, 0, 0), deep(0, 0, 0.014);
+    const auto upper = [&](const Vector3d& aside) {
+      return smooth_min(round_cone(p, hip_ + aside, thigh + aside, 0.080, 0.080),
+                        round_cone(p, thigh + aside, knee_ + 0.3 * aside, 0.080, 0.051), 0.04);
+    };
+    double d = smooth_min(upper(deep), upper(-deep), 0.03);
     const Vector3d shin = ankle_ - knee_;
-    double lower = round_cone(p, knee_, ankle_, 0.054, 0.036);
+    double lower = round_cone(p, knee_, ankle_, 0.051, 0.032);
     lower = smooth_min(lower, ellipsoid(p, knee_ + 0.27 * shin - Vector3d(0, 0, 0.014), {0.056, 0.125, 0.058}), 0.04);
     d = smooth_min(d, lower, 0.06);
     return smooth_min(d, foot(p), 0.02);

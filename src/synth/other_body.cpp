@@ -59,19 +59,19 @@ std::vector<double> own_measures(const BodyJoints& joints) {
 
 /// The segment to which a joint of the actor's skeleton is fixed: the one that begins there.
 Segment segment_of_joint(const std::string& joint) {
-  if (joint.starts_with("Root")) return kTrunk;
-  if (joint == "HeadEE") return doppel::kHead;
-  if (joint.starts_with("Head")) return kNeck;
+  if (joint.starts_with("Root")) return kTrunkSegment;
+  if (joint == "HeadEE") return kHeadSegment;
+  if (joint.starts_with("Head")) return kNeckSegment;
   const bool left = joint.starts_with("Left");
   const std::string part = joint.substr(left ? 4 : 5);
   const auto side = [&](Segment segment) { return static_cast<Segment>(segment + (left ? 0 : kSideSegments)); };
-  if (part.starts_with("Shoulder")) return kTrunk;
-  if (part == "ForeArmEE") return side(doppel::kLeftHand);
-  if (part.starts_with("ForeArm")) return side(doppel::kLeftForearm);
-  if (part.starts_with("Arm")) return side(doppel::kLeftArm);
-  if (part.starts_with("UpLeg")) return side(doppel::kLeftThigh);
-  if (part.starts_with("Leg")) return side(doppel::kLeftShin);
-  return side(doppel::kLeftFoot);
+  if (part.starts_with("Shoulder")) return kTrunkSegment;
+  if (part == "ForeArmEE") return side(kLeftHandSegment);
+  if (part.starts_with("ForeArm")) return side(kLeftForearmSegment);
+  if (part.starts_with("Arm")) return side(kLeftArmSegment);
+  if (part.starts_with("UpLeg")) return side(kLeftThighSegment);
+  if (part.starts_with("Leg")) return side(kLeftShinSegment);
+  return side(kLeftFootSegment);
 }
 
 /// Moves the joints, which stand in the rest pose without rotation, and the landmarks on them.
@@ -87,7 +87,7 @@ void move_skeleton(Character& c, const BodyWarp::Map& map) {
   }
   for (Marker& marker : c.skeleton.markers) {
     const std::string& joint = c.skeleton.joints[marker.joint].name;
-    const Segment segment = joint == "Head_rx" ? doppel::kHead : segment_of_joint(joint);
+    const Segment segment = joint == "Head_rx" ? kHeadSegment : segment_of_joint(joint);
     marker.position = map.bone_point(segment, from[marker.joint] + marker.position) - to[marker.joint];
   }
   c.rest_dofs[*c.skeleton.find_dof("Root_ty")] = to.front().y();

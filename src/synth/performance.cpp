@@ -210,9 +210,10 @@ class Performance {
 void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height) {
   static const std::array<Vector3d, 4> kSole{Vector3d(0.105, 0, -0.09), Vector3d(0.12, 0, 0.19),
                                              Vector3d(0.07, 0, 0.09), Vector3d(0.165, 0, 0.09)};
-  // The feet of another body are as much larger as its bone from ankle to toe.
-  const Vector3d toe = skeleton.joints[*skeleton.find_joint("LeftFootEE")].offset;
-  const Vector3d own = toe.cwiseQuotient(BodyPlan::toe() - BodyPlan::ankle());
+  // The feet of another body are as much larger as its bone from ankle to toe. Computed as in make_skeleton, so that
+  // the factors of the actor's own body are exactly 1.
+  const Vector3d own_toe = (BodyPlan::toe() - BodyPlan::root()) - (BodyPlan::ankle() - BodyPlan::root());
+  const Vector3d larger = skeleton.joints[*skeleton.find_joint("LeftFootEE")].offset.cwiseQuotient(own_toe);
   const int lift = *skeleton.find_dof("Root_ty");
   dofs[lift] = 0;
   const auto world_from_joint = skeleton.pose(dofs);
@@ -224,7 +225,7 @@ void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double he
       const Vector3d from_ankle =
           (s == 0 ? point : mirrored(point)) - (s == 0 ? BodyPlan::ankle() : mirrored(BodyPlan::ankle()));
       const double y =
-          (world_from_joint[*skeleton.find_joint(std::string(kSides[s]) + "Foot_rz")] * from_ankle.cwiseProduct(own))
+          (world_from_joint[*skeleton.find_joint(std::string(kSides[s]) + "Foot_rz")] * from_ankle.cwiseProduct(larger))
               .y();
       sum += std::exp(-y / kSoftness);
     }

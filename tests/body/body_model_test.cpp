@@ -1,5 +1,6 @@
 #include "doppel/body/body_model.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <Eigen/Geometry>
@@ -123,7 +124,8 @@ int self_intersections(const TriangleMesh& mesh) {
     visit(p.cwiseMin(q).cwiseMin(r), p.cwiseMax(q).cwiseMax(r), [&](const auto& cell) { faces[cell].push_back(f); });
   }
   int count = 0;
-  for (const auto& [a, b] : MeshTopology(mesh).edges()) {
+  const MeshTopology topology(mesh);
+  for (const auto& [a, b] : topology.edges()) {
     const Vector3d &p = mesh.vertices[a], &q = mesh.vertices[b];
     visit(p.cwiseMin(q), p.cwiseMax(q), [&](const auto& cell) {
       const auto found = faces.find(cell);
@@ -147,7 +149,7 @@ TEST(BodyModel, IsSymmetric) {
     const TriangleTree tree(mesh.vertices, mesh.faces);
     double sum = 0, most = 0;
     for (const Vector3d& p : mesh.vertices) {
-      const double away = tree.closest({-p.x(), p.y(), p.z()}).distance;
+      const double away = std::sqrt(tree.closest({-p.x(), p.y(), p.z()}).squared_distance);
       sum += away;
       most = std::max(most, away);
     }
@@ -160,19 +162,27 @@ TEST(BodyModel, IsSymmetric) {
   }
 }
 
-TEST(BodyModel, TheSurfaceHasTheMeasures) {
-  for (int seed = 0; seed < 20; ++seed) {
-    const std::vector<double> wanted = bare(random_measures(seed));
-    const std::vector<double> found = measure_body(mesh_of(wanted), model().joints(wanted));
-    for (std::size_t i = 0; i < wanted.size(); ++i) {
-      const std::string& name = body_measures()[i].name;
-      if (is_cover(name)) continue;
-      // The chin of a child lies in the plane of the tape around its short neck.
-      if (name == "neck_girth" && random_build(seed) == BodyBuild::child) continue;
-      const bool is_length = name.ends_with("_length") && name != "foot_length";
-      EXPECT_NEAR(found[i] / wanted[i], 1, is_length ? 1e-9 : 0.02) << name << " of seed " << seed;
-    }
+/// The measures that the surface misses by more than 2 percent, and the lengths that it does not have exactly.
+std::string misses(const std::vector<double>& wanted, bool with_neck) {
+  const std::vector<double> found = measure_body(mesh_of(wanted), model().joints(wanted));
+  std::string text;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const std::string& name = body_measures()[i].name;
+    if (is_cover(name) || (name == "neck_girth" && !with_neck)) continue;
+    const bool is_exact = name.ends_with("_length") && name != "foot_length";
+    if (!(std::abs(found[i] / wanted[i] - 1) < (is_exact ? 1e-9 : 0.02)))
+      text += fmt::format("{} {:.4f} instead of {:.4f}; ", name, found[i], wanted[i]);
   }
+  return text;
+}
+
+TEST(BodyModel, TheSurfaceHasTheMeasures) {
+  EXPECT_EQ(misses(bare(mean_measures()), true), "");
+  EXPECT_EQ(misses(bare(mean_measures(BodyBuild::woman)), true), "");
+  EXPECT_EQ(misses(bare(mean_measures(BodyBuild::man)), true), "");
+  EXPECT_EQ(misses(bare(mean_measures(BodyBuild::child)), false), "");
+  // The chin may lie in the plane of the tape around a short neck.
+  for (int seed = 0; seed < 30; ++seed) EXPECT_EQ(misses(bare(random_measures(seed)), false), "") << "seed " << seed;
 }
 
 TEST(BodyModel, AMeasureChangesTheOthersLittle) {
@@ -182,10 +192,11 @@ TEST(BodyModel, AMeasureChangesTheOthersLittle) {
     std::vector<double> changed = mean;
     changed[i] += deviation[i];
     const std::vector<double> found = measure_body(mesh_of(changed), model().joints(changed));
-    for (std::size_t k = 0; k < mean.size(); ++k)
-      if (!is_cover(body_measures()[k].name))
-        EXPECT_NEAR(found[k], changed[k], (k == i ? 0.1 : 0.15) * deviation[k] + 0.002)
-            << body_measures()[i].name << " changed " << body_measures()[k].name;
+    for (std::size_t k = 0; k < mean.size(); ++k) {
+      if (is_cover(body_measures()[k].name)) continue;
+      EXPECT_NEAR(found[k], changed[k], (k == i ? 0.1 : 0.15) * deviation[k] + 0.002)
+          << body_measures()[i].name << " changed " << body_measures()[k].name;
+    }
   }
 }
 

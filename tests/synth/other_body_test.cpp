@@ -69,7 +69,7 @@ TEST(OtherBody, StandsOnTheGroundWithTheTopologyOfTheActor) {
     EXPECT_EQ(actor.character.fingerprint(), own_actor().character.fingerprint());
     double lowest = 1;
     for (const Vector3d& p : actor.character.mesh.vertices) lowest = std::min(lowest, p.y());
-    EXPECT_NEAR(lowest, 0, 0.006) << "seed " << seed;
+    EXPECT_NEAR(lowest, 0, 0.01) << "seed " << seed << "; the actor itself is right to 10 mm with so few vertices";
     const TriangleMesh &before = own_actor().character.mesh, &after = actor.character.mesh;
     int over = 0;
     for (const Triangle& f : after.faces) {
@@ -127,15 +127,22 @@ TEST(OtherBody, HeavyAndTallPeopleDiffer) {
   EXPECT_NEAR(girth(long_one) / girth(average), 1.0, 0.04);
 }
 
-TEST(OtherBody, KeepsItsSolesOnTheFloor) {
-  const Actor actor = actor_with(random_measures(4));
+/// Height of the lowest vertex in the frames of a motion, which is made for the actor's skeleton.
+std::vector<double> soles(const Actor& actor) {
   const Motion motion = synth::make_motion(actor.character.skeleton, 60, 25, 3);
-  const std::vector<synth::Points> frames = synth::skin_motion(actor.character, motion, {});
-  for (const synth::Points& frame : frames) {
-    double lowest = 1;
-    for (const Vector3d& p : frame) lowest = std::min(lowest, p.y());
-    EXPECT_GT(lowest, -0.06);
-    EXPECT_LT(lowest, 0.20);
+  std::vector<double> heights;
+  for (const synth::Points& frame : synth::skin_motion(actor.character, motion, {})) {
+    heights.push_back(1);
+    for (const Vector3d& p : frame) heights.back() = std::min(heights.back(), p.y());
+  }
+  return heights;
+}
+
+TEST(OtherBody, KeepsItsSolesOnTheFloorAsTheActorDoes) {
+  const std::vector<double> own = soles(own_actor());
+  for (const std::uint64_t seed : {4u, 5u, 11u}) {
+    const std::vector<double> other = soles(actor_with(random_measures(seed)));
+    for (std::size_t f = 0; f < own.size(); ++f) EXPECT_NEAR(other[f], own[f], 0.02) << "seed " << seed << ", " << f;
   }
 }
 
