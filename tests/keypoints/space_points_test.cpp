@@ -1,4 +1,4 @@
-#include "doppel/keypoints/space_points.h"
+#include "doppel/keypoints/read_space_points.h"
 
 #include <gmock/gmock.h>
 
