@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,17 +24,5 @@ struct SourceOptions {
   std::optional<double> metres_per_unit;  ///< default: as the file says
   double frames_per_second = 0.0;         ///< of the source, where the file states none; 0: unknown
 };
-
-/// The rotation that takes a vertical axis to y: about x for z and -y, otherwise the smallest one.
-Eigen::Matrix3d y_up_from_axis(const Eigen::Vector3d& up);
-
-/// The axis among +-x, +-y, +-z that is nearest to a direction, and the cosine between them.
-struct NearestAxis {
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
-  double cosine = 0.0;  ///< 0 for a direction of no length
-};
-NearestAxis nearest_axis(const Eigen::Vector3d& direction);
-/// "z" or "-y".
-std::string axis_name(const Eigen::Vector3d& axis);
 
 }  // namespace doppel

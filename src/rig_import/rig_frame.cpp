@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/up_axis.h"
 
 namespace doppel {
 
@@ -11,14 +12,6 @@ namespace {
 
 /// Height of a person, metres; outside it the unit is doubtful.
 constexpr double kSmallestPerson = 0.5, kTallestPerson = 2.5;
-
-/// World axes of the file to y up.
-Eigen::Matrix3d y_up_from(char up) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  if (up == 'z') turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  if (up == 'x') turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  return turn;
-}
 
 double height_of(const std::vector<Eigen::Vector3d>& vertices, const Eigen::Vector3d& up) {
   double low = INFINITY, high = -INFINITY;
@@ -34,7 +27,7 @@ double height_of(const std::vector<Eigen::Vector3d>& vertices, const Eigen::Vect
 Eigen::Affine3d character_from_scene(const Scene& scene, const std::vector<Eigen::Vector3d>& points,
                                      std::optional<double> metres_per_unit, std::optional<char> up,
                                      std::vector<std::string>& warnings) {
-  const Eigen::Matrix3d turn = y_up_from(up ? *up : scene.up.value_or('y'));
+  const Eigen::Matrix3d turn = y_up_from_axis(Eigen::Vector3d::Unit((up ? *up : scene.up.value_or('y')) - 'x'));
   const double height = height_of(points, turn.row(1).transpose());
   if (!(height > 0)) fail("the figure has no height, so its unit and its posture are unknown");
   double unit = metres_per_unit ? *metres_per_unit : scene.metres_per_unit.value_or(0.0);

@@ -1,5 +1,6 @@
-#include "doppel/motion_import/source_motion.h"
+#include "doppel/geometry/up_axis.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 namespace doppel {
