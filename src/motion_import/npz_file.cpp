@@ -19,7 +19,7 @@ constexpr std::size_t kDirectoryMark = 0x02014b50, kDirectoryLength = 46;
 constexpr std::size_t kLocalMark = 0x04034b50, kLocalLength = 30;
 constexpr std::size_t kLongestComment = 65535;
 constexpr int kEncrypted = 1, kStored = 0, kDeflated = 8;
-constexpr std::size_t kMostUnpacked = std::size_t{1} << 30;
+constexpr std::size_t kMostUnpacked = std::size_t{1} << 29;
 /// Deflate cannot pack better than this.
 constexpr std::size_t kBestRatio = 1032;
 

@@ -20,7 +20,7 @@ class NpzFile {
   std::vector<std::string> names() const;  ///< of the arrays, without `.npy`
   bool has(const std::string& name) const { return entries_.count(name) != 0; }
   /// @throws FileError for an array that the file does not have, is damaged, is packed by another method, or unpacks to
-  ///   more than 1 GiB; as parse_npy
+  ///   more than 512 MiB; as parse_npy
   NpyArray read(const std::string& name) const;
   const FileLocation& where() const { return where_; }
 

@@ -40,6 +40,10 @@ Rows read_rows(const NpzFile& file, const std::string& name) {
   rows.frames = as_size(array.shape[0]);
   if (rows.frames == 0 || rows.frames > kMostSmplFrames)
     fail_at(file.where(), "'{}' has {} frames; 1 to {} are read", name, rows.frames, kMostSmplFrames);
+  constexpr std::int64_t kWidest = 1000;
+  if (array.size() / array.shape[0] > kWidest)
+    fail_at(file.where(), "'{}' has {} numbers in a frame; at most {} are read", name, array.size() / array.shape[0],
+            kWidest);
   rows.values = array.as<double>();
   rows.width = rows.values.size() / rows.frames;
   const auto bad = std::find_if(rows.values.begin(), rows.values.end(), [](double x) { return !std::isfinite(x); });
