@@ -28,6 +28,7 @@ constexpr std::size_t kFewestJoints = 6;
 constexpr double kClearlyUp = 0.8;
 /// Metres per radian: the rotations of a figure of points follow from its points, and only settle the twist.
 constexpr double kRotationWeight = 0.01;
+constexpr double kNoBone = 1e-6;  ///< metres; a shorter bone has no direction
 
 /// Fills gaps between found points by straight lines. @return the number of points filled
 long fill_gaps(Track& track, std::size_t longest) {
@@ -75,6 +76,7 @@ struct PointJoint {
 class PointFigure {
  public:
   PointFigure(const SpacePoints& points, const SourceOptions& options) : rate_(points.rate) {
+    if (points.frames.empty()) fail("the file has no frames of points");
     if (!(rate_ > 0)) rate_ = options.frames_per_second;
     if (!(rate_ > 0)) fail("the file states no frame rate; give it with --source-fps");
     const long frames = points.frames.rbegin()->first - points.frames.begin()->first + 1;
@@ -269,18 +271,21 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
   for (const int child : joint.children) {
     if (places[as_size(child)].hasNaN()) continue;
     const Vector3d bone = joints_[as_size(child)].rest - joint.rest;
-    add(bone, bone.norm() * direction(static_cast<int>(index), child));
+    const Vector3d now = direction(static_cast<int>(index), child);
+    if (bone.norm() < kNoBone || now.isZero()) continue;
+    add(bone, bone.norm() * now);
     below = child;
   }
   if (from.cols() == 0) return above;
   if (from.cols() > 1) return best_rotation(from, to);
   const Matrix3d swing = Eigen::Quaterniond::FromTwoVectors(above * from.col(0), to.col(0)).toRotationMatrix() * above;
   const std::vector<int>& next = joints_[as_size(below)].children;
-  const bool limb = joint.name.ends_with("_hip") || joint.name.ends_with("_shoulder");
+  const bool thigh = joints_[as_size(below)].name.ends_with("_knee");
+  const bool limb = thigh || joints_[as_size(below)].name.ends_with("_elbow");
   if (!limb || next.empty() || places[as_size(next[0])].hasNaN()) return swing;
   // The axis of a bent knee or elbow, whose rest axis is that of a bend from the T-pose.
   const Vector3d now = direction(static_cast<int>(index), below).cross(direction(below, next[0]));
-  const Vector3d bend = joint.name.ends_with("_hip") ? Vector3d(0, 0, -1) : Vector3d(0, 0, 1);
+  const Vector3d bend(0, 0, thigh ? -1 : 1);
   const Vector3d axis = from.col(0).normalized().cross(bend).normalized();
   constexpr double kStraight = 0.05;  // weight of the twist of the joint above: that of a bend by 13 degrees
   add(axis, now.norm() * now);
