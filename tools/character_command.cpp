@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "character_create.h"
+#include "character_fit.h"
 #include "character_import.h"
 #include "character_label.h"
 #include "character_report.h"
@@ -112,23 +113,25 @@ void add_build_options(CLI::App& app, BuildOptions& options) {
 
 Command add_character(CLI::App& program) {
   auto options = std::make_shared<BuildOptions>();
-  CLI::App* app = program.add_subcommand("character", "Create, import or build characters and label their materials");
+  CLI::App* app =
+      program.add_subcommand("character", "Create, fit, import or build characters and label their materials");
   app->require_subcommand(1);
   CLI::App* build_app =
       app->add_subcommand("build", "Make a character folder from a mesh, a skeleton and skinning weights");
   build_app->fallthrough();
   add_build_options(*build_app, *options);
-  const Command create = add_character_create(*app), import = add_character_import(*app),
+  const Command create = add_character_create(*app), fit = add_character_fit(*app), import = add_character_import(*app),
                 label = add_character_label(*app);
   app->footer(
-      "Examples: doppel character create --help; doppel character import --help; doppel character build --help; "
+      "Examples: doppel character create --help; doppel character fit --help; doppel character import --help; "
+      "doppel character build --help; "
       "doppel character label --help");
   build_app->footer(
       "Example: doppel character build --mesh actor.obj --skeleton actor.skeleton --skin actor.skin --motion "
       "rest.motion "
       "--nodes 500 --out actor/");
-  return {app, [options, create, import, label](const CommonOptions& common) {
-            for (const Command& command : {create, import, label})
+  return {app, [options, create, fit, import, label](const CommonOptions& common) {
+            for (const Command& command : {create, fit, import, label})
               if (command.app->parsed()) return command.run(common);
             return run_build(*options, common);
           }};

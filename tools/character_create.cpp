@@ -40,17 +40,41 @@ CreatedCharacter create(const CreateOptions& options, const CommonOptions& commo
   return create_character(options.name, scan_of_scene(scene), creation);
 }
 
+nlohmann::ordered_json describe_bending(const BendReport& bending) {
+  nlohmann::ordered_json poses = nlohmann::ordered_json::array();
+  const auto or_null = [](const std::optional<double>& value) {
+    return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
+  };
+  for (const PoseBend& bend : bending.poses)
+    poses.push_back({{"pose", bend.pose},
+                     {"stretched", bend.stretched},
+                     {"stretched_share", static_cast<double>(bend.stretched) / bending.triangles},
+                     {"stretched_alone", bend.stretched_alone},
+                     {"stretched_alone_share", static_cast<double>(bend.stretched_alone) / bending.triangles},
+                     {"largest_stretch", bend.largest_stretch},
+                     {"sticking", bend.sticking},
+                     {"elbow_volume", or_null(bend.elbow_volume)},
+                     {"knee_volume", or_null(bend.knee_volume)}});
+  return poses;
+}
+
 int run_create(const CreateOptions& options, const CommonOptions& common) {
   const CreatedCharacter created = create(options, common);
   for (const std::string& note : created.notes) log::info("{}", note);
+  const std::vector<std::string> faults = created.bending.faults();
+  for (const std::string& fault : faults) log::warn("{}; see poses.jpg", fault);
   const fs::path written = write_character_folder(options.out, options.name, [&](const fs::path& folder) {
     write_character(folder, created.character);
     write_joints(folder / "joints.json", created.joints);
     if (!created.joint_sheet.empty()) write_image(folder / "joints.jpg", created.joint_sheet);
+    write_image(folder / "poses.jpg", created.pose_sheet);
   });
   nlohmann::ordered_json report;
   report["written"] = written.string();
   report["notes"] = created.notes;
+  report["warnings"] = faults;
+  report["bending"] =
+      common.json ? describe_bending(created.bending) : nlohmann::ordered_json(created.bending.summary());
   report.update(describe_character(created.character, false));
   print_report(report, common.json);
   return 0;

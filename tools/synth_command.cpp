@@ -13,7 +13,7 @@ namespace {
 
 /// Options of the command line; missing values are those of the preset.
 struct SynthArguments {
-  std::string out, preset = "tiny", cloth = "springs", lens = "pinhole";
+  std::string out, preset = "tiny", cloth = "springs", lens = "pinhole", body = synth::kOwnBody;
   int cameras = 0, frames = 0, test_frames = 0, size = 0;
   double turn = 0.0;
   std::uint64_t seed = 1;
@@ -31,6 +31,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
   take("--size", arguments.size, options.size);
   options.cloth.model = synth::cloth_model(arguments.cloth);
   options.lens = synth::synth_lens(arguments.lens);
+  options.body = arguments.body;
   options.turn = arguments.turn;
   options.seed = arguments.seed;
   options.force = arguments.force;
@@ -39,6 +40,7 @@ synth::SynthOptions options_of(const SynthArguments& arguments, const CLI::App& 
 
 void print_summary(const std::string& out, const synth::SynthOptions& o, const synth::SynthReport& r) {
   fmt::print("synthetic capture in {}\n", out);
+  if (o.body != synth::kOwnBody) fmt::print("  body      {}\n", o.body);
   fmt::print("  actor     {} vertices, {} faces, {} graph nodes, {} DoFs\n", r.vertices, r.faces, r.nodes, r.dofs);
   fmt::print("  cameras   {}, {} x {} pixels\n", o.cameras, o.size, o.size);
   fmt::print("  frames    {} for training (cut before frame {}), {} for testing, {} per second\n", o.frames,
@@ -59,6 +61,7 @@ void print_json(const std::string& out, const synth::SynthOptions& o, const synt
                                  {"cameras", o.cameras},
                                  {"size", o.size},
                                  {"fps", o.fps},
+                                 {"body", o.body},
                                  {"seed", o.seed},
                                  {"cloth", synth::cloth_name(o.cloth.model)},
                                  {"lens", o.lens == Lens::fisheye ? "fisheye" : "pinhole"},
@@ -89,6 +92,8 @@ Command add_synth(CLI::App& program) {
   app->add_option("--cloth", arguments->cloth,
                   "Simulation of the clothes: springs (fast), or xpbd (near-inextensible, touches the body; half a "
                   "minute longer for small)")
+      ->capture_default_str();
+  app->add_option("--body", arguments->body, "Whose body: actor, average, or random:SEED, e.g. random:7")
       ->capture_default_str();
   app->add_option("--turn", arguments->turn, "Mean speed at which the person turns, degrees per second (-360 to 360)")
       ->capture_default_str();

@@ -10,6 +10,7 @@
 
 #include "command.h"
 #include "detected_capture.h"
+#include "doppel/character/character_folder.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
@@ -18,6 +19,7 @@
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/method_trackers.h"
 #include "doppel/track/points/track_points.h"
+#include "doppel/track/shape/scale_bones.h"
 #include "doppel/track/track_capture.h"
 
 namespace doppel::tools {
@@ -50,6 +52,7 @@ struct TrackArguments {
   SourceOptions playing;
   int empty_frames = 0;
   std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
+  std::string scale;   ///< "bones": the bone lengths are fitted first; empty: the character as it is
 
   bool live() const { return !source.empty(); }
   bool needs_masks() const { return method == "livecap" || method == "deepcap" || surface; }
@@ -184,10 +187,24 @@ TrackReport track_with_networks(const TrackArguments& arguments) {
   return track_deepcap(*Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera), options);
 }
 
+/// Tracks with the character whose bones have the person's lengths, which is written beside the motions.
+TrackReport track_with_scaled_bones(const Footage& footage, const TrackArguments& arguments, TrackOptions options) {
+  ScaledCharacter scaled = scale_bones(footage, chosen_sequences(footage, options), options.config);
+  const std::string& name = scaled.character.name;
+  const fs::path written = write_character_folder(
+      options.out / "character", name, [&](const fs::path& folder) { write_character(folder, scaled.character); });
+  const auto scaled_footage =
+      Footage::open_for(load_character(written), written, arguments.capture, options.config.fit.outline_pixels);
+  options.bone_scales = std::move(scaled.factors);
+  return track_capture(*scaled_footage, options);
+}
+
 TrackReport track_with_all_cameras(const TrackArguments& arguments) {
-  const TrackOptions options{arguments.task, read_track_config(config_document(arguments)), arguments.surface,
-                             arguments.sheet_frames};
-  return track_capture(*Footage::open(arguments.capture, options.config.fit.outline_pixels), options);
+  const TrackOptions options{
+      arguments.task, read_track_config(config_document(arguments)), arguments.surface, arguments.sheet_frames, {}};
+  const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels);
+  return arguments.scale.empty() ? track_capture(*footage, options)
+                                 : track_with_scaled_bones(*footage, arguments, options);
 }
 
 /// Points in space have a report of their own: no pose is known.
@@ -206,9 +223,9 @@ int run_points(const TrackArguments& arguments, const CommonOptions& common) {
 /// @throws UsageError for options that cannot be combined with --method points
 void check_points(const TrackArguments& arguments) {
   const TrackTask& task = arguments.task;
-  if (arguments.surface || task.vertices || arguments.live() || !arguments.preview.empty() ||
-      !arguments.texture.empty() || !arguments.camera.empty() || !arguments.deepcap.run.empty() ||
-      !arguments.config.empty() || !arguments.set.empty())
+  if (arguments.surface || task.vertices || !arguments.scale.empty() || arguments.live() ||
+      !arguments.preview.empty() || !arguments.texture.empty() || !arguments.camera.empty() ||
+      !arguments.deepcap.run.empty() || !arguments.config.empty() || !arguments.set.empty())
     fail<UsageError>(
         "--method points knows no body and uses all cameras; of the options only --out, --sequences and "
         "--limit-frames belong to it");
@@ -225,6 +242,8 @@ void check(const TrackArguments& arguments) {
     fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit uses all cameras of the capture");
   if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
     fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which use one camera");
+  if ((livecap || deepcap) && !arguments.scale.empty())
+    fail<UsageError>("--scale belongs to --method multiview, which sees the lengths of bones with all cameras");
   if (deepcap && arguments.deepcap.run.empty())
     fail<UsageError>("--method deepcap needs --run RUN, a run of `doppel train` or `doppel adapt`");
   if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
@@ -291,6 +310,10 @@ Command add_track(CLI::App& program) {
   app->add_option("--set", arguments->set, "Override a key of the configuration: --set silhouette.weight=0");
   app->add_flag("--surface", arguments->surface,
                 "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");
+  app->add_option("--scale", arguments->scale,
+                  "bones: first find the lengths of the bones over all frames together, for a body that is not quite "
+                  "this person's; the scaled character is written to OUT/character")
+      ->check(CLI::IsMember({"bones"}));
   app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or deformed");
   app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "doppel/autorig/find_joints.h"
+#include "doppel/autorig/pose_sheet.h"
 #include "doppel/core/log.h"
 #include "doppel/rigging/make_character.h"
 #include "doppel/rigging/place_inside.h"
@@ -67,6 +68,8 @@ CreatedCharacter create_character(const std::string& name, const ScanParts& scan
   RigOptions rig;
   rig.character.num_nodes = options.nodes;
   result.character = make_character(name, mesh, joints, solid, rig);
+  result.bending = examine_bending(result.character);
+  result.pose_sheet = draw_pose_sheet(result.character);
   return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "doppel/autorig/body_points.h"
 #include "doppel/character/character.h"
+#include "doppel/rigging/bend_report.h"
 #include "doppel/rigging/body_joints.h"
 #include "doppel/scan/orientation.h"
 #include "doppel/scan/scan_parts.h"
@@ -27,11 +28,14 @@ struct CreatedCharacter {
   Character character;
   JointsFile joints;               ///< where the joints lie in the scan's file
   cv::Mat joint_sheet;             ///< the scan from all sides with its joints, 8-bit BGR; empty with given joints
+  BendReport bending;              ///< figures of five extreme poses
+  cv::Mat pose_sheet;              ///< the character in these poses from four sides (draw_pose_sheet), 8-bit BGR
   std::vector<std::string> notes;  ///< what was found, mended and doubted, in sentences
 };
 
 /// Makes the character of a scanned person who stands upright: unit and up axis, repair, joints, template, skinning
-/// weights, labels, graph. The world of the character: metres, y up, feet at y = 0.
+/// weights, labels, graph. Examines and draws how the result bends. The world of the character: metres, y up, feet at y
+/// = 0.
 /// @param scan in the file's coordinates
 /// @throws UsageError / Error as merge_parts, find_orientation, repair, find_joints, read_joints and make_character
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,

@@ -1,5 +1,6 @@
 #include "doppel/character/landmarks.h"
 
+#include <algorithm>
 #include <climits>
 #include <cmath>
 #include <set>
@@ -78,6 +79,17 @@ std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks) {
   names.reserve(landmarks.size());
   for (const Marker& landmark : landmarks) names.push_back(landmark.name);
   return names;
+}
+
+std::vector<Marker> markers_named(const Skeleton& skeleton, const std::vector<std::string>& names) {
+  std::vector<Marker> markers;
+  for (const std::string& name : names) {
+    const auto found = std::find_if(skeleton.markers.begin(), skeleton.markers.end(),
+                                    [&](const Marker& marker) { return marker.name == name; });
+    if (found == skeleton.markers.end()) fail("the skeleton has no marker {}", name);
+    markers.push_back(*found);
+  }
+  return markers;
 }
 
 std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const std::vector<Marker>& landmarks,

@@ -25,6 +25,9 @@ void write_landmarks(const std::filesystem::path& csv, const Character& characte
 
 std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks);
 
+/// The markers of a skeleton with these names, in the order of the names. @throws Error for a name that no marker has
+std::vector<Marker> markers_named(const Skeleton& skeleton, const std::vector<std::string>& names);
+
 /// Positions of landmarks in a pose: [M], world metres. @param dofs [D]
 /// @throws Error when the joint of a landmark is not in the skeleton, or `dofs` has another length
 std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const std::vector<Marker>& landmarks,

@@ -123,24 +123,30 @@ std::optional<std::vector<double>> MultiviewTracker::start_anew(const Points& po
   return best;
 }
 
-Terms image_terms(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
-                  const std::vector<OutlineVertex>& outline, const MultiviewOptions& o) {
+template <typename Model>
+typename FitProblem<Model>::Terms image_terms(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
+                                              const std::vector<OutlineVertex>& outline, const MultiviewOptions& o) {
   const auto kernel = RobustKernel::geman_mcclure_of;
-  Terms result;
-  result.push_back(
-      std::make_unique<KeypointTerm<PoseModel>>(cameras, frame, o.keypoint_weight, kernel(o.keypoint_scale)));
+  typename FitProblem<Model>::Terms result;
+  result.push_back(std::make_unique<KeypointTerm<Model>>(cameras, frame, o.keypoint_weight, kernel(o.keypoint_scale)));
   if (outline.empty()) return result;
-  result.push_back(std::make_unique<SilhouetteTerm<PoseModel>>(cameras, frame, outline, o.silhouette_weight,
-                                                               o.silhouette_inside, kernel(o.silhouette_scale)));
+  result.push_back(std::make_unique<SilhouetteTerm<Model>>(cameras, frame, outline, o.silhouette_weight,
+                                                           o.silhouette_inside, kernel(o.silhouette_scale)));
   if (o.contour_weight > 0.0)
-    result.push_back(std::make_unique<ContourTerm<PoseModel>>(
-        cameras, frame, outline, o.outline_vertices, o.contour_reach, o.contour_weight, kernel(o.silhouette_scale)));
+    result.push_back(std::make_unique<ContourTerm<Model>>(cameras, frame, outline, o.outline_vertices, o.contour_reach,
+                                                          o.contour_weight, kernel(o.silhouette_scale)));
   return result;
 }
+template FitProblem<PoseModel>::Terms image_terms<PoseModel>(const std::vector<PinholeCamera>&, const FrameEvidence&,
+                                                             const std::vector<OutlineVertex>&,
+                                                             const MultiviewOptions&);
+template FitProblem<ShapeModel>::Terms image_terms<ShapeModel>(const std::vector<PinholeCamera>&, const FrameEvidence&,
+                                                               const std::vector<OutlineVertex>&,
+                                                               const MultiviewOptions&);
 
 Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<OutlineVertex>& outline,
                               const std::vector<double>* expected) const {
-  Terms result = image_terms(cameras_, frame, outline, options_);
+  Terms result = image_terms<PoseModel>(cameras_, frame, outline, options_);
   const MultiviewOptions& o = options_;
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
   if (const auto weights = prior_weights(o.shared_dofs, o.prior_weight, shared_.size()); !weights.empty())

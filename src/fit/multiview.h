@@ -40,13 +40,13 @@ struct MultiviewOptions : PoseFitOptions {
 };
 
 /// The image terms of a frame: keypoints; with outline vertices also the silhouette, and the contour if its weight is
-/// not 0.
+/// not 0. For a `PoseModel` or a `ShapeModel`.
 /// @param cameras, frame [C]; both must outlive the terms
 /// @param outline the outline vertices of all cameras (OutlineFinder); empty: only the keypoint term is made
-std::vector<std::unique_ptr<PoseTerm>> image_terms(const std::vector<PinholeCamera>& cameras,
-                                                   const FrameEvidence& frame,
-                                                   const std::vector<OutlineVertex>& outline,
-                                                   const MultiviewOptions& options);
+template <typename Model>
+typename FitProblem<Model>::Terms image_terms(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
+                                              const std::vector<OutlineVertex>& outline,
+                                              const MultiviewOptions& options);
 
 /// Tracks a person frame by frame with the multi-view fit.
 class MultiviewTracker {

@@ -145,6 +145,29 @@ std::vector<std::pair<int, double>> MeshTopology::geodesic_ball(int source, doub
   return reached;
 }
 
+IndexRows face_neighbours(const std::vector<Triangle>& faces) {
+  std::vector<std::pair<Edge, int>> sides;  // undirected edge and face
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (std::size_t k = 0; k < 3; ++k)
+      if (const int a = faces[f][k], b = faces[f][(k + 1) % 3]; a != b)
+        sides.emplace_back(ordered(a, b), static_cast<int>(f));
+  std::sort(sides.begin(), sides.end());
+  std::vector<std::vector<int>> found(faces.size());
+  for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
+    while (last < sides.size() && sides[last].first == sides[first].first) ++last;
+    for (std::size_t i = first; i < last; ++i)
+      for (std::size_t j = first; j < last; ++j)
+        if (sides[i].second != sides[j].second) found[as_size(sides[i].second)].push_back(sides[j].second);
+  }
+  IndexRows rows;
+  for (std::vector<int>& row : found) {
+    std::sort(row.begin(), row.end());
+    rows.items.insert(rows.items.end(), row.begin(), std::unique(row.begin(), row.end()));
+    rows.offsets.push_back(static_cast<int>(rows.items.size()));
+  }
+  return rows;
+}
+
 MeshReport inspect_mesh(const TriangleMesh& mesh) {
   MeshReport report;
   const MeshTopology topology(mesh);

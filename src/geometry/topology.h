@@ -49,6 +49,10 @@ class MeshTopology {
   std::vector<std::array<int, 2>> edges_;
 };
 
+/// The faces that share an edge with each face [F], ascending. Any number of faces may share an edge, in any winding;
+/// an edge whose two ends are the same vertex counts for nothing.
+IndexRows face_neighbours(const std::vector<Triangle>& faces);
+
 /// Counts and properties of a mesh, for `doppel info` and for checks.
 struct MeshReport {
   int boundary_edges = 0, non_manifold_edges = 0, components = 0, degenerate_faces = 0, isolated_vertices = 0;

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "doppel/character/blend_skin.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
@@ -230,24 +231,14 @@ void RigImporter::build_character() {
 /// The distance between the file's own skinning and the character's, at five frames.
 double RigImporter::error_of(const SceneAnimation& animation, const ImportedMotion& motion) const {
   const Character& character = rig_.character;
-  const auto rest = character.skeleton.pose(character.rest_dofs);
   const int last = motion.motion.num_frames() - 1;
   double largest = 0.0;
   for (const int frame : {0, last / 4, last / 2, 3 * last / 4, last}) {
     const auto world = node_transforms(scene_, animation, motion.start + frame / motion.frames_per_second);
     const std::vector<Eigen::Vector3d> truth = posed_vertices(scene_, world);
-    const auto pose = character.skeleton.pose(motion.motion.frames[as_size(frame)]);
-    std::vector<Affine> bones;
-    for (const int joint : character.bone_joint)
-      bones.push_back(pose[as_size(joint)] * rest[as_size(joint)].inverse(Eigen::Isometry));
-    for (int v = 0; v < character.num_vertices(); ++v) {
-      Eigen::Vector3d x = Eigen::Vector3d::Zero();
-      for (int i = character.skin.vertex_bones.offsets[as_size(v)];
-           i < character.skin.vertex_bones.offsets[as_size(v) + 1]; ++i)
-        x += character.skin.weights[as_size(i)] *
-             (bones[as_size(character.skin.vertex_bones.items[as_size(i)])] * character.mesh.vertices[as_size(v)]);
-      largest = std::max(largest, (x - character_from_scene_ * truth[as_size(rig_.vertex_map[as_size(v)])]).norm());
-    }
+    const std::vector<Eigen::Vector3d> posed = posed_vertices(character, motion.motion.frames[as_size(frame)]);
+    for (std::size_t v = 0; v < posed.size(); ++v)
+      largest = std::max(largest, (posed[v] - character_from_scene_ * truth[as_size(rig_.vertex_map[v])]).norm());
   }
   return largest;
 }

@@ -5,10 +5,11 @@
 #include <cmath>
 #include <string>
 
+#include "doppel/geometry/isosurface.h"
+#include "doppel/geometry/smooth_values.h"
 #include "doppel/geometry/topology.h"
-#include "doppel/synth/atlas.h"
+#include "doppel/geometry/unwrap.h"
 #include "doppel/synth/body_field.h"
-#include "doppel/synth/isosurface.h"
 #include "doppel/synth/paint.h"
 
 namespace doppel::synth {
@@ -199,20 +200,6 @@ BoneWeights point_weights(const BodyField& field, const Vector3d& p) {
   return sum;
 }
 
-/// Replaces every value by the mean of the value and the mean of its neighbours, `rounds` times.
-template <typename Value>
-void smooth(std::vector<Value>& values, const MeshTopology& topology, int rounds) {
-  const IndexRows& ring = topology.one_ring();
-  for (int round = 0; round < rounds; ++round) {
-    const std::vector<Value> old = values;
-    for (int v = 0; v < ring.num_rows(); ++v) {
-      Value mean = old[ring.row(v).front()];
-      for (const int w : ring.row(v).subspan(1)) mean = mean + old[w];
-      values[v] = 0.5 * old[v] + (0.5 / ring.size(v)) * mean;
-    }
-  }
-}
-
 using WeightVector = Eigen::Matrix<double, kNumBones, 1>;
 
 void append_row(SkinningWeights& skin, const WeightVector& w) {
@@ -267,8 +254,8 @@ void dress(Actor& actor, const BodyField& field) {
   }
   const double edge = std::sqrt(2.9 / mesh.num_vertices());  // about one edge; equal reach on any mesh
   const int rounds = std::max(2, static_cast<int>(std::lround(0.0045 / (edge * edge))));
-  smooth(actor.looseness, topology, rounds);
-  smooth(actor.hang, topology, rounds);
+  smooth_values(actor.looseness, topology, rounds);
+  smooth_values(actor.hang, topology, rounds);
 }
 
 }  // namespace
@@ -291,7 +278,7 @@ SkinningWeights make_weights(const TriangleMesh& mesh) {
                 "LeftFoot", "RightShoulder", "RightArm",     "RightForeArm", "RightUpLeg",  "RightLeg",  "RightFoot"};
   std::vector<WeightVector> dense;
   for (const Vector3d& p : mesh.vertices) dense.emplace_back(point_weights(field, p).data());
-  smooth(dense, MeshTopology(mesh), 2);
+  smooth_values(dense, MeshTopology(mesh), 2);
   for (const WeightVector& w : dense) append_row(skin, w);
   return skin;
 }
@@ -301,7 +288,9 @@ Actor make_actor(const ActorOptions& options) {
   Actor actor;
   Character& c = actor.character;
   c.name = "actor";
-  c.mesh = coarsen(mesh_body(field, options.grid_cell), field, options.vertices, relative_edge);
+  const TriangleMesh fine =
+      mesh_field(BodyField::field(), {-0.78, -0.06, -0.46}, {0.78, 1.83, 0.46}, options.grid_cell);
+  c.mesh = coarsen(fine, BodyField::field(), options.vertices, relative_edge);
   unwrap(c.mesh, 3.0 / options.texture_size);
   c.mesh.texture = paint_texture(c.mesh, field, options.texture_size);
   c.labels = parser_labels(c.mesh, field);

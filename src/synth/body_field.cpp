@@ -10,29 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Polynomial smooth minimum: rounds the crease between two fields over a width of about k.
-double smooth_min(double a, double b, double k) {
-  const double h = std::max(k - std::abs(a - b), 0.0) / k;
-  return std::min(a, b) - h * h * k * 0.25;
-}
-
-double smooth_max(double a, double b, double k) { return -smooth_min(-a, -b, k); }
-
-/// A cone with spherical ends of radius ra at a and rb at b.
-double round_cone(const Vector3d& p, const Vector3d& a, const Vector3d& b, double ra, double rb) {
-  const Vector3d axis = b - a, from_a = p - a;
-  const double t = std::clamp(from_a.dot(axis) / axis.squaredNorm(), 0.0, 1.0);
-  return (from_a - t * axis).norm() - (ra + t * (rb - ra));
-}
-
-/// An ellipsoid, first-order exact at its surface.
-double ellipsoid(const Vector3d& p, const Vector3d& centre, const Vector3d& radii) {
-  const Vector3d q = p - centre;
-  const double k0 = q.cwiseQuotient(radii).norm();
-  const double k1 = q.cwiseQuotient(radii.cwiseProduct(radii)).norm();
-  return k1 > 1e-12 ? k0 * (k0 - 1) / k1 : -radii.minCoeff();
-}
-
 double torso(const Vector3d& p) {
   double d = ellipsoid(p, {0, 1.27, -0.005}, {0.158, 0.205, 0.112});
   d = smooth_min(d, ellipsoid(p, {0, 1.075, -0.002}, {0.136, 0.15, 0.097}), 0.08);
@@ -133,11 +110,6 @@ double skirt(const Vector3d& p) {
 
 }  // namespace
 
-double smooth_step(double low, double high, double x) {
-  const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
-  return t * t * (3 - 2 * t);
-}
-
 double BodyField::part_distance(Part part, const Vector3d& p) const {
   switch (part) {
     case kTorso:
@@ -180,32 +152,16 @@ double BodyField::joined(const std::array<double, kNumParts>& part) {
   return smooth_min(d, part[kSkirt], 0.022);
 }
 
-Vector3d BodyField::gradient(const Vector3d& p) const {
-  constexpr double kStep = 1e-4;
-  Vector3d g;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vector3d step = kStep * Vector3d::Unit(axis);
-    g[axis] = (distance(p + step) - distance(p - step)) / (2 * kStep);
-  }
-  return g;
+DistanceField BodyField::field() {
+  return [](const Vector3d& p) { return BodyField().distance(p); };
 }
+
+Vector3d BodyField::gradient(const Vector3d& p) const { return field_gradient(field(), p); }
 
 Part BodyField::part(const Vector3d& p) const {
   auto d = part_distances(p);
   d[kHair] -= 0.002;  // where hair and skull coincide, the surface is hair
   return static_cast<Part>(std::min_element(d.begin(), d.end()) - d.begin());
-}
-
-Vector3d BodyField::project(const Vector3d& p) const {
-  Vector3d x = p;
-  for (int step = 0; step < 4; ++step) {
-    const Vector3d g = gradient(x);
-    const double slope = g.squaredNorm();
-    if (slope < 1e-3) break;
-    const Vector3d move = distance(x) / slope * g;
-    x -= move.norm() > 0.01 ? Vector3d(move * (0.01 / move.norm())) : move;
-  }
-  return x;
 }
 
 double BodyField::openness(const Vector3d& p, const Vector3d& normal) const {

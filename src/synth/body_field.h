@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "doppel/geometry/distance_field.h"
+
 namespace doppel::synth {
 
 /// The body parts of the actor. The right limbs follow the left limbs in the same order.
@@ -61,19 +63,16 @@ class BodyField {
   static double joined(const std::array<double, kNumParts>& part);
   /// Distance to the whole body.
   double distance(const Eigen::Vector3d& p) const;
+  /// `distance` as a function that outlives this object.
+  static DistanceField field();
   /// Gradient of `distance` by central differences.
   Eigen::Vector3d gradient(const Eigen::Vector3d& p) const;
   /// The part nearest to p.
   Part part(const Eigen::Vector3d& p) const;
   /// Horizontal depth of a point of the skirt below its outer face, metres. The inner wall is 0.034 deep.
   double skirt_depth(const Eigen::Vector3d& p) const;
-  /// Projects a point near the surface onto the surface by a few Newton steps.
-  Eigen::Vector3d project(const Eigen::Vector3d& p) const;
   /// Unoccluded share of the surroundings of a surface point, 0..1, from the field along its normal.
   double openness(const Eigen::Vector3d& p, const Eigen::Vector3d& normal) const;
 };
-
-/// 0 below `low`, 1 above `high`, smooth in between.
-double smooth_step(double low, double high, double x);
 
 }  // namespace doppel::synth

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "doppel/core/error.h"
+#include "doppel/core/random.h"
 #include "doppel/synth/body_field.h"
-#include "doppel/synth/random.h"
 
 namespace doppel::synth {
 
@@ -210,6 +210,9 @@ class Performance {
 void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double height) {
   static const std::array<Vector3d, 4> kSole{Vector3d(0.105, 0, -0.09), Vector3d(0.12, 0, 0.19),
                                              Vector3d(0.07, 0, 0.09), Vector3d(0.165, 0, 0.09)};
+  // The feet of another body are as much larger as its bone from ankle to toe.
+  const Vector3d toe = skeleton.joints[*skeleton.find_joint("LeftFootEE")].offset;
+  const Vector3d own = toe.cwiseQuotient(BodyPlan::toe() - BodyPlan::ankle());
   const int lift = *skeleton.find_dof("Root_ty");
   dofs[lift] = 0;
   const auto world_from_joint = skeleton.pose(dofs);
@@ -220,7 +223,9 @@ void put_on_floor(const Skeleton& skeleton, std::vector<double>& dofs, double he
     for (const Vector3d& point : kSole) {
       const Vector3d from_ankle =
           (s == 0 ? point : mirrored(point)) - (s == 0 ? BodyPlan::ankle() : mirrored(BodyPlan::ankle()));
-      const double y = (world_from_joint[*skeleton.find_joint(std::string(kSides[s]) + "Foot_rz")] * from_ankle).y();
+      const double y =
+          (world_from_joint[*skeleton.find_joint(std::string(kSides[s]) + "Foot_rz")] * from_ankle.cwiseProduct(own))
+              .y();
       sum += std::exp(-y / kSoftness);
     }
   dofs[lift] = height + kSoftness * std::log(sum / 4);

@@ -11,10 +11,10 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/random.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/synth/body_field.h"
-#include "doppel/synth/random.h"
 
 namespace doppel::synth {
 

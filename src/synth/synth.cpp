@@ -17,13 +17,14 @@
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/random.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"
 #include "doppel/synth/capture_writer.h"
+#include "doppel/synth/other_body.h"
 #include "doppel/synth/performance.h"
-#include "doppel/synth/random.h"
 #include "doppel/synth/studio.h"
 #include "doppel/synth/xpbd_cloth.h"
 
@@ -49,9 +50,21 @@ void check(const SynthOptions& o) {
   within("the number of test frames", o.test_frames, 2, 100000);
   if (o.size % 2 != 0)
     fail<UsageError>("doppel synth: the image size is {}; video encoders need an even number", o.size);
+  if (o.body != kOwnBody) measures_of(o.body);  // refuses a word that names no body
+  if (o.body != kOwnBody && o.cloth.model == ClothModel::xpbd)
+    fail<UsageError>(
+        "doppel synth: the cloth model xpbd touches the actor's own body only, and the body is '{}'; give --cloth "
+        "springs, or leave --body away",
+        o.body);
   if (!(std::abs(o.turn) <= kLargestTurn))
     fail<UsageError>("doppel synth: the person turns by {} degrees per second; this must be {} to {}", o.turn,
                      -kLargestTurn, kLargestTurn);
+}
+
+Actor actor_of(const SynthOptions& options) {
+  Actor actor = make_actor(options.actor);
+  if (options.body != kOwnBody) give_body(actor, measures_of(options.body));
+  return actor;
 }
 
 /// A temporary folder that the destructor removes unless it was renamed to its final name.
@@ -337,7 +350,7 @@ SynthReport write_synthetic_capture(const fs::path& folder, const SynthOptions& 
   check(options);
   FolderInTheMaking making(folder, options.force);
   Progress progress("synth", options.frames + options.test_frames);
-  const Actor actor = make_actor(options.actor);
+  const Actor actor = actor_of(options);
   const std::vector<Camera> cameras = make_cameras(options.cameras, options.size, options.seed, options.lens);
   StudioOptions studio_options;
   studio_options.seed = options.seed;

@@ -26,8 +26,12 @@ struct ClothOptions {
   XpbdOptions xpbd;
 };
 
+/// The body that the actor has by itself.
+inline constexpr const char* kOwnBody = "actor";
+
 struct SynthOptions {
   ActorOptions actor;
+  std::string body = kOwnBody;  ///< `actor`, or another body: `average`, `random:SEED` (other_body.h)
   ClothOptions cloth;
   int cameras = 8;
   int size = 384;            ///< pixels along each side of the images
@@ -36,7 +40,7 @@ struct SynthOptions {
   int test_frames = 40;
   double fps = 25;
   double turn = 0.0;       ///< mean speed at which the person turns about the vertical axis, degrees per second
-  std::uint64_t seed = 1;  ///< of motions, cameras and noise; the actor is always the same
+  std::uint64_t seed = 1;  ///< of motions, cameras and noise, not of the actor
   bool force = false;      ///< replace a synthetic capture in the folder
 
   /// `tiny` (seconds to make) or `small` (a minute or two). @throws UsageError for another word

@@ -228,16 +228,16 @@ class CaptureReader : public FootageReader {
 
 class CaptureFootage : public Footage {
  public:
-  CaptureFootage(const fs::path& path, int outline_pixels, const std::string& camera)
-      : capture_(with_camera(find_capture(path), camera)),
-        character_(load_character(capture_.character_path())),
+  CaptureFootage(Capture capture, Character character, int outline_pixels)
+      : capture_(std::move(capture)),
+        character_(std::move(character)),
         plan_(plan_evidence(capture_, character_)),
         outline_pixels_(outline_pixels) {
     if (plan_.landmarks.empty())
       fail(
           "{}: nothing can be tracked without keypoints on landmarks; name `keypoints` in every sequence, and "
           "`landmarks` when the skeleton has no markers of these names (docs/capture.md)",
-          capture_.file.empty() ? path.string() : capture_.file.string());
+          (capture_.file.empty() ? capture_.root : capture_.file).string());
     choose_cameras();
     for (const SequenceEntry& entry : capture_.sequences) add_sequence(entry);
   }
@@ -258,10 +258,6 @@ class CaptureFootage : public Footage {
   }
 
  private:
-  static Capture with_camera(Capture capture, const std::string& camera) {
-    if (!camera.empty()) capture.cameras = {camera};
-    return capture;
-  }
   std::vector<View> views_of(const SequenceEntry& entry) const {
     std::vector<View> views;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
@@ -311,11 +307,26 @@ std::vector<long> FootageSequence::cuts_from_first() const {
 }
 
 std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels, const std::string& camera) {
-  if (!fs::is_directory(path / "store")) return std::make_unique<CaptureFootage>(path, outline_pixels, camera);
+  if (!fs::is_directory(path / "store")) {
+    Capture capture = find_capture(path);
+    if (!camera.empty()) capture.cameras = {camera};
+    Character character = load_character(capture.character_path());
+    return std::make_unique<CaptureFootage>(std::move(capture), std::move(character), outline_pixels);
+  }
   if (!camera.empty())
     fail<UsageError>("{} is a prepared folder; a single camera of it cannot be chosen: give the capture itself",
                      path.string());
   return std::make_unique<PreparedFootage>(path, outline_pixels);
+}
+
+std::unique_ptr<Footage> Footage::open_for(Character character, const fs::path& file, const fs::path& path,
+                                           int outline_pixels) {
+  if (fs::is_directory(path / "store"))
+    fail<UsageError>("{} is a prepared folder, made for one character; give the capture itself", path.string());
+  Capture capture = find_capture(path);
+  capture.character = fs::absolute(file).lexically_normal().string();
+  capture.landmarks.clear();
+  return std::make_unique<CaptureFootage>(std::move(capture), std::move(character), outline_pixels);
 }
 
 }  // namespace doppel

@@ -60,6 +60,11 @@ class Footage {
   /// no keypoints
   static std::unique_ptr<Footage> open(const std::filesystem::path& capture_or_prepared, int outline_pixels,
                                        const std::string& camera = "");
+  /// As above, of a capture that is not prepared, for another character than the capture's. The landmarks are the
+  /// character's markers; `capture()` names `file` as the character.
+  /// @throws UsageError for a prepared capture
+  static std::unique_ptr<Footage> open_for(Character character, const std::filesystem::path& file,
+                                           const std::filesystem::path& capture, int outline_pixels);
 
   virtual const Capture& capture() const = 0;
   virtual const Character& character() const = 0;

@@ -73,10 +73,15 @@ class FirstPass {
     }
   }
   void fit_template() {
-    TemplateFit fit(footage_, options_.config.surface);
-    for (const TrackedSequence& tracked : tracked_)
-      fit.add(tracked.sequence, spread_frames(tracked.sequence, options_.config.template_frames), tracked.motion,
-              progress_);
+    TemplateFit fit(footage_.character(), footage_.landmarks(), footage_.cameras(), options_.config.surface);
+    for (const TrackedSequence& tracked : tracked_) {
+      const auto reader = footage_.read(tracked.sequence.index);
+      for (const long frame : spread_frames(tracked.sequence, options_.config.template_frames)) {
+        check_not_stopped(tracked.sequence, frame);
+        fit.add(reader->read(frame, false).evidence, tracked.motion.frames[as_size(frame)]);
+        progress_.advance(1, "template");
+      }
+    }
     character_ = fit.character();
   }
 
@@ -131,6 +136,7 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);
   TrackReport report;
   report.method = "multiview";
+  report.bone_scales = options.bone_scales;
   std::optional<FirstPass> first;
   if (twice) {
     options.config.fit.shared_dofs = first.emplace(footage, options, chosen, progress).shared_dofs();

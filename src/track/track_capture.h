@@ -11,6 +11,8 @@ struct TrackOptions : TrackTask {
   TrackConfig config;
   bool surface = false;  ///< deform the surface to the masks: `<sequence>_graph.npy`
   int sheet_frames = 6;  ///< rows of `<sequence>.jpg`; 0: none
+  /// Factors of the bones of the footage's character (scale_bones), for the report.
+  std::vector<std::pair<std::string, double>> bone_scales;
 };
 
 /// Tracks sequences of a capture and writes into `options.out`:

@@ -249,6 +249,7 @@ ordered_json to_json(const TrackReport& report) {
   if (!report.steps.empty()) json["steps"] = report.steps;
   json["sequences"] = ordered_json::object();
   for (const auto& [name, value] : report.shared_dofs) json["usual"][name] = value;
+  for (const auto& [name, value] : report.bone_scales) json["bone_scales"][name] = value;
   for (const SequenceReport& sequence : report.sequences)
     json["sequences"][sequence.tracked.sequence.name] = to_json(sequence);
   return json;

@@ -80,6 +80,7 @@ struct TrackReport {
   std::string method;
   std::map<std::string, std::int64_t> steps;                ///< of trained stages; empty without networks
   std::vector<std::pair<std::string, double>> shared_dofs;  ///< names and values of the DoFs fitted for all frames
+  std::vector<std::pair<std::string, double>> bone_scales;  ///< factors of the character's bones; empty: not fitted
   std::vector<SequenceReport> sequences;
 };
 nlohmann::ordered_json to_json(const TrackReport& report);

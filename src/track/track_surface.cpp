@@ -39,30 +39,25 @@ TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequ
   return result;
 }
 
-TemplateFit::TemplateFit(const Footage& footage, const SurfaceOptions& options)
-    : footage_(footage),
-      tracker_(footage.character(), footage.landmarks(), footage.cameras(), options),
-      sum_(as_size(footage.character().num_vertices()), Eigen::Vector3d::Zero()) {}
+TemplateFit::TemplateFit(const Character& character, const std::vector<Marker>& landmarks,
+                         const std::vector<PinholeCamera>& cameras, const SurfaceOptions& options)
+    : character_(character),
+      tracker_(character, landmarks, cameras, options),
+      sum_(as_size(character.num_vertices()), Eigen::Vector3d::Zero()) {}
 
-void TemplateFit::add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion,
-                      Progress& progress) {
-  const auto reader = footage_.read(sequence.index);
-  for (const long frame : frames) {
-    check_not_stopped(sequence, frame);
-    const FootageFrame seen = reader->read(frame, false);
-    tracker_.cut();
-    const SurfaceFrame found = tracker_.track(seen.evidence, motion.frames[as_size(frame)]);
-    const DeformedGraph graph = tracker_.model().pose(found.parameters, false);
-    for (std::size_t v = 0; v < sum_.size(); ++v)
-      sum_[v] += tracker_.model().canonical_vertex(graph, static_cast<int>(v));
-    ++count_;
-    progress.advance(1, "template");
-  }
+double TemplateFit::add(const FrameEvidence& seen, const std::vector<double>& dofs) {
+  tracker_.cut();
+  const SurfaceFrame found = tracker_.track(seen, dofs);
+  const DeformedGraph graph = tracker_.model().pose(found.parameters, false);
+  for (std::size_t v = 0; v < sum_.size(); ++v)
+    sum_[v] += tracker_.model().canonical_vertex(graph, static_cast<int>(v));
+  ++count_;
+  return found.overlap;
 }
 
 Character TemplateFit::character() const {
   if (count_ == 0) fail("there is no frame for the template fit");
-  Character fitted = footage_.character();
+  Character fitted = character_;
   for (std::size_t v = 0; v < sum_.size(); ++v) fitted.mesh.vertices[v] = sum_[v] / count_;
   return fitted;
 }

@@ -28,14 +28,16 @@ TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequ
 /// outlines with this template are not biased by the difference.
 class TemplateFit {
  public:
-  TemplateFit(const Footage& footage, const SurfaceOptions& options);
-  /// @param frames of a sequence, ascending @param motion the tracked motion
-  void add(const FootageSequence& sequence, const std::vector<long>& frames, const Motion& motion, Progress& progress);
+  /// @param character must outlive the fit @param landmarks, cameras as for SurfaceTracker
+  TemplateFit(const Character& character, const std::vector<Marker>& landmarks,
+              const std::vector<PinholeCamera>& cameras, const SurfaceOptions& options);
+  /// @param dofs [D] the pose in this frame @return how well the surface overlaps with the masks
+  double add(const FrameEvidence& seen, const std::vector<double>& dofs);
   /// The character with this template. @throws Error before any frame
   Character character() const;
 
  private:
-  const Footage& footage_;
+  const Character& character_;
   SurfaceTracker tracker_;
   std::vector<Eigen::Vector3d> sum_;  ///< [N]
   int count_ = 0;

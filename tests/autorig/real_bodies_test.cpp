@@ -69,6 +69,9 @@ TEST_F(RealBodies, ScansBecomeCharacters) {
     EXPECT_LE(created.character.num_vertices(), CreateCharacterOptions().vertices);
     EXPECT_EQ(created.character.num_nodes(), CreateCharacterOptions().nodes);
     EXPECT_FALSE(created.joint_sheet.empty());
+    EXPECT_FALSE(created.pose_sheet.empty());
+    EXPECT_EQ(created.bending.poses.size(), 5u);
+    EXPECT_EQ(created.bending.vertices, created.character.num_vertices());
     BodyJoints in_file = created.joints.joints;
     for (auto& [name, position] : in_file.positions) position = created.joints.file_from_character * position;
     const double units_per_metre = std::cbrt(created.joints.file_from_character.linear().determinant());

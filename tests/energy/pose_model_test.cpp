@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "doppel/character/blend_skin.h"
 #include "doppel/core/as_size.h"
 #include "doppel/layers/surface.h"
 #include "energy/body_fixture.h"
@@ -17,6 +18,17 @@ class PoseModelSkinning : public testing::TestWithParam<SkinningMode> {};
 INSTANTIATE_TEST_SUITE_P(Modes, PoseModelSkinning, testing::ValuesIn(kModes), [](const auto& mode) {
   return mode.param == SkinningMode::linear ? "linear" : "dual_quaternion";
 });
+
+TEST_P(PoseModelSkinning, EqualsTheBlendOfTheCharacter) {
+  Character character = make_test_character(kSegments);
+  character.skinning = GetParam();
+  const PoseModel model(character, {}, all_dofs(character));
+  const std::vector<double> dofs = bent_pose(character, 0.3);
+  const std::vector<Eigen::Vector3d> blended = posed_vertices(character, dofs);
+  const PosedBody body = model.pose(dofs, false);
+  for (int v = 0; v < character.num_vertices(); ++v)
+    EXPECT_LT((blended[as_size(v)] - model.vertex(body, v)).norm(), 1e-12) << v;
+}
 
 TEST_P(PoseModelSkinning, EqualsTheSurfaceLayer) {
   Character character = make_test_character(kSegments);

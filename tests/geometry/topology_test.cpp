@@ -50,6 +50,28 @@ TriangleMesh random_soup(int vertices, int faces) {
 
 std::vector<TriangleMesh> example_meshes() { return {make_sphere(2), make_sheet(6, 4), random_soup(60, 30)}; }
 
+std::vector<int> neighbours_of(const std::vector<Triangle>& faces, int face) {
+  const IndexRows rows = face_neighbours(faces);
+  return {rows.row(face).begin(), rows.row(face).end()};
+}
+
+TEST(TopologyAgrees, FaceNeighboursWithThePairsOfFacesThatShareAnEdge) {
+  for (const TriangleMesh& mesh : example_meshes()) {
+    ASSERT_EQ(face_neighbours(mesh.faces).num_rows(), mesh.num_faces());
+    for (int f = 0; f < mesh.num_faces(); ++f) {
+      std::vector<int> expected;
+      for (int g = 0; g < mesh.num_faces(); ++g) {
+        std::set<int> shared;
+        for (const int v : mesh.faces[f])
+          if (std::count(mesh.faces[g].begin(), mesh.faces[g].end(), v)) shared.insert(v);
+        if (g != f && shared.size() >= 2) expected.push_back(g);
+      }
+      EXPECT_EQ(neighbours_of(mesh.faces, f), expected) << f;
+    }
+  }
+  EXPECT_THAT(neighbours_of({{0, 1, 2}, {1, 0, 3}, {0, 1, 4}}, 0), ElementsAre(1, 2)) << "three on one edge";
+}
+
 TEST(TopologyAgrees, EdgesAndRingsWithTheFaces) {
   for (const TriangleMesh& mesh : example_meshes()) {
     std::set<std::array<int, 2>> expected;

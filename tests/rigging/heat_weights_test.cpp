@@ -5,41 +5,16 @@
 #include <functional>
 #include <map>
 
+#include "doppel/character/blend_skin.h"
 #include "doppel/core/error.h"
-#include "rigging/skinning_in_double.h"
+#include "rigging/tubes.h"
 
 namespace doppel::heat_weights_test {
 namespace {
 
 using Eigen::Vector3d;
 
-/// A closed cylinder along x.
-TriangleMesh cylinder(double from, double to, double radius, const Vector3d& centre = Vector3d::Zero(),
-                      double step = 0.01) {
-  constexpr int kAround = 32;
-  TriangleMesh mesh;
-  const int rings = static_cast<int>(std::lround((to - from) / step)) + 1;
-  for (int i = 0; i < rings; ++i)
-    for (int k = 0; k < kAround; ++k) {
-      const double angle = 2 * M_PI * k / kAround;
-      mesh.vertices.push_back(centre + Vector3d(from + i * step, radius * std::cos(angle), radius * std::sin(angle)));
-    }
-  for (int i = 0; i + 1 < rings; ++i)
-    for (int k = 0; k < kAround; ++k) {
-      const int a = i * kAround + k, b = i * kAround + (k + 1) % kAround, c = a + kAround, d = b + kAround;
-      mesh.faces.push_back({a, b, d});
-      mesh.faces.push_back({a, d, c});
-    }
-  for (const bool end : {false, true}) {
-    const int middle = mesh.num_vertices(), ring = end ? (rings - 1) * kAround : 0;
-    mesh.vertices.push_back(centre + Vector3d(end ? to : from, 0, 0));
-    for (int k = 0; k < kAround; ++k) {
-      const int a = ring + k, b = ring + (k + 1) % kAround;
-      mesh.faces.push_back(end ? Triangle{middle, a, b} : Triangle{middle, b, a});
-    }
-  }
-  return mesh;
-}
+using support::cylinder;
 
 SolidGrid solid_of(const Vector3d& low, const Vector3d& high, double cell,
                    const std::function<bool(const Vector3d&)>& inside) {
@@ -112,12 +87,12 @@ TEST_F(BentCylinder, WeightsAreSymmetricAndFallWithTheDistance) {
 
 TEST_F(BentCylinder, AnElbowOf90DegreesKeepsItsVolume) {
   const Eigen::Affine3d bent(Eigen::AngleAxisd(M_PI / 2, Vector3d::UnitZ()));
-  const support::Motions motions{Eigen::Affine3d::Identity(), bent};
+  const std::vector<Eigen::Affine3d> motions{Eigen::Affine3d::Identity(), bent};
   const double joint = 4 * kRadius * M_PI * kRadius * kRadius;  // of two radii on both sides
   const double before = support::volume(mesh_.vertices, mesh_.faces);
   for (const bool dual : {false, true}) {
-    const auto posed = dual ? support::blend_dual_quaternions(mesh_.vertices, skin_, motions)
-                            : support::blend_linear(mesh_.vertices, skin_, motions);
+    const SkinningMode mode = dual ? SkinningMode::dual_quaternion : SkinningMode::linear;
+    const std::vector<Vector3d> posed = SkinBlend(motions, mode).vertices(mesh_.vertices, skin_);
     const double lost = (before - support::volume(posed, mesh_.faces)) / joint;
     EXPECT_LT(std::abs(lost), 0.12) << (dual ? "dual quaternions" : "linear");
     RecordProperty(dual ? "lost_dual" : "lost_linear", std::to_string(lost));

@@ -4,13 +4,15 @@
 #include <iostream>
 #include <random>
 
+#include "doppel/character/blend_skin.h"
 #include "doppel/core/statistics.h"
+#include "doppel/rigging/bend_report.h"
 #include "doppel/rigging/body_skeleton.h"
 #include "doppel/rigging/make_character.h"
 #include "doppel/rigging/place_inside.h"
 #include "doppel/rigging/solid_surface.h"
+#include "doppel/rigging/test_poses.h"
 #include "rigging/rigged_bodies.h"
-#include "rigging/skinning_in_double.h"
 #include "support/shared_folder.h"
 
 namespace doppel::real_bodies_test {
@@ -28,132 +30,47 @@ class RealBodies : public support::SharedFolderTest, public ::testing::WithParam
 /// Distances in millimetres to the vertices that the body's own rig poses.
 std::vector<double> skin_check_errors(const support::RiggedBody& body, const SkinningWeights& skin) {
   const auto motions = support::skin_check_motions(body);
-  support::Motions by_bone;
+  std::vector<Eigen::Affine3d> by_bone;
   for (const std::string& bone : skin.bones) by_bone.push_back(motions.at(bone));
   const auto ids = read_npy(body.folder / "skin_check_ids.npy").as<std::int64_t>();
   const auto truth = read_npy(body.folder / "skin_check_posed.npy").as<double>();
-  const auto posed = support::blend_linear(body.mesh.vertices, skin, by_bone);
+  const auto posed = SkinBlend(by_bone, SkinningMode::linear).vertices(body.mesh.vertices, skin);
   std::vector<double> errors;
   for (std::size_t i = 0; i < ids.size(); ++i)
     errors.push_back(1e3 * (posed[ids[i]] - Vector3d(truth[3 * i], truth[3 * i + 1], truth[3 * i + 2])).norm());
   return errors;
 }
 
-/// Pairs of bones that share no joint: a vertex that has both, each with much weight, sticks.
-bool are_far_apart(const std::string& a, const std::string& b) {
-  const auto limb = [](const std::string& bone) {
-    const bool arm = bone.ends_with("Arm") || bone.ends_with("ForeArmRoll") || bone.ends_with("Hand");
-    const bool leg = bone.ends_with("Leg") || bone.ends_with("Foot") || bone.ends_with("ToeBase");
-    if (!arm && !leg) return std::string();
-    return (bone.starts_with("Left") ? "left" : "right") + std::string(arm ? "arm" : "leg");
-  };
-  const auto forearm = [](const std::string& bone) {
-    return bone.find("ForeArm") != std::string::npos || bone.ends_with("Hand");
-  };
-  const auto trunk = [](const std::string& bone) {
-    return bone == "Root" || bone == "Spine" || bone == "Chest" || bone == "Spine1";
-  };
-  const auto shin = [](const std::string& bone) { return bone.ends_with("tLeg") || bone.ends_with("Foot"); };
-  if (!limb(a).empty() && !limb(b).empty() && limb(a) != limb(b)) return !a.ends_with("UpLeg") || !b.ends_with("UpLeg");
-  return (forearm(a) && trunk(b)) || (forearm(b) && trunk(a)) || (shin(a) && trunk(b)) || (shin(b) && trunk(a));
-}
-
-int sticking_vertices(const SkinningWeights& skin) {
-  int count = 0;
-  for (int v = 0; v < skin.num_vertices(); ++v) {
-    bool sticks = false;
-    for (int i = skin.vertex_bones.offsets[v]; i < skin.vertex_bones.offsets[v + 1]; ++i)
-      for (int j = skin.vertex_bones.offsets[v]; j < i; ++j)
-        sticks =
-            sticks || (std::min(skin.weights[i], skin.weights[j]) > 0.2 &&
-                       are_far_apart(skin.bones[skin.vertex_bones.items[i]], skin.bones[skin.vertex_bones.items[j]]));
-    count += sticks;
-  }
-  return count;
-}
-
-using Pose = std::vector<std::pair<std::string, double>>;
-/// `Side` stands for both sides.
-const std::vector<std::pair<std::string, Pose>> kExtremePoses{
-    {"arms up",
-     {{"SideShoulder_rz", 0.4}, {"SideArm_rz", 1.4}, {"SideArm_ry", 0.1}, {"SideArm_rx", 0}, {"SideForeArm_ry", 0.1}}},
-    {"arms forward, elbows 120 degrees",
-     {{"SideArm_rz", 0}, {"SideArm_ry", 1.4}, {"SideArm_rx", 0}, {"SideForeArm_ry", 2.09}}},
-    {"squat",
-     {{"SideUpLeg_rx", 1.9}, {"SideUpLeg_rz", 0.35}, {"SideLeg_rx", 2.2}, {"SideFoot_rx", 0.4}, {"Spine_rx", 0.5}}},
-    {"kick", {{"LeftUpLeg_rx", 1.6}, {"LeftLeg_rx", 0.05}, {"RightUpLeg_rx", -0.2}}},
-    {"twist", {{"Spine_ry", 0.8}, {"Head_ry", 1.0}}}};
-
-std::vector<double> pose_dofs(const Character& character, const Pose& pose) {
-  std::vector<double> dofs = character.rest_dofs;
-  for (const auto& [name, value] : pose)
-    for (const std::string side : {"Left", "Right"})
-      dofs[*character.skeleton.find_dof(name.starts_with("Side") ? side + name.substr(4) : name)] = value;
-  return dofs;
-}
-
-support::Motions bone_motions(const Character& character, const std::vector<double>& dofs) {
-  const auto rest = character.skeleton.pose(character.rest_dofs), posed = character.skeleton.pose(dofs);
-  support::Motions motions;
-  for (const int joint : character.bone_joint) motions.push_back(posed[joint] * rest[joint].inverse());
-  return motions;
-}
-
-struct Stretches {
-  int more_than_3 = 0, alone = 0;  ///< alone: no neighbour stretches half as much
-  double largest = 0, quantile_999 = 0;
-};
-
-Stretches measure_stretches(const Character& character, const Pose& pose) {
-  const TriangleMesh& mesh = character.mesh;
-  const auto posed = support::blend_dual_quaternions(mesh.vertices, character.skin,
-                                                     bone_motions(character, pose_dofs(character, pose)));
-  std::vector<double> stretch;
-  std::map<std::array<int, 2>, std::vector<int>> faces_of_edge;
-  for (int f = 0; f < mesh.num_faces(); ++f) {
-    const Triangle& t = mesh.faces[f];
-    stretch.push_back(support::stretch({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]},
-                                       {posed[t[0]], posed[t[1]], posed[t[2]]}));
-    for (int k = 0; k < 3; ++k)
-      faces_of_edge[{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}].push_back(f);
-  }
-  Stretches result;
-  for (int f = 0; f < mesh.num_faces(); ++f) {
-    if (stretch[f] <= 3) continue;
-    ++result.more_than_3;
-    double around = 0;
-    const Triangle& t = mesh.faces[f];
-    for (int k = 0; k < 3; ++k)
-      for (const int other : faces_of_edge[{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}])
-        if (other != f) around = std::max(around, stretch[other]);
-    result.alone += around < 0.5 * stretch[f];
-  }
-  result.largest = *std::max_element(stretch.begin(), stretch.end());
-  result.quantile_999 = quantile(stretch, 0.999);
-  return result;
+void print(const std::string& name, const BendReport& report) {
+  std::cout << name << ": " << report.summary() << "\n";
+  for (const PoseBend& bend : report.poses)
+    std::cout << fmt::format(
+        "  {}: {} triangles stretch more than 3 times, {} alone, at most {:.1f} times; {} vertices stick; elbow "
+        "{:.3f}, "
+        "knee {:.3f}\n",
+        bend.pose, bend.stretched, bend.stretched_alone, bend.largest_stretch, bend.sticking,
+        bend.elbow_volume.value_or(0.0), bend.knee_volume.value_or(0.0));
 }
 
 TEST_P(RealBodies, BendLikeTheirOwnRig) {
   const support::RiggedBody body = read();
   const Character character = make_character(body.name, body.mesh, body.joints, body.solid);
   const std::vector<double> errors = skin_check_errors(body, character.skin);
-  const int sticking = sticking_vertices(character.skin);
-  std::cout << fmt::format(
-      "{}: skin_check mean {:.1f} mm, 95 % {:.1f} mm, sticking {} of {}, graph {} nodes {} edges\n", body.name,
-      mean_of(errors), quantile(errors, 0.95), sticking, character.num_vertices(), character.num_nodes(),
-      character.graph.edges.size());
+  std::cout << fmt::format("{}: skin_check mean {:.1f} mm, 95 % {:.1f} mm, graph {} nodes {} edges\n", body.name,
+                           mean_of(errors), quantile(errors, 0.95), character.num_nodes(),
+                           character.graph.edges.size());
   EXPECT_LT(mean_of(errors), 3.0);
   EXPECT_LT(quantile(errors, 0.95), 20.0);
-  EXPECT_LT(sticking, character.num_vertices() / 200);
   EXPECT_LT(skeleton_distance(character), kSkeletonOffTemplate);
   EXPECT_NEAR(character.num_nodes(), 500, 30);
-  for (const auto& [name, pose] : kExtremePoses) {
-    const Stretches stretches = measure_stretches(character, pose);
-    std::cout << fmt::format(
-        "  {}: {} of {} triangles stretch more than 3 times, {} alone; largest {:.1f}, 99.9 % {:.1f}\n", name,
-        stretches.more_than_3, character.mesh.num_faces(), stretches.alone, stretches.largest, stretches.quantile_999);
-    EXPECT_LE(stretches.alone, character.mesh.num_faces() / 2000) << name;
-    EXPECT_LT(stretches.more_than_3, character.mesh.num_faces() / 50) << name;
+  const BendReport report = examine_bending(character);
+  print(body.name, report);
+  for (const PoseBend& bend : report.poses) {
+    EXPECT_LE(bend.stretched_alone, report.triangles / 1000) << bend.pose;
+    EXPECT_LT(bend.stretched, report.triangles / 50) << bend.pose;
+    EXPECT_LT(bend.sticking, report.vertices / 200) << bend.pose;
+    EXPECT_NEAR(bend.elbow_volume.value(), 1.0, report.limits.volume) << bend.pose;
+    EXPECT_NEAR(bend.knee_volume.value(), 1.0, report.limits.volume) << bend.pose;
   }
 }
 
@@ -197,16 +114,13 @@ TEST_P(RealBodies, HaveMarkersAndLabelsWhereTheyBelong) {
 TEST_P(RealBodies, PosesOfTheSameDofsLookTheSame) {
   const support::RiggedBody body = read(0.02);
   const BodySkeleton skeleton = make_body_skeleton(body.joints);
-  Character character;
-  character.skeleton = skeleton.skeleton;
-  character.rest_dofs = skeleton.rest_dofs;
-  const auto place = [&](const Pose& pose, const std::string& joint) {
-    const auto all = character.skeleton.pose(pose_dofs(character, pose));
-    return Vector3d(all[*character.skeleton.find_joint(joint)].translation());
+  const std::vector<TestPose> poses = test_poses(skeleton.skeleton, skeleton.rest_dofs);
+  const auto place = [&](const TestPose& pose, const std::string& joint) {
+    return Vector3d(skeleton.skeleton.pose(pose.dofs)[*skeleton.skeleton.find_joint(joint)].translation());
   };
   const double trunk = (body.joints.at("neck") - body.joints.at("pelvis")).norm();
   for (const std::string side : {"Left", "Right"}) {
-    const Pose &up = kExtremePoses[0].second, &forward = kExtremePoses[1].second, &squat = kExtremePoses[2].second;
+    const TestPose &up = poses[0], &forward = poses[1], &squat = poses[2];
     EXPECT_GT(place(up, side + "Hand_ry").y(), place(up, "Head_rx").y() + 0.3 * trunk);
     EXPECT_GT(place(forward, side + "ForeArm_ry").z(), place(forward, side + "Arm_rx").z() + 0.3 * trunk);
     EXPECT_LT((place(forward, side + "Hand_ry") - place(forward, side + "Arm_rx")).norm(), 0.75 * trunk);
@@ -265,15 +179,10 @@ TEST_P(RealScans, OfOneSurfaceBecomeCharacters) {
   VoxelSolidOptions options;
   options.cell = 0.01;
   const Character character = make_character("scan", mesh, joints, solid_grid(VoxelSolid(mesh, options)));
-  const int sticking = sticking_vertices(character.skin);
-  std::cout << fmt::format("{}: {} vertices, {} stick\n", GetParam(), character.num_vertices(), sticking);
-  // The legs of the girl and her skirt are one solid in the scan: 3.5 % of the vertices stick there. 0.2 % for the man.
-  EXPECT_LT(sticking, character.num_vertices() / 25);
-  for (const auto& [name, pose] : kExtremePoses) {
-    const Stretches stretches = measure_stretches(character, pose);
-    std::cout << fmt::format("  {}: {} of {} triangles stretch more than 3 times, {} alone; largest {:.1f}\n", name,
-                             stretches.more_than_3, character.mesh.num_faces(), stretches.alone, stretches.largest);
-  }
+  const BendReport report = examine_bending(character);
+  print(GetParam(), report);
+  // The legs of the girl and her skirt are one solid in the scan, as are the arms and the trunk of the man.
+  for (const PoseBend& bend : report.poses) EXPECT_LT(bend.sticking, report.vertices / 20) << bend.pose;
 }
 
 INSTANTIATE_TEST_SUITE_P(Real, RealScans, ::testing::Values("mh_girl_dress", "mh_man_old_suit"));

@@ -71,5 +71,6 @@ void ContourTerm<Model>::evaluate(const Model& model, const typename Model::Stat
 
 template class ContourTerm<PoseModel>;
 template class ContourTerm<GraphModel>;
+template class ContourTerm<ShapeModel>;
 
 }  // namespace doppel

@@ -42,5 +42,6 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
 
 template class KeypointTerm<PoseModel>;
 template class KeypointTerm<GraphModel>;
+template class KeypointTerm<ShapeModel>;
 
 }  // namespace doppel

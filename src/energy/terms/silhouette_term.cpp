@@ -95,5 +95,6 @@ void SilhouetteTerm<Model>::linearise(const Model& model, const typename Model::
 
 template class SilhouetteTerm<PoseModel>;
 template class SilhouetteTerm<GraphModel>;
+template class SilhouetteTerm<ShapeModel>;
 
 }  // namespace doppel

@@ -4,12 +4,13 @@
 
 #include "doppel/energy/graph_model.h"
 #include "doppel/energy/pose_model.h"
+#include "doppel/energy/shape_model.h"
 
 namespace doppel {
 
 /// One term of an energy. A term fills rows with its residuals and jacobians; the rows apply weights and robust kernels
-/// and sum up the cost. `Model` defines the unknowns and the positions of vertices and landmarks: a `PoseModel` or a
-/// `GraphModel`. Terms that use only vertices and landmarks serve both.
+/// and sum up the cost. `Model` defines the unknowns and the positions of vertices and landmarks: a `PoseModel`, a
+/// `GraphModel` or a `ShapeModel`. Terms that use only vertices and landmarks serve all of them.
 template <typename Model>
 class Term {
  public:
@@ -31,5 +32,6 @@ class Term {
 
 using PoseTerm = Term<PoseModel>;
 using GraphTerm = Term<GraphModel>;
+using ShapeTerm = Term<ShapeModel>;
 
 }  // namespace doppel

@@ -1,4 +1,4 @@
-#include "doppel/synth/isosurface.h"
+#include "doppel/geometry/isosurface.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -14,7 +14,7 @@
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 
-namespace doppel::synth {
+namespace doppel {
 
 namespace {
 
@@ -34,23 +34,22 @@ struct Grid {
 constexpr int kBlock = 6;
 
 /// Fills one block of corners. Far from the surface, the value at the centre of the block is used for all corners.
-void sample_block(const BodyField& field, Grid& grid, int bx, int by, int bz) {
+void sample_block(const DistanceField& field, Grid& grid, int bx, int by, int bz) {
   const std::array<int, 3> begin{bx * kBlock, by * kBlock, bz * kBlock};
   std::array<int, 3> end;
   for (int a = 0; a < 3; ++a) end[a] = std::min(begin[a] + kBlock, grid.size[a]);
   const Vector3d middle =
       0.5 * (grid.corner(begin[0], begin[1], begin[2]) + grid.corner(end[0] - 1, end[1] - 1, end[2] - 1));
-  const double at_middle = field.distance(middle);
+  const double at_middle = field(middle);
   // Twice the half diagonal, because the field of an ellipsoid is not a true distance.
   const bool far = std::abs(at_middle) > kBlock * grid.cell * std::sqrt(3.0);
   for (int z = begin[2]; z < end[2]; ++z)
     for (int y = begin[1]; y < end[1]; ++y)
       for (int x = begin[0]; x < end[0]; ++x)
-        grid.values[grid.index(x, y, z)] = static_cast<float>(far ? at_middle : field.distance(grid.corner(x, y, z)));
+        grid.values[grid.index(x, y, z)] = static_cast<float>(far ? at_middle : field(grid.corner(x, y, z)));
 }
 
-Grid sample(const BodyField& field, double cell) {
-  const Vector3d low(-0.78, -0.06, -0.46), high(0.78, 1.83, 0.46);
+Grid sample(const DistanceField& field, const Vector3d& low, const Vector3d& high, double cell) {
   Grid grid{low, cell, {}, {}};
   for (int a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(std::ceil((high[a] - low[a]) / cell)) + 2;
   grid.values.resize(grid.index(0, 0, grid.size[2]));
@@ -181,7 +180,7 @@ Vector3d face_normal(const std::vector<Vector3d>& v, const Triangle& f) {
 /// A triangle mesh under edge collapse: faces by vertex, dead entries marked.
 class Collapser {
  public:
-  Collapser(const TriangleMesh& mesh, const BodyField& field,
+  Collapser(const TriangleMesh& mesh, const DistanceField& field,
             const std::function<double(const Vector3d&)>& relative_size)
       : field_(field),
         relative_size_(relative_size),
@@ -271,7 +270,7 @@ class Collapser {
     if (common.size() != 2 || ring_a.size() + ring_b.size() > 13) return;
     for (const int c : common)
       if (neighbours(c).size() <= 4) return;
-    const Vector3d to = field_.project(0.5 * (v_[a] + v_[b]));
+    const Vector3d to = project_to_field(field_, 0.5 * (v_[a] + v_[b]));
     if (!keeps_shape(a, b, to) || !keeps_shape(b, a, to)) return;
     v_[a] = to;
     for (const int i : faces_of_[b]) {
@@ -292,7 +291,7 @@ class Collapser {
     for (const int c : neighbours(a)) push(std::min(a, c), std::max(a, c));
   }
 
-  const BodyField& field_;
+  const DistanceField& field_;
   const std::function<double(const Vector3d&)>& relative_size_;
   std::vector<Vector3d> v_;
   std::vector<Triangle> f_;
@@ -303,7 +302,7 @@ class Collapser {
 };
 
 /// Moves every vertex towards the mean of its neighbours and projects it onto the surface, unless a face would flip.
-void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
+void relax(TriangleMesh& mesh, const DistanceField& field, int rounds) {
   const MeshTopology topology(mesh);
   std::vector<std::vector<int>> faces_of(mesh.num_vertices());
   for (int i = 0; i < mesh.num_faces(); ++i)
@@ -316,7 +315,7 @@ void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
       const Vector3d old = mesh.vertices[v];
       std::vector<Vector3d> before;
       for (const int f : faces_of[v]) before.push_back(face_normal(mesh.vertices, mesh.faces[f]));
-      mesh.vertices[v] = field.project(old + 0.5 * (mean - old));
+      mesh.vertices[v] = project_to_field(field, old + 0.5 * (mean - old));
       bool turned = false;
       for (std::size_t k = 0; k < before.size(); ++k) {
         const Vector3d after = face_normal(mesh.vertices, mesh.faces[faces_of[v][k]]);
@@ -328,22 +327,21 @@ void relax(TriangleMesh& mesh, const BodyField& field, int rounds) {
 
 }  // namespace
 
-TriangleMesh mesh_body(const BodyField& field, double cell) {
-  Grid grid = sample(field, cell);
+TriangleMesh mesh_field(const DistanceField& field, const Vector3d& low, const Vector3d& high, double cell) {
+  Grid grid = sample(field, low, high, cell);
   make_unambiguous(grid);
   TriangleMesh mesh = surface_nets(grid);
   const MeshReport report = inspect_mesh(mesh);
   if (!report.closed() || report.components != 1 || report.euler_characteristic != 2)
     fail(
-        "meshing the synthetic actor: a grid of {} mm gives {} components and Euler characteristic {}, but one "
-        "closed "
+        "meshing a distance field: a grid of {} mm gives {} components and Euler characteristic {}, but one closed "
         "surface without holes is needed; use a finer grid",
         cell * 1e3, report.components, report.euler_characteristic);
-  for (Vector3d& v : mesh.vertices) v = field.project(v);
+  for (Vector3d& v : mesh.vertices) v = project_to_field(field, v);
   return mesh;
 }
 
-TriangleMesh coarsen(const TriangleMesh& mesh, const BodyField& field, int target_vertices,
+TriangleMesh coarsen(const TriangleMesh& mesh, const DistanceField& field, int target_vertices,
                      const std::function<double(const Vector3d&)>& relative_size) {
   Collapser collapser(mesh, field, relative_size);
   collapser.run(target_vertices);
@@ -352,4 +350,4 @@ TriangleMesh coarsen(const TriangleMesh& mesh, const BodyField& field, int targe
   return result;
 }
 
-}  // namespace doppel::synth
+}  // namespace doppel

@@ -1,4 +1,4 @@
-#include "doppel/synth/atlas.h"
+#include "doppel/geometry/unwrap.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 #include "doppel/core/error.h"
 
-namespace doppel::synth {
+namespace doppel {
 
 namespace {
 
@@ -200,4 +200,4 @@ void unwrap(TriangleMesh& mesh, double gutter) {
   }
 }
 
-}  // namespace doppel::synth
+}  // namespace doppel

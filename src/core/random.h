@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <random>
 
-namespace doppel::synth {
+namespace doppel {
 
 /// Random numbers that are the same with every standard library, unlike the standard distributions.
 class Random {
@@ -36,4 +36,4 @@ inline float hash_normal(std::uint64_t key) {
   return static_cast<float>(sum - 1020) * (1.0f / 209.02f);
 }
 
-}  // namespace doppel::synth
+}  // namespace doppel

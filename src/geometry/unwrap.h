@@ -2,7 +2,7 @@
 
 #include "doppel/geometry/mesh.h"
 
-namespace doppel::synth {
+namespace doppel {
 
 /// Computes UVs per corner of the mesh. Triangles that face one of the six axis directions form charts. Each chart is
 /// projected along its axis; all charts have one scale and are packed into the unit square. No two triangles overlap: a
@@ -10,4 +10,4 @@ namespace doppel::synth {
 /// @param gutter free space around every chart, in units of the square
 void unwrap(TriangleMesh& mesh, double gutter);
 
-}  // namespace doppel::synth
+}  // namespace doppel

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/character/shape_family.h"
+#include "doppel/fit/multiview.h"
+#include "doppel/fit/shared_dofs_fit.h"
+
+namespace doppel {
+
+struct ShapeFitOptions {
+  MultiviewOptions images;     ///< weights and kernels of keypoints and outlines
+  double prior_weight = 20.0;  ///< per squared deviation of a parameter, once and not for each frame
+  int rounds = 3;              ///< fits; each finds the outlines anew
+};
+
+/// Fits the shape of a body to keypoints and outlines of several frames. The poses of the frames stay fixed.
+/// @param landmarks [M] names of markers, in the order of the keypoints @param cameras [C]
+/// @param start [P] parameters @return [P] @throws Error without frames
+std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::string>& landmarks,
+                              const std::vector<PinholeCamera>& cameras, const std::vector<PosedEvidence>& frames,
+                              const std::vector<double>& start, const ShapeFitOptions& options);
+
+/// Landmarks of a person in space, [M] world metres; nothing: not found.
+using SpaceLandmarks = std::vector<std::optional<Eigen::Vector3d>>;
+
+/// A first shape from landmarks in space, without poses. Some pairs of landmarks have the same distance in every pose,
+/// for example elbow and wrist. The body gets the person's median distances of these pairs.
+/// @param landmarks [M] names of markers @param frames [F] @return [P]
+std::vector<double> shape_from_landmarks(const ShapeFamily& family, const std::vector<std::string>& landmarks,
+                                         const std::vector<SpaceLandmarks>& frames);
+
+/// The pairs of landmarks whose distance no pose changes by more than a share `tolerance` of it.
+std::vector<std::array<int, 2>> rigid_pairs(const Character& character, const std::vector<std::string>& landmarks,
+                                            double tolerance);
+
+}  // namespace doppel

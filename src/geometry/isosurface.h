@@ -1,0 +1,24 @@
+#pragma once
+
+#include <functional>
+
+#include "doppel/geometry/distance_field.h"
+#include "doppel/geometry/mesh.h"
+
+namespace doppel {
+
+/// Meshes the zero level of a field by surface nets: one vertex per grid cell and one quad per grid edge that the
+/// surface crosses. The field is called by several threads at once.
+/// @param low, high a box that holds the surface, metres @param cell edge of a grid cell, metres
+/// @return one closed triangle mesh without handles, counter-clockwise from outside
+/// @throws Error when the grid is too coarse to give a manifold, or the surface has several parts or holes
+TriangleMesh mesh_field(const DistanceField& field, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                        double cell);
+
+/// Collapses edges, shortest first, until `target_vertices` are left, and distributes the vertices evenly over the
+/// surface. The mesh stays a manifold of the same genus.
+/// @param relative_size relative edge length at a point (0.5: twice as dense)
+TriangleMesh coarsen(const TriangleMesh& mesh, const DistanceField& field, int target_vertices,
+                     const std::function<double(const Eigen::Vector3d&)>& relative_size);
+
+}  // namespace doppel

@@ -1,0 +1,139 @@
+#include "doppel/rigging/bend_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/character/blend_skin.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/rigging/limb_piece.h"
+#include "doppel/rigging/sticking.h"
+#include "doppel/rigging/stretch.h"
+#include "doppel/rigging/test_poses.h"
+
+namespace doppel {
+namespace {
+
+using Eigen::Vector3d;
+
+int bone_index(const Character& character, const std::string& name) {
+  const auto& bones = character.skin.bones;
+  const auto found = std::find(bones.begin(), bones.end(), name);
+  if (found == bones.end())
+    fail("examining how '{}' bends: its skeleton has no bone '{}', as those of `doppel character create` have",
+         character.name, name);
+  return static_cast<int>(found - bones.begin());
+}
+
+/// A limb of which the middle joint is examined.
+struct ExaminedLimb {
+  LimbPiece piece;
+  double rest_volume;
+};
+
+/// @param bones of the limb; the piece lies around the joint where the second one begins
+/// @param end the bone that begins where the lower bone ends
+ExaminedLimb limb_of(const Character& character, const std::vector<std::string>& bones, const std::string& end) {
+  std::vector<bool> of_limb(as_size(character.skin.num_bones()), false);
+  for (const std::string& bone : bones) of_limb[as_size(bone_index(character, bone))] = true;
+  std::vector<bool> member;
+  for (int v = 0; v < character.num_vertices(); ++v) {
+    const auto row = character.skin.vertex_bones.row(v);
+    const auto weights = character.skin.vertex_bones.row_of(character.skin.weights, v);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < row.size(); ++i) sum += of_limb[as_size(row[i])] ? weights[i] : 0.0;
+    member.push_back(sum > 0.5);
+  }
+  const auto rest = character.skeleton.pose(character.rest_dofs);
+  const auto place = [&](const std::string& bone) {
+    return Vector3d(rest[as_size(character.bone_joint[as_size(bone_index(character, bone))])].translation());
+  };
+  const TriangleMesh& mesh = character.mesh;
+  LimbPiece piece(mesh.vertices, mesh.faces, member, {place(bones[0]), place(bones[1]), place(end)});
+  const double volume = piece.volume(mesh.vertices);
+  return {std::move(piece), volume};
+}
+
+/// The volume relative to the rest pose; of all limbs the one farthest from 1.
+std::optional<double> worst_volume(const std::vector<ExaminedLimb>& limbs, const std::vector<Vector3d>& posed) {
+  std::optional<double> worst;
+  for (const ExaminedLimb& limb : limbs) {
+    if (!(limb.rest_volume > 0.0)) continue;
+    const double share = limb.piece.volume(posed) / limb.rest_volume;
+    if (!worst || std::abs(share - 1.0) > std::abs(*worst - 1.0)) worst = share;
+  }
+  return worst;
+}
+
+std::string volume_fault(const PoseBend& bend, const char* joint, const std::optional<double>& volume, double limit) {
+  if (!volume || std::abs(*volume - 1.0) <= limit) return "";
+  return fmt::format("in the pose '{}' {} {} {:.0f} % of its volume (limit {:.0f} %)", bend.pose, joint,
+                     *volume < 1.0 ? "loses" : "gains", 100.0 * std::abs(*volume - 1.0), 100.0 * limit);
+}
+
+}  // namespace
+
+BendReport examine_bending(const Character& character, const BendLimits& limits) {
+  const TriangleMesh& mesh = character.mesh;
+  const StickingVertices sticking(character);
+  const IndexRows neighbours = face_neighbours(mesh.faces);
+  std::vector<ExaminedLimb> elbows, knees;
+  for (const std::string side : {"Left", "Right"}) {
+    elbows.push_back(limb_of(character, {side + "Arm", side + "ForeArm", side + "ForeArmRoll"}, side + "Hand"));
+    knees.push_back(limb_of(character, {side + "UpLeg", side + "Leg"}, side + "Foot"));
+  }
+  BendReport report{mesh.num_faces(), mesh.num_vertices(), limits, {}};
+  for (const TestPose& pose : test_poses(character.skeleton, character.rest_dofs)) {
+    const SkinBlend blend(bone_motions(character, pose.dofs), character.skinning);
+    const std::vector<Vector3d> posed = blend.vertices(mesh.vertices, character.skin);
+    const StretchedTriangles stretched =
+        count_stretched(triangle_stretches(mesh.faces, mesh.vertices, posed), neighbours, limits.stretch);
+    report.poses.push_back({pose.name, stretched.all, stretched.alone, stretched.largest,
+                            static_cast<int>(sticking.find(blend, posed).size()), worst_volume(elbows, posed),
+                            worst_volume(knees, posed)});
+  }
+  return report;
+}
+
+std::vector<std::string> BendReport::faults() const {
+  std::vector<std::string> sentences;
+  for (const PoseBend& bend : poses) {
+    if (bend.stretched_alone > 0)
+      sentences.push_back(
+          fmt::format("in the pose '{}' {} of {} triangles stretch more than {:g} times without their neighbours",
+                      bend.pose, bend.stretched_alone, triangles, limits.stretch));
+    if (bend.sticking > 0)
+      sentences.push_back(
+          fmt::format("in the pose '{}' {} of {} vertices stick to another limb", bend.pose, bend.sticking, vertices));
+    for (const std::string& fault : {volume_fault(bend, "an elbow", bend.elbow_volume, limits.volume),
+                                     volume_fault(bend, "a knee", bend.knee_volume, limits.volume)})
+      if (!fault.empty()) sentences.push_back(fault);
+  }
+  return sentences;
+}
+
+std::string BendReport::summary() const {
+  PoseBend worst;
+  const auto farther = [](std::optional<double>& kept, const std::optional<double>& other) {
+    if (other && (!kept || std::abs(*other - 1.0) > std::abs(*kept - 1.0))) kept = other;
+  };
+  for (const PoseBend& bend : poses) {
+    worst.stretched = std::max(worst.stretched, bend.stretched);
+    worst.stretched_alone = std::max(worst.stretched_alone, bend.stretched_alone);
+    worst.sticking = std::max(worst.sticking, bend.sticking);
+    farther(worst.elbow_volume, bend.elbow_volume);
+    farther(worst.knee_volume, bend.knee_volume);
+  }
+  const auto percent = [](const std::optional<double>& share) {
+    return share ? fmt::format("{:.0f} %", 100.0 * *share) : std::string("unknown");
+  };
+  return fmt::format(
+      "at worst {} of {} triangles stretch more than {:g} times, {} alone; {} of {} vertices stick; volume kept at the "
+      "elbow {}, at the knee {}",
+      worst.stretched, triangles, limits.stretch, worst.stretched_alone, worst.sticking, vertices,
+      percent(worst.elbow_volume), percent(worst.knee_volume));
+}
+
+}  // namespace doppel

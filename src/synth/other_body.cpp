@@ -1,0 +1,127 @@
+#include "doppel/synth/other_body.h"
+
+#include <charconv>
+
+#include "doppel/body/body_warp.h"
+#include "doppel/body/measures.h"
+#include "doppel/body/proportions.h"
+#include "doppel/core/error.h"
+#include "doppel/synth/body_field.h"
+
+namespace doppel::synth {
+
+namespace {
+
+using Eigen::Vector3d;
+
+BodyJoints plan_joints() {
+  BodyJoints joints;
+  const auto pair = [&](const std::string& part, const Vector3d& left) {
+    joints.positions["left_" + part] = left;
+    joints.positions["right_" + part] = mirrored(left);
+  };
+  pair("clavicle", BodyPlan::clavicle());
+  pair("shoulder", BodyPlan::shoulder());
+  pair("elbow", BodyPlan::elbow());
+  pair("wrist", BodyPlan::wrist());
+  pair("fingertip", BodyPlan::fingertip());
+  pair("hip", BodyPlan::hip());
+  pair("knee", BodyPlan::knee());
+  pair("ankle", BodyPlan::ankle());
+  pair("toe", BodyPlan::toe());
+  joints.positions["neck"] = BodyPlan::neck();
+  joints.positions["head_top"] = BodyPlan::head_top();
+  joints.positions["head"] = BodyPlan::neck() + 0.4 * (BodyPlan::head_top() - BodyPlan::neck());
+  complete_joints(joints);
+  return joints;
+}
+
+/// The measures of the actor itself: its lengths between joints, else those of an average woman.
+std::vector<double> own_measures(const BodyJoints& joints) {
+  std::vector<double> own = mean_measures(BodyBuild::woman);
+  const auto length = [&](const char* name, const char* from, const char* to) {
+    own[measure_index(name)] = (joints.at(to) - joints.at(from)).norm();
+  };
+  length("upper_arm_length", "left_shoulder", "left_elbow");
+  length("forearm_length", "left_elbow", "left_wrist");
+  length("hand_length", "left_wrist", "left_fingertip");
+  length("shoulder_breadth", "left_shoulder", "right_shoulder");
+  length("hip_breadth", "left_hip", "right_hip");
+  length("thigh_length", "left_hip", "left_knee");
+  length("shin_length", "left_knee", "left_ankle");
+  length("neck_length", "neck", "head");
+  length("head_height", "head", "head_top");
+  own[measure_index("trunk_length")] =
+      (joints.at("neck") - 0.5 * (joints.at("left_hip") + joints.at("right_hip"))).norm();
+  own[measure_index("ankle_height")] = joints.at("left_ankle").y();
+  return own;
+}
+
+/// The segment to which a joint of the actor's skeleton is fixed: the one that begins there.
+Segment segment_of_joint(const std::string& joint) {
+  if (joint.starts_with("Root")) return kTrunk;
+  if (joint == "HeadEE") return doppel::kHead;
+  if (joint.starts_with("Head")) return kNeck;
+  const bool left = joint.starts_with("Left");
+  const std::string part = joint.substr(left ? 4 : 5);
+  const auto side = [&](Segment segment) { return static_cast<Segment>(segment + (left ? 0 : kSideSegments)); };
+  if (part.starts_with("Shoulder")) return kTrunk;
+  if (part == "ForeArmEE") return side(doppel::kLeftHand);
+  if (part.starts_with("ForeArm")) return side(doppel::kLeftForearm);
+  if (part.starts_with("Arm")) return side(doppel::kLeftArm);
+  if (part.starts_with("UpLeg")) return side(doppel::kLeftThigh);
+  if (part.starts_with("Leg")) return side(doppel::kLeftShin);
+  return side(doppel::kLeftFoot);
+}
+
+/// Moves the joints, which stand in the rest pose without rotation, and the landmarks on them.
+void move_skeleton(Character& c, const BodyWarp::Map& map) {
+  std::vector<Vector3d> from, to;
+  const Vector3d root = BodyPlan::root();
+  for (Joint& joint : c.skeleton.joints) {
+    const Vector3d place =
+        joint.parent < 0 ? Vector3d(root + joint.offset) : Vector3d(from[joint.parent] + joint.offset);
+    from.push_back(place);
+    to.push_back(map.bone_point(segment_of_joint(joint.name), place));
+    if (joint.parent >= 0) joint.offset = to.back() - to[joint.parent];
+  }
+  for (Marker& marker : c.skeleton.markers) {
+    const std::string& joint = c.skeleton.joints[marker.joint].name;
+    const Segment segment = joint == "Head_rx" ? doppel::kHead : segment_of_joint(joint);
+    marker.position = map.bone_point(segment, from[marker.joint] + marker.position) - to[marker.joint];
+  }
+  c.rest_dofs[*c.skeleton.find_dof("Root_ty")] = to.front().y();
+}
+
+}  // namespace
+
+std::vector<double> measures_of(const std::string& body) {
+  if (body == "average") return mean_measures();
+  const std::string random = "random:";
+  std::uint64_t seed = 0;
+  const char* end = body.data() + body.size();
+  if (body.starts_with(random)) {
+    const auto [stop, error] = std::from_chars(body.data() + random.size(), end, seed);
+    if (error == std::errc() && stop == end) return random_measures(seed);
+  }
+  fail<UsageError>("doppel synth: there is no body '{}'; use actor, average, or random: with a number, e.g. random:7",
+                   body);
+}
+
+void give_body(Actor& actor, std::span<const double> measures) {
+  constexpr int kRounds = 4;
+  check_measures(measures);
+  Character& c = actor.character;
+  const BodyWarp warp(plan_joints());
+  const BodyWarp::Map map = warp.map(proportional_factors(measures, own_measures(warp.reference())));
+  const std::vector<SegmentWeights> weights = segment_weights(c.mesh, c.skin, warp.reference(), kRounds);
+  for (int v = 0; v < c.num_vertices(); ++v) {
+    Vector3d& vertex = c.mesh.vertices[v];
+    const Vector3d moved = map.point(vertex, weights[v]);
+    actor.hang[v] = map.point(vertex + actor.hang[v], weights[v]) - moved;
+    vertex = moved;
+  }
+  move_skeleton(c, map);
+}
+
+}  // namespace doppel::synth

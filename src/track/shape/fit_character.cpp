@@ -1,0 +1,128 @@
+#include "doppel/track/shape/fit_character.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "doppel/character/landmarks.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/log.h"
+#include "doppel/track/shape/texture_bake.h"
+#include "doppel/track/track_sheet.h"
+#include "doppel/track/track_surface.h"
+#include "doppel/track/track_task.h"
+
+namespace doppel {
+namespace {
+
+/// Reads the images of posed frames again; keeping those of all frames could take gigabytes.
+class PosedImages {
+ public:
+  PosedImages(const Footage& footage, const PosedFrames& poses) : footage_(footage), poses_(poses) {}
+  /// Calls `use` with the index of each frame and what was filmed.
+  template <typename Use>
+  void each(const Use& use) const {
+    std::unique_ptr<FootageReader> reader;
+    for (std::size_t f = 0; f < poses_.places.size(); ++f) {
+      const SeenFrames::Place& place = poses_.places[f];
+      if (f == 0 || place.sequence != poses_.places[f - 1].sequence) reader = footage_.read(place.sequence);
+      use(f, reader->read(place.frame, true));
+    }
+  }
+
+ private:
+  const Footage& footage_;
+  const PosedFrames& poses_;
+};
+
+std::vector<FootageSequence> sequences_to_fit(const Footage& footage, const FitCharacterOptions& options) {
+  TrackTask task;
+  task.sequences = options.sequences;
+  if (task.sequences.empty())
+    for (const SequenceEntry& entry : footage.capture().sequences)
+      if (entry.split == Split::train) task.sequences.push_back(entry.name);
+  return chosen_sequences(footage, task);
+}
+
+void bake(const Footage& footage, const FitCharacterOptions& options, FittedCharacter& fitted, Progress& progress) {
+  TextureBake texture(fitted.character.mesh, options.texture_size);
+  const PoseModel poses(fitted.character, {}, {});
+  bool any = false;
+  PosedImages(footage, fitted.poses).each([&](std::size_t f, const FootageFrame& seen) {
+    const auto surface = posed_vertices(poses, poses.pose(fitted.poses.frames[f].dofs, false));
+    for (std::size_t c = 0; c < seen.images.size(); ++c) {
+      if (seen.images[c].empty()) continue;
+      texture.add(surface, footage.cameras()[c], static_cast<int>(c), seen.images[c], seen.masks[c]);
+      any = true;
+    }
+    progress.advance(1, "texture");
+  });
+  if (!any) {
+    log::warn("the sequences have no images, so the character has no texture");
+    return;
+  }
+  fitted.texture_coverage = texture.coverage();
+  fitted.character.mesh.texture = texture.texture();
+}
+
+cv::Mat sheet_of(const Footage& footage, const std::vector<Marker>& landmarks, const FitCharacterOptions& options,
+                 const FittedCharacter& fitted) {
+  const PoseModel model(fitted.character, landmarks, {});
+  TrackSheet sheet(footage.cameras(), model, options.config.fit.outline_pixels);
+  const std::size_t count = fitted.poses.frames.size();
+  const std::size_t step = std::max<std::size_t>(1, count / as_size(std::max(1, options.sheet_frames)));
+  PosedImages(footage, fitted.poses).each([&](std::size_t f, const FootageFrame& seen) {
+    if (f % step != 0) return;
+    TrackedFrame found;
+    found.dofs = fitted.poses.frames[f].dofs;
+    found.state = FrameState::tracked;
+    sheet.add(fitted.poses.places[f].frame, seen, found);
+  });
+  return sheet.image();
+}
+
+/// Bends the template to the outlines of all frames, and finds the poses again.
+void bend(const Footage& footage, const std::vector<std::string>& names, const SeenFrames& frames,
+          const FitCharacterOptions& options, FittedCharacter& fitted, Progress& progress) {
+  for (int round = 0; round < options.bends; ++round) {
+    const std::vector<Marker> landmarks = markers_named(fitted.character.skeleton, names);
+    TemplateFit fit(fitted.character, landmarks, footage.cameras(), options.config.surface);
+    double overlap = 0.0;
+    for (const PosedEvidence& frame : fitted.poses.frames) {
+      overlap += fit.add(frame.seen, frame.dofs) / static_cast<double>(fitted.poses.frames.size());
+      progress.advance(1, "surface");
+    }
+    fitted.character = fit.character();
+    fitted.poses = find_poses(fitted.character, landmarks, footage.cameras(), frames, options.config);
+    log::info("surface bent to the outlines: IoU {:.4f} of each frame's surface, {:.4f} of the common template",
+              overlap, fitted.poses.overlap);
+  }
+}
+
+}  // namespace
+
+FittedCharacter fit_character(const ShapeFamily& family, const Footage& footage, const FitCharacterOptions& options) {
+  const std::vector<FootageSequence> sequences = sequences_to_fit(footage, options);
+  warn_without_masks(sequences);
+  const bool masks = std::all_of(sequences.begin(), sequences.end(), [](const auto& s) { return s.has_masks; });
+  const std::vector<std::string> names = landmark_names(footage.landmarks());
+  const int bends = masks ? options.bends : 0;
+  Progress progress("fit", static_cast<std::int64_t>(options.frames) * (2 + bends) + options.shape.rounds + 1);
+  const SeenFrames frames = see_frames(footage, sequences, options.frames, progress);
+
+  ShapedCharacter shaped =
+      find_shape(family, names, footage.cameras(), frames, options.config, options.shape, progress);
+  FittedCharacter fitted;
+  fitted.parameters = std::move(shaped.parameters);
+  fitted.character = std::move(shaped.character);
+  fitted.poses = std::move(shaped.poses);
+  fitted.measured_overlap = fitted.poses.overlap;
+  if (masks) bend(footage, names, frames, options, fitted, progress);
+  if (options.texture_size > 0) bake(footage, options, fitted, progress);
+  fitted.sheet = sheet_of(footage, markers_named(fitted.character.skeleton, names), options, fitted);
+  progress.finish();
+  return fitted;
+}
+
+}  // namespace doppel

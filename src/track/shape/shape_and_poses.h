@@ -1,0 +1,66 @@
+#pragma once
+
+/// The shape of a body and its poses in some frames of a capture, found by turns: the poses with the shape fixed
+/// (MultiviewTracker), then the shape with the poses fixed (fit_shape).
+
+#include <string>
+#include <vector>
+
+#include "doppel/character/shape_family.h"
+#include "doppel/core/progress.h"
+#include "doppel/fit/shape_fit.h"
+#include "doppel/fit/track_config.h"
+#include "doppel/track/footage.h"
+
+namespace doppel {
+
+/// What the cameras saw in some frames.
+struct SeenFrames {
+  /// A frame of a sequence.
+  struct Place {
+    int sequence = 0;  ///< index in `Footage::sequences`
+    long frame = 0;
+  };
+  std::vector<Place> places;        ///< [F] ascending
+  std::vector<FrameEvidence> seen;  ///< [F]
+};
+
+/// About `count` frames, spread evenly over the sequences together, at least one of each. Advances by one a frame.
+SeenFrames see_frames(const Footage& footage, const std::vector<FootageSequence>& sequences, int count,
+                      Progress& progress);
+
+/// A character and its poses in some frames.
+struct PosedFrames {
+  std::vector<PosedEvidence> frames;      ///< those that are not lost
+  std::vector<SeenFrames::Place> places;  ///< of `frames`
+  double keypoint_error = 0.0;            ///< mean distance of the inliers, reference pixels
+  double inlier_ratio = 0.0;              ///< inliers among the confident keypoints, mean over these frames
+  double overlap = 0.0;                   ///< IoU of the skinned surface with the masks, mean; 0 without masks
+};
+
+/// The pose of each frame, each from its own triangulated landmarks.
+/// @param landmarks [M] of the character, in the order of the keypoints @param config weights and DoFs
+/// @throws Error when the poses of all frames are lost
+PosedFrames find_poses(const Character& character, const std::vector<Marker>& landmarks,
+                       const std::vector<PinholeCamera>& cameras, const SeenFrames& frames, const TrackConfig& config);
+
+/// A character whose shape was fitted.
+struct ShapedCharacter {
+  std::vector<double> parameters;  ///< [P] of the family
+  Character character;
+  PosedFrames poses;
+};
+
+struct ShapeRounds {
+  int rounds = 4;  ///< of poses and shape
+  ShapeFitOptions fit;
+};
+
+/// Finds shape and poses. The first shape comes from distances between triangulated landmarks.
+/// @param landmarks [M] names of markers, in the order of the keypoints
+/// Advances by one a round.
+ShapedCharacter find_shape(const ShapeFamily& family, const std::vector<std::string>& landmarks,
+                           const std::vector<PinholeCamera>& cameras, const SeenFrames& frames,
+                           const TrackConfig& config, const ShapeRounds& rounds, Progress& progress);
+
+}  // namespace doppel

@@ -1,0 +1,183 @@
+#include "doppel/synth/other_body.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/body/girths.h"
+#include "doppel/body/measures.h"
+#include "doppel/capture/capture.h"
+#include "doppel/core/error.h"
+#include "doppel/synth/performance.h"
+#include "doppel/synth/synth.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::other_body_test {
+namespace {
+
+using Eigen::Vector3d;
+using synth::Actor;
+using testing::HasSubstr;
+
+const Actor& own_actor() {
+  static const Actor kActor = synth::make_actor(synth::SynthOptions::preset("tiny").actor);
+  return kActor;
+}
+
+Actor actor_with(std::vector<double> measures) {
+  Actor actor = own_actor();
+  synth::give_body(actor, measures);
+  return actor;
+}
+
+double height(const Actor& actor) {
+  double top = 0;
+  for (const Vector3d& p : actor.character.mesh.vertices) top = std::max(top, p.y());
+  return top;
+}
+
+/// Place of a joint in the rest pose.
+Vector3d joint_of(const Actor& actor, const char* name) {
+  const Skeleton& skeleton = actor.character.skeleton;
+  return skeleton.pose(actor.character.rest_dofs)[*skeleton.find_joint(name)].translation();
+}
+
+double bone(const Actor& actor, const char* from, const char* to) {
+  return (joint_of(actor, to) - joint_of(actor, from)).norm();
+}
+
+TEST(OtherBody, HasTheLengthsOfTheMeasures) {
+  for (const std::uint64_t seed : {2u, 5u, 11u}) {
+    const std::vector<double> m = random_measures(seed);
+    const Actor actor = actor_with(m);
+    const auto measure = [&](const char* name) { return m[measure_index(name)]; };
+    EXPECT_NEAR(bone(actor, "LeftArm_rz", "LeftForeArm_rx"), measure("upper_arm_length"), 1e-9);
+    EXPECT_NEAR(bone(actor, "RightForeArm_rx", "RightForeArmEE"), measure("forearm_length"), 1e-9);
+    EXPECT_NEAR(bone(actor, "LeftUpLeg_rx", "LeftLeg_rx"), measure("thigh_length"), 1e-9);
+    EXPECT_NEAR(bone(actor, "RightLeg_rx", "RightFoot_rx"), measure("shin_length"), 1e-9);
+    EXPECT_NEAR(bone(actor, "LeftArm_rz", "RightArm_rz"), measure("shoulder_breadth"), 1e-9);
+    EXPECT_NEAR(joint_of(actor, "LeftFoot_rx").y(), measure("ankle_height"), 1e-9);
+  }
+}
+
+TEST(OtherBody, StandsOnTheGroundWithTheTopologyOfTheActor) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Actor actor = actor_with(random_measures(seed));
+    EXPECT_EQ(actor.character.fingerprint(), own_actor().character.fingerprint());
+    double lowest = 1;
+    for (const Vector3d& p : actor.character.mesh.vertices) lowest = std::min(lowest, p.y());
+    EXPECT_NEAR(lowest, 0, 0.006) << "seed " << seed;
+    const TriangleMesh &before = own_actor().character.mesh, &after = actor.character.mesh;
+    int over = 0;
+    for (const Triangle& f : after.faces) {
+      const auto normal = [&](const TriangleMesh& mesh) {
+        return Vector3d((mesh.vertices[f[1]] - mesh.vertices[f[0]]).cross(mesh.vertices[f[2]] - mesh.vertices[f[0]]));
+      };
+      over += normal(before).dot(normal(after)) < 0;
+    }
+    EXPECT_LE(over, 2) << "seed " << seed << ", in the folds between skirt and legs";
+  }
+}
+
+TEST(OtherBody, WithTheActorsMeasuresIsTheActor) {
+  // Girths of an average woman; lengths of the actor itself.
+  std::vector<double> m = mean_measures(BodyBuild::woman);
+  const Actor& own = own_actor();
+  const auto set = [&](const char* name, const char* from, const char* to) {
+    m[measure_index(name)] = bone(own, from, to);
+  };
+  set("upper_arm_length", "LeftArm_rz", "LeftForeArm_rx");
+  set("forearm_length", "LeftForeArm_rx", "LeftForeArmEE");
+  set("thigh_length", "LeftUpLeg_rx", "LeftLeg_rx");
+  set("shin_length", "LeftLeg_rx", "LeftFoot_rx");
+  set("shoulder_breadth", "LeftArm_rz", "RightArm_rz");
+  set("hip_breadth", "LeftUpLeg_rx", "RightUpLeg_rx");
+  m[measure_index("ankle_height")] = joint_of(own, "LeftFoot_rx").y();
+  m[measure_index("hand_length")] = 0.175;
+  const Vector3d hips = 0.5 * (joint_of(own, "LeftUpLeg_rx") + joint_of(own, "RightUpLeg_rx"));
+  m[measure_index("trunk_length")] = (joint_of(own, "Head_ry") - hips).norm();
+  m[measure_index("neck_length")] = 0.4 * bone(own, "Head_ry", "HeadEE");
+  m[measure_index("head_height")] = 0.6 * bone(own, "Head_ry", "HeadEE");
+  const Actor same = actor_with(m);
+  for (int v = 0; v < own.character.num_vertices(); ++v)
+    ASSERT_NEAR((same.character.mesh.vertices[v] - own.character.mesh.vertices[v]).norm(), 0, 1e-9);
+  for (std::size_t k = 0; k < own.character.skeleton.markers.size(); ++k)
+    EXPECT_NEAR((same.character.skeleton.markers[k].position - own.character.skeleton.markers[k].position).norm(), 0,
+                1e-9);
+}
+
+TEST(OtherBody, HeavyAndTallPeopleDiffer) {
+  std::vector<double> heavy = mean_measures(), tall = mean_measures();
+  for (const char* name : {"waist_girth", "belly_depth", "hip_girth", "chest_girth", "chest_depth"})
+    heavy[measure_index(name)] *= 1.3;
+  for (const char* name : {"thigh_length", "shin_length", "trunk_length"}) tall[measure_index(name)] *= 1.1;
+  const Actor average = actor_with(mean_measures()), big = actor_with(heavy), long_one = actor_with(tall);
+  EXPECT_NEAR(height(big), height(average), 0.005);
+  EXPECT_GT(height(long_one), height(average) + 0.1);
+  const auto girth = [](const Actor& actor) {
+    const double y = joint_of(actor, "LeftUpLeg_rx").y();
+    const double chest = y + 0.6 * (joint_of(actor, "Head_ry").y() - y);
+    const TriangleMesh& mesh = actor.character.mesh;
+    return loop_length(nearest_section(mesh, {0, chest, 0}, Vector3d::UnitY()), mesh.vertices);
+  };
+  EXPECT_NEAR(girth(big) / girth(average), 1.3, 0.08);
+  EXPECT_NEAR(girth(long_one) / girth(average), 1.0, 0.04);
+}
+
+TEST(OtherBody, KeepsItsSolesOnTheFloor) {
+  const Actor actor = actor_with(random_measures(4));
+  const Motion motion = synth::make_motion(actor.character.skeleton, 60, 25, 3);
+  const std::vector<synth::Points> frames = synth::skin_motion(actor.character, motion, {});
+  for (const synth::Points& frame : frames) {
+    double lowest = 1;
+    for (const Vector3d& p : frame) lowest = std::min(lowest, p.y());
+    EXPECT_GT(lowest, -0.06);
+    EXPECT_LT(lowest, 0.20);
+  }
+}
+
+TEST(OtherBody, IsNamedByAWord) {
+  EXPECT_EQ(synth::measures_of("average"), mean_measures());
+  EXPECT_EQ(synth::measures_of("random:7"), random_measures(7));
+  for (const char* wrong : {"", "random", "random:", "random:x", "random:7x", "random:-1", "woman"})
+    EXPECT_THAT(support::message_of<UsageError>([&] { synth::measures_of(wrong); }), HasSubstr("random:7")) << wrong;
+}
+
+synth::SynthOptions short_capture(const std::string& body) {
+  synth::SynthOptions o = synth::SynthOptions::preset("tiny");
+  o.cameras = 2;
+  o.size = 96;
+  o.frames = 6;
+  o.test_frames = 4;
+  o.body = body;
+  return o;
+}
+
+TEST(OtherBody, IsFilmedAsPlausiblyAsTheActor) {
+  const support::TemporaryFolder folder;
+  const double own = synth::write_synthetic_capture(folder / "own", short_capture(synth::kOwnBody)).skinning_iou;
+  for (const char* body : {"random:2", "random:5"}) {
+    const synth::SynthReport report = synth::write_synthetic_capture(folder / body, short_capture(body));
+    EXPECT_NEAR(report.skinning_iou, own, 0.05) << body;
+    const Character written = load_character(folder / body / "character" / "actor.character");
+    EXPECT_NEAR((written.mesh.vertices[0] - actor_with(synth::measures_of(body)).character.mesh.vertices[0]).norm(), 0,
+                1e-5);
+  }
+}
+
+TEST(OtherBody, IsRefusedByClothThatKnowsTheActorsBodyOnly) {
+  const support::TemporaryFolder folder;
+  synth::SynthOptions options = short_capture("random:2");
+  options.cloth.model = synth::ClothModel::xpbd;
+  const std::string message =
+      support::message_of<UsageError>([&] { synth::write_synthetic_capture(folder / "capture", options); });
+  EXPECT_THAT(message, HasSubstr("xpbd"));
+  EXPECT_THAT(message, HasSubstr("--cloth springs"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "capture"));
+}
+
+}  // namespace
+}  // namespace doppel::other_body_test
