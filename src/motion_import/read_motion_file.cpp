@@ -112,7 +112,10 @@ MotionFromFile read_motion_file(const fs::path& path, const Character& character
   else
     result.guessed_map = map = by_names ? map_of_names_of(character.skeleton, source.tracks)
                                         : landmark_joint_map(character.skeleton, character.rest_dofs, source.tracks);
-  if (map.z_up && !by_names)
+  if (by_names && options.source.up) {
+    if (*options.source.up == 'x') fail<UsageError>("{}: of this format, y or z is the vertical, not x", path.string());
+    map.z_up = *options.source.up == 'z';
+  } else if (map.z_up && !by_names)
     fail<UsageError>("{}: `up: z` is for BVH files; {} is brought to y up already, with --up if need be",
                      options.map.string(), path.string());
   RetargetOptions retargeting;

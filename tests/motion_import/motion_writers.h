@@ -33,8 +33,9 @@ class NpzWriter {
     put(entry, 0, 2);
     put(entry, deflated_ ? 8 : 0, 2);
     put(entry, 0, 4);
-    put(entry, static_cast<std::uint32_t>(crc32(0, reinterpret_cast<const Bytef*>(content.data()),
-                                                static_cast<uInt>(content.size()))),
+    put(entry,
+        static_cast<std::uint32_t>(
+            crc32(0, reinterpret_cast<const Bytef*>(content.data()), static_cast<uInt>(content.size()))),
         4);
     put(entry, static_cast<std::uint32_t>(packed.size()), 4);
     put(entry, static_cast<std::uint32_t>(content.size()), 4);
@@ -84,8 +85,8 @@ class NpzWriter {
 
 /// A C3D file (c3d.org) of points alone.
 struct C3dWriter {
-  int machine = 84;          ///< 84 Intel, 85 DEC, 86 MIPS
-  double scale = -1;         ///< negative: floats; else the unit of the integers
+  int machine = 84;   ///< 84 Intel, 85 DEC, 86 MIPS
+  double scale = -1;  ///< negative: floats; else the unit of the integers
   double rate = 100.0;
   std::string units = "mm", up = "+Z";
   int first_frame = 1;
