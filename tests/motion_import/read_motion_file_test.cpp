@@ -181,7 +181,8 @@ TEST_F(SmplMotion, SurvivesEveryTruncation) {
   file.add("poses", std::vector<double>(66, 0.1), {1, 66});
   file.add("fps", {30}, {});
   const std::string bytes = file.bytes();
-  for (std::size_t n = 0; n < bytes.size(); ++n) EXPECT_NE(refusal("x.npz", bytes.substr(0, n)), "nothing was thrown") << n;
+  for (std::size_t n = 0; n < bytes.size(); ++n)
+    EXPECT_NE(refusal("x.npz", bytes.substr(0, n)), "nothing was thrown") << n;
 }
 
 // ---- points in space ----
@@ -315,7 +316,8 @@ TEST_F(MarkerMotion, SurvivesEveryTruncation) {
   support::C3dWriter file = c3d_file();
   file.frames.resize(1);
   const std::string bytes = file.bytes();
-  for (std::size_t n = 0; n < bytes.size(); ++n) EXPECT_NE(refusal("x.c3d", bytes.substr(0, n)), "nothing was thrown") << n;
+  for (std::size_t n = 0; n < bytes.size(); ++n)
+    EXPECT_NE(refusal("x.c3d", bytes.substr(0, n)), "nothing was thrown") << n;
 }
 
 // ---- rigged figures ----
