@@ -321,8 +321,8 @@ FrameClock Capture::clock(const SequenceEntry& sequence, const std::string& came
 fs::path Capture::character_path() const {
   if (character.empty())
     fail(
-        "{} names no character, which this command needs; make one (`doppel character build`, docs/character.md) and "
-        "add `character: PATH` to {}",
+        "{} names no character, which this command needs; make one (`doppel character create`, `import`, `fit` or "
+        "`build`, docs/character.md) and add `character: PATH` to {}",
         name, file.empty() ? "its capture.yaml" : file.string());
   return resolve(character);
 }

@@ -488,7 +488,9 @@ class Guesser {
       guess_.capture.character = characters.front();
       found("character: {}", characters.front());
     } else if (characters.empty()) {
-      missing("no character (*.character); make one with `doppel character build` and add `character: PATH`");
+      missing(
+          "no character (*.character); make one with `doppel character create` from a scan, `import` from a rigged "
+          "figure, or `fit` from this capture alone, and add `character: PATH`");
     } else {
       missing("several characters ({}); name one of them as `character`", some_of(characters));
     }

@@ -37,17 +37,16 @@ BoneScales::BoneScales(const Character& character)
   const std::vector<Joint>& joints = character.skeleton.joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const int parent = joints[j].parent;
-    const double length = parent < 0 ? 0.0 : (rest_[j].translation() - rest_[as_size(parent)].translation()).norm();
-    group_[j] = parent >= 0 && joints[j].offset.isZero() ? group_[as_size(parent)] : static_cast<int>(j);
-    if (parent < 0 || joints[j].type == Joint::Type::prismatic || joints[j].offset.norm() < kShortest ||
-        length < kShortest)
-      continue;
+    const double length = joints[j].offset.norm();
+    group_[j] = parent >= 0 && length == 0.0 ? group_[as_size(parent)] : static_cast<int>(j);
+    if (parent < 0 || length < kShortest) continue;
     const std::string name = without_side(bone_name(joints[j].name));
     const auto [entry, added] = parameter_of.emplace(name, num_parameters());
     if (added) parameters_.push_back({name, 1.0, 0.1, 0.4, 2.5});
     group_bones_[as_size(group_[as_size(parent)])].push_back(static_cast<int>(bones_.size()));
-    const Vector3d start = rest_[as_size(parent)].translation();
-    bones_.push_back({static_cast<int>(j), entry->second, start, (rest_[j].translation() - start) / length, length});
+    const Eigen::Affine3d& start = rest_[as_size(parent)];
+    bones_.push_back(
+        {static_cast<int>(j), entry->second, start.translation(), start.linear() * joints[j].offset / length, length});
   }
   if (bones_.empty()) fail("{} has no bone of {} m or more whose length could be scaled", character.name, kShortest);
 }

@@ -66,7 +66,7 @@ TEST(CaptureGuess, OneFolderOfVideos) {
   EXPECT_EQ(capture.sequences[0].videos, CameraPaths({{"cam_01", "videos/cam01.mp4"}, {"cam_02", "videos/cam02.mp4"}}));
   EXPECT_FALSE(capture.sequences[0].has_masks());
   const std::string missing = all_of(guess.missing);
-  for (const char* part : {"no masks", "no keypoints", "no character", "doppel character build"})
+  for (const char* part : {"no masks", "no keypoints", "no character", "doppel character create"})
     EXPECT_THAT(missing, HasSubstr(part));
 }
 

@@ -195,7 +195,7 @@ TEST(CaptureReference, MasksAndCharacterMayBeMissing) {
   for (const char* part : {"sequence c", "`doppel prepare`", "masks", "chroma_key", "background_subtraction"})
     EXPECT_THAT(no_masks, HasSubstr(part));
   const std::string no_body = message_of<Error>([&] { capture.character_path(); });
-  for (const char* part : {"bare", "doppel character build", "capture.yaml"}) EXPECT_THAT(no_body, HasSubstr(part));
+  for (const char* part : {"bare", "doppel character create", "capture.yaml"}) EXPECT_THAT(no_body, HasSubstr(part));
   write_capture(file.path(), capture, {"first line\nof two", "second"});
   EXPECT_EQ(read_file(file.path()).rfind("# first line of two\n# second\ndoppel_capture: 1\n", 0), 0u);
   const Capture again = file.read();

@@ -100,7 +100,7 @@ TEST_F(NoMasks, OneCameraFollowsTheKeypoints) {
 TEST_F(NoMasks, ACaptureWithoutCharacterSaysHowToMakeOne) {
   std::ofstream(root() / "capture.yaml") << "doppel_capture: 1\nname: tube\ncalibration: cameras.yml\nsequences:\n"
                                          << "  - {name: walk, split: test, " << kFilmed << ", keypoints: points.csv}\n";
-  EXPECT_THAT(message_of([&] { Footage::open(root(), 128); }), HasSubstr("doppel character build"));
+  EXPECT_THAT(message_of([&] { Footage::open(root(), 128); }), HasSubstr("doppel character create"));
 }
 
 }  // namespace
