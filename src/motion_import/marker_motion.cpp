@@ -57,6 +57,8 @@ void hold_ends(Track& track) {
 }
 
 Vector3d rest_place(const std::string& name) {
+  // The pelvis of points is the middle of the hips, or of markers around it.
+  if (name == "pelvis") return 0.5 * (rest_place("left_hip") + rest_place("right_hip"));
   std::string figure = name;
   if (name.ends_with("_toe")) figure = name.substr(0, name.size() - 3) + "foot";
   for (const FigureJoint& joint : rest_figure())

@@ -141,11 +141,12 @@ struct C3dWriter {
     bytes.resize(512, '\0');
     return bytes;
   }
-  static void group(std::string& bytes, int id, const std::string& name) {
+  void group(std::string& bytes, int id, const std::string& name) const {
     bytes += static_cast<char>(name.size());
     bytes += static_cast<char>(-id);
     bytes += name;
-    bytes += std::string("\x03\x00\x00", 3);
+    word(bytes, 3);
+    bytes += '\0';
   }
   void parameter(std::string& bytes, const std::string& name, const std::string& content) const {
     bytes += static_cast<char>(name.size());
