@@ -102,14 +102,16 @@ JointMap landmark_joint_map(const Skeleton& skeleton, const std::vector<double>&
     map.pairs.push_back(
         {ours[as_size(a)].name, theirs[as_size(b)].name, Eigen::Vector3d::Zero(), {"the guessed joint map", 0}});
   };
-  // Limbs first: of a trunk in one piece, pelvis, spine and chest may be one joint.
-  pair(here[as_size(landmark("pelvis"))], there[as_size(landmark("pelvis"))]);
-  for (std::size_t i = kBodyLandmarks.size(); i-- > 1;) pair(here[i], there[i]);
+  const int pelvis = here[as_size(landmark("pelvis"))], other_pelvis = there[as_size(landmark("pelvis"))];
+  pair(pelvis, other_pelvis);
+  // Limbs first: of a trunk in one piece, pelvis, spine and chest may be one joint. A joint of the character beside the
+  // pelvis (the target of a foot for inverse kinematics) would be a second root of the map.
+  for (std::size_t i = kBodyLandmarks.size(); i-- > 1;)
+    if (here[i] >= 0 && is_below(ours, here[i], pelvis)) pair(here[i], there[i]);
   const bool leg = std::any_of(map.pairs.begin(), map.pairs.end(), [&](const JointMap::Pair& p) {
     return here[as_size(landmark("left_knee"))] >= 0 &&
            p.target == ours[as_size(here[as_size(landmark("left_knee"))])].name;
   });
-  const int pelvis = here[as_size(landmark("pelvis"))], other_pelvis = there[as_size(landmark("pelvis"))];
   if (map.pairs.size() < kFewestPairs || !leg || taken_here.count(pelvis) == 0)
     fail<UsageError>(
         "{} joints of the motion are recognised as those of a body; needed are the pelvis, a leg and more. Write a "
