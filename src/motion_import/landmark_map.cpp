@@ -75,6 +75,15 @@ bool is_below(const std::vector<RigJoint>& joints, int joint, int ancestor) {
   return false;
 }
 
+/// The pelvis, or the nearest joint above it that also carries the hips: in some rigs the legs hang beside the pelvis.
+int root_of_body(const std::vector<RigJoint>& joints, const Landmarks& landmarks) {
+  int root = landmarks[as_size(landmark("pelvis"))];
+  for (const char* name : {"left_hip", "right_hip"})
+    if (const int hip = landmarks[as_size(landmark(name))]; hip >= 0)
+      while (root >= 0 && !is_below(joints, hip, root)) root = joints[as_size(root)].parent;
+  return root;
+}
+
 /// A name without `_` and blanks, which a character's bones do not have (rig_import).
 std::string as_bone(std::string name) {
   for (char& c : name)
@@ -102,26 +111,22 @@ JointMap landmark_joint_map(const Skeleton& skeleton, const std::vector<double>&
     map.pairs.push_back(
         {ours[as_size(a)].name, theirs[as_size(b)].name, Eigen::Vector3d::Zero(), {"the guessed joint map", 0}});
   };
-  const int pelvis = here[as_size(landmark("pelvis"))], other_pelvis = there[as_size(landmark("pelvis"))];
-  pair(pelvis, other_pelvis);
-  // Limbs first: of a trunk in one piece, pelvis, spine and chest may be one joint. A joint of the character beside the
-  // pelvis (the target of a foot for inverse kinematics) would be a second root of the map.
-  for (std::size_t i = kBodyLandmarks.size(); i-- > 1;)
-    if (here[i] >= 0 && is_below(ours, here[i], pelvis)) pair(here[i], there[i]);
-  const bool leg = std::any_of(map.pairs.begin(), map.pairs.end(), [&](const JointMap::Pair& p) {
-    return here[as_size(landmark("left_knee"))] >= 0 &&
-           p.target == ours[as_size(here[as_size(landmark("left_knee"))])].name;
-  });
-  if (map.pairs.size() < kFewestPairs || !leg || taken_here.count(pelvis) == 0)
+  const int root = root_of_body(ours, here), other_root = root_of_body(theirs, there);
+  pair(root, other_root);
+  // Limbs first: of a trunk in one piece, pelvis, spine and chest may be one joint. A joint of the character that is
+  // not below the root (the target of a foot for inverse kinematics) would be a second root of the map.
+  for (std::size_t i = kBodyLandmarks.size(); i-- > 0;)
+    if (here[i] >= 0 && is_below(ours, here[i], root)) pair(here[i], there[i]);
+  const bool leg = taken_here.count(here[as_size(landmark("left_knee"))]) != 0;
+  if (map.pairs.size() < kFewestPairs || !leg || taken_here.count(root) == 0)
     fail<UsageError>(
         "{} joints of the motion are recognised as those of a body; needed are the pelvis, a leg and more. Write a "
-        "joint "
-        "map (--map). Joints of the character: {}. Joints of the motion: {}",
+        "joint map (--map). Joints of the character: {}. Joints of the motion: {}",
         map.pairs.size(), fmt::join(names_of(ours), " "), fmt::join(source.names, " "));
   for (std::size_t a = 0; a < ours.size(); ++a)
     for (std::size_t b = 0; b < theirs.size(); ++b)
-      if (as_bone(theirs[b].name) == ours[a].name && is_below(ours, static_cast<int>(a), pelvis) &&
-          is_below(theirs, static_cast<int>(b), other_pelvis))
+      if (as_bone(theirs[b].name) == ours[a].name && is_below(ours, static_cast<int>(a), root) &&
+          is_below(theirs, static_cast<int>(b), other_root))
         pair(static_cast<int>(a), static_cast<int>(b));
   return map;
 }
