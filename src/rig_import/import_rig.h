@@ -50,6 +50,9 @@ struct ImportedRig {
   std::vector<std::string> warnings;  ///< of the scene and of the conversion
 };
 
+/// The rate of an animation's keys: the lowest usual rate that has a frame at each of them; 0: none has.
+double key_rate(const SceneAnimation& animation);
+
 /// The rate at which an animation is sampled when none is given: a multiple of the rate of its keys, so that every key
 /// has its frame, and so dense that a straight line between two frames is exact to a tenth of a millimetre.
 double sampling_rate(const SceneAnimation& animation);

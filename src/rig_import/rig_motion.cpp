@@ -74,6 +74,15 @@ LocalPose local_pose(const RigPlan& plan, const std::vector<Eigen::Vector3d>& ce
           back * (own.position - above.position) - (centres[as_size(joint)] - centres[as_size(parent)])};
 }
 
+const SceneAnimation& find_animation(const Scene& scene, const std::string& name) {
+  std::string names;
+  for (const SceneAnimation& animation : scene.animations) {
+    if (animation.name == name) return animation;
+    names += (names.empty() ? "'" : ", '") + animation.name + "'";
+  }
+  fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : names);
+}
+
 SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& animation, const RigPlan& plan,
                                   const Eigen::Affine3d& character_from_scene, double frames_per_second) {
   SampledAnimation result;

@@ -168,7 +168,8 @@ void check_counts(const FileLocation& where, const Scene& scene, const SceneLimi
     vertices += primitive.num_vertices();
     faces += static_cast<std::int64_t>(primitive.faces.size());
   }
-  if (faces == 0) fail_at(where, "the file holds no triangles, so there is no surface to read");
+  if (faces == 0 && limits.surface_needed)
+    fail_at(where, "the file holds no triangles, so there is no surface to read");
   if (vertices > limits.vertices || faces > limits.triangles)
     fail_at(where, "the file has {} vertices and {} triangles; at most {} and {} are read", vertices, faces,
             limits.vertices, limits.triangles);
