@@ -9,6 +9,7 @@
 #include "doppel/autorig/body_points.h"
 #include "doppel/character/character.h"
 #include "doppel/rigging/body_joints.h"
+#include "doppel/rigging/solid_grid.h"
 #include "doppel/scan/orientation.h"
 #include "doppel/scan/scan_parts.h"
 
@@ -33,8 +34,13 @@ struct CreatedCharacter {
 /// Makes the character of a scanned person who stands upright: unit and up axis, repair, joints, template, skinning
 /// weights, labels, graph. The world of the character: metres, y up, feet at y = 0.
 /// @param scan in the file's coordinates
+/// @throws Error for several bodies that do not touch (where the joints are not given)
 /// @throws UsageError / Error as merge_parts, find_orientation, repair, find_joints, read_joints and make_character
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,
                                   const CreateCharacterOptions& options = {});
+
+/// A sentence for each arm whose forearm hangs beside the trunk without a gap between them.
+/// @param joints metres, in the frame of `solid`, complete
+std::vector<std::string> touching_arms(const BodyJoints& joints, const SolidGrid& solid);
 
 }  // namespace doppel

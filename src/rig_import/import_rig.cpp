@@ -134,6 +134,9 @@ std::vector<const SceneAnimation*> RigImporter::wanted_animations() const {
                                     [&](const SceneAnimation& animation) { return animation.name == name; });
     if (found == scene_.animations.end())
       fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : names);
+    if (found->channels.empty())
+      fail<UsageError>("the animation '{}' of the file has no keys that move a node, so there is no motion to import",
+                       name);
     wanted.push_back(&*found);
   }
   return wanted;
