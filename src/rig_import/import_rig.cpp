@@ -94,7 +94,13 @@ std::vector<const SceneAnimation*> RigImporter::wanted_animations() const {
   std::vector<const SceneAnimation*> wanted;
   for (const SceneAnimation& animation : scene_.animations)
     if (options_.animations.empty() && !animation.channels.empty()) wanted.push_back(&animation);
-  for (const std::string& name : options_.animations) wanted.push_back(&find_animation(scene_, name));
+  for (const std::string& name : options_.animations) {
+    const SceneAnimation& animation = find_animation(scene_, name);
+    if (animation.channels.empty())
+      fail<UsageError>("the animation '{}' of the file has no keys that move a node, so there is no motion to import",
+                       name);
+    wanted.push_back(&animation);
+  }
   return wanted;
 }
 

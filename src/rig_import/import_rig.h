@@ -63,8 +63,8 @@ double sampling_rate(const SceneAnimation& animation);
 /// rotations about the world's axes at its position, after translations where an animation moves the joint in its
 /// parent. The root has three translations and three rotations. The weights are for linear blending. Primitives without
 /// a skin follow the joint above them.
-/// @throws UsageError for an animation that the scene does not have; Error when the scene has no skin, or when joints
-///   are sheared or mirrored so that no skeleton can hold them
+/// @throws UsageError for an animation that the scene does not have, or that has no keys; Error when the scene has no
+///   skin, when joints are sheared or mirrored so that no skeleton can hold them, or when an animation lasts for hours
 ImportedRig import_rig(const Scene& scene, const ImportRigOptions& options = {});
 
 /// Writes `<name>.character` with all it names, the motions, `vertex_map.npy`, `joints.json` and `motions.json`.
