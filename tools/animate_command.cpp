@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -13,13 +12,13 @@
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
-#include "doppel/character/retarget.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
 #include "doppel/export/film.h"
+#include "doppel/motion_import/read_motion_file.h"
 #include "doppel/rig_import/motions_json.h"
 
 namespace doppel::tools {
@@ -32,9 +31,9 @@ struct AnimateOptions {
   std::string renderer = "mesh";
   std::vector<std::string> formats{"npy"};
   std::string bone_rule = "exact";
-  // Motion of another skeleton.
-  std::string source_skeleton, map;
-  double bvh_unit = 0.0, source_fps = 0.0, fps = 0.0;
+  // Motion of another body.
+  std::string source_skeleton, map, animation, up;
+  double unit = 0.0, source_fps = 0.0, fps = 0.0;
   // The camera.
   std::string camera = "orbit", calibration, capture, background, light;
   int size = 0;
@@ -43,70 +42,61 @@ struct AnimateOptions {
   bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
 
-bool is_bvh(const std::string& path) {
-  std::string extension = fs::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension == ".bvh";
-}
-
 // ---- the motion ----
 
-/// The joints of the motion's own skeleton, where it is not that of the character.
-JointTracks source_tracks(const AnimateOptions& options, double fps) {
-  if (is_bvh(options.motion)) {
-    const BvhClip clip =
-        read_bvh(options.motion, options.bvh_unit > 0 ? std::optional<double>(options.bvh_unit) : std::nullopt);
-    return joint_tracks(clip);
-  }
-  const Skeleton skeleton = read_skeleton(options.source_skeleton);
-  return joint_tracks(skeleton, read_motion(options.motion, skeleton.num_dofs()),
-                      options.source_fps > 0 ? options.source_fps : fps);
+MotionFileOptions motion_options(const AnimateOptions& options, double fps) {
+  MotionFileOptions result;
+  result.map = options.map;
+  result.source_skeleton = options.source_skeleton;
+  result.source.animation = options.animation;
+  if (!options.up.empty()) result.source.up = options.up[0];
+  if (options.unit > 0) result.source.metres_per_unit = options.unit;
+  result.source.frames_per_second = options.source_fps;
+  result.frames_per_second = fps;
+  return result;
 }
 
-JointMap joint_map(const AnimateOptions& options, const Character& character, const JointTracks& source) {
-  if (!options.map.empty()) return read_joint_map(options.map);
-  std::vector<std::string> joints;
-  for (const Joint& joint : character.skeleton.joints) joints.push_back(joint.name);
-  const JointMap map = guess_joint_map(joints, source.names);
+void write_guessed_map(const AnimateOptions& options, const JointMap& map) {
   const fs::path path = fs::path(options.out) / "joint_map.yaml";
   write_atomically(path, joint_map_text(map));
-  log::info("{} joints were paired by their names, see {}; if pairs are wrong, correct the file and pass it with --map",
+  log::info("{} joints were paired, see {}; if pairs are wrong, correct the file and pass it with --map",
             map.pairs.size(), path.string());
-  return map;
 }
 
-/// The motion of the character: read from its file, or retargeted from another skeleton.
-Motion driven_motion(const AnimateOptions& options, const Character& character, double fps, nlohmann::json& report) {
-  if (!is_bvh(options.motion) && options.source_skeleton.empty()) {
-    if (!options.map.empty())
-      fail<UsageError>("--map is for motions of another skeleton; give a .bvh file, or --source-skeleton");
-    return read_motion(options.motion, character.num_dofs());
-  }
-  const JointTracks source = source_tracks(options, fps);
-  RetargetOptions retargeting;
-  retargeting.frames_per_second = fps;
-  retargeting.rest_dofs = character.rest_dofs;
-  const RetargetResult result =
-      retarget(character.skeleton, source, joint_map(options, character, source), retargeting);
+nlohmann::json retargeting_json(const RetargetResult& result) {
   nlohmann::json tracks;
-  double farthest = 0.0;
-  std::string worst;
-  for (const RetargetResult::Track& track : result.tracks) {
+  for (const RetargetResult::Track& track : result.tracks)
     tracks.push_back({{"target", track.target},
                       {"source", track.source},
                       {"mean_distance_m", track.mean_distance},
                       {"largest_distance_m", track.largest_distance}});
-    if (track.end && track.largest_distance > farthest) {
-      farthest = track.largest_distance;
-      worst = track.target;
-    }
+  return {{"scale", result.scale}, {"joints", tracks}};
+}
+
+/// Logs how well the character follows, by the end that stays farthest away.
+void log_retargeting(const RetargetResult& result, int frames) {
+  const RetargetResult::Track* worst = nullptr;
+  for (const RetargetResult::Track& track : result.tracks)
+    if (track.end && (!worst || track.largest_distance > worst->largest_distance)) worst = &track;
+  if (worst)
+    log::info(
+        "retargeted {} frames at scale {:.3f}; of feet, hands and head, {} is farthest from the scaled source: {:.1f} "
+        "cm",
+        frames, result.scale, worst->target, 100 * worst->largest_distance);
+}
+
+/// The motion of the character: read from its file, or retargeted from another body.
+/// @param fps of the result; 0: that of the file
+MotionFromFile driven_motion(const AnimateOptions& options, const Character& character, double fps,
+                             nlohmann::json& report) {
+  MotionFromFile read = read_motion_file(options.motion, character, motion_options(options, fps));
+  for (const std::string& note : read.notes) log::info("{}: {}", options.motion, note);
+  if (read.guessed_map) write_guessed_map(options, *read.guessed_map);
+  if (read.retargeting) {
+    log_retargeting(*read.retargeting, read.motion.num_frames());
+    report["retargeting"] = retargeting_json(*read.retargeting);
   }
-  report["retargeting"] = {{"scale", result.scale}, {"joints", tracks}};
-  log::info(
-      "retargeted {} frames at scale {:.3f}; of feet, hands and head, {} is farthest from the scaled source: {:.1f} cm",
-      result.motion.num_frames(), result.scale, worst, 100 * farthest);
-  return result.motion;
+  return read;
 }
 
 // ---- the images ----
@@ -282,23 +272,28 @@ void write_motions(const AnimateOptions& options, const Character& character, co
     write_bvh(folder / "driven.bvh", bvh_from_motion(character.skeleton, motion, fps, character.rest_dofs));
 }
 
+/// The rate that is asked for, else that of the training; 0: that of the motion's file.
 double frame_rate(const AnimateOptions& options, const Performer& performer) {
   if (options.fps > 0) return options.fps;
-  const std::optional<double> trained = performer.frames_per_second(), imported = imported_rate(options.motion);
+  const std::optional<double> trained = performer.frames_per_second();
+  // Motions of other bodies are resampled. Those of the character itself are played row by row.
+  const std::optional<double> imported =
+      is_foreign_motion(options.motion) ? std::nullopt : imported_rate(options.motion);
   if (trained && imported && *imported != *trained)
     log::warn(
         "{} has {:g} frames per second, but the actor was trained at {:g}, so it will seem to move slowly or fast; "
         "import the motion with --fps {:g}",
         options.motion, *imported, *trained, *trained);
-  return trained ? *trained : imported.value_or(25.0);
+  return trained.value_or(0.0);
 }
 
 int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
-  const double fps = frame_rate(options, performer);
   nlohmann::json report;
-  const Motion motion = driven_motion(options, character, fps, report);
+  const MotionFromFile read = driven_motion(options, character, frame_rate(options, performer), report);
+  const Motion& motion = read.motion;
+  const double fps = read.frames_per_second;
   const auto writers = make_writers(options, character, performer, fps);
   write_motions(options, character, motion, fps);
   perform(performer, motion, writers);
@@ -316,16 +311,24 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
 }
 
 void add_motion_options(CLI::App& app, AnimateOptions& options) {
-  app.add_option("--motion", options.motion, "The motion: a .motion file, or a .bvh file of any skeleton")->required();
+  app.add_option("--motion", options.motion,
+                 "The motion: a .motion file, or one of any body: .bvh; .glb, .gltf, .vrm, .fbx, .dae (an animation); "
+                 ".npz (AMASS, SMPL-X); .c3d, .trc (points in space)")
+      ->required();
+  app.add_option("--animation", options.animation, "Which animation of a .glb, .fbx, ... with several, by its name");
   app.add_option("--source-skeleton", options.source_skeleton, "The .skeleton file of a .motion for another skeleton");
-  app.add_option("--map", options.map, "Pairs of joints of the two skeletons, YAML (default: guessed by name)");
-  app.add_option("--bvh-unit", options.bvh_unit, "Metres per unit of the BVH file (default: guessed by its size)")
+  app.add_option("--map", options.map, "Pairs of joints of the two bodies, YAML (default: guessed)");
+  app.add_option("--up", options.up,
+                 "Vertical axis of a file of another body (default: as the file shows; BVH: y, or as the map says)")
+      ->check(CLI::IsMember({"x", "y", "z"}));
+  app.add_option("--unit,--bvh-unit", options.unit,
+                 "Metres per unit of length of the file (default: as it says, or guessed by its size)")
       ->check(CLI::PositiveNumber);
   app.add_option("--source-fps", options.source_fps,
-                 "Frames per second of a .motion for another skeleton (default: --fps)")
+                 "Frames per second of a file that states none (.motion for another skeleton: default --fps)")
       ->check(CLI::Range(0.1, 1000.0));
   app.add_option("--fps", options.fps,
-                 "Frames per second of the result (default: of the training, else of the imported motion, else 25)")
+                 "Frames per second of the result (default: of the training, else of the motion's file, else 25)")
       ->check(CLI::Range(0.1, 1000.0));
 }
 
@@ -371,6 +374,8 @@ Command add_animate(CLI::App& program) {
       "--out walk\n"
       "  doppel animate --character actor/actor.character --motion dance.bvh --map joints.yaml --model run/actor.pt "
       "--format mp4 --capture prepared --camera 3 --background capture --out dance\n"
+      "  doppel animate --character actor/actor.character --motion walk.glb --animation Walk --format mp4 --out walk\n"
+      "  doppel animate --character actor/actor.character --motion CMU/01/01_01_poses.npz --format motion --out amass\n"
       "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }

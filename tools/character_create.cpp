@@ -27,7 +27,7 @@ void take_hints(const Scene& scene, OrientationOptions& orientation) {
 }
 
 CreatedCharacter create(const CreateOptions& options, const CommonOptions& common) {
-  const Scene scene = read_scene(options.scan);
+  Scene scene = read_scene(options.scan);
   for (const std::string& warning : scene.warnings) log::warn("{}: {}", options.scan, warning);
   CreateCharacterOptions creation;
   creation.orientation.unit = options.unit;
@@ -37,7 +37,9 @@ CreatedCharacter create(const CreateOptions& options, const CommonOptions& commo
   creation.vertices = options.vertices;
   creation.nodes = options.nodes;
   creation.points.detector.threads = resolve_threads(common.threads);
-  return create_character(options.name, scan_of_scene(scene), creation);
+  const ScanParts scan = scan_of_scene(scene);
+  scene = {};  // a scan may be large
+  return create_character(options.name, scan, creation);
 }
 
 nlohmann::ordered_json describe_bending(const BendReport& bending) {

@@ -10,6 +10,7 @@
 #include "doppel/character/character.h"
 #include "doppel/rigging/bend_report.h"
 #include "doppel/rigging/body_joints.h"
+#include "doppel/rigging/solid_grid.h"
 #include "doppel/scan/orientation.h"
 #include "doppel/scan/scan_parts.h"
 
@@ -37,8 +38,13 @@ struct CreatedCharacter {
 /// weights, labels, graph. Examines and draws how the result bends. The world of the character: metres, y up, feet at y
 /// = 0.
 /// @param scan in the file's coordinates
+/// @throws Error for several bodies that do not touch (where the joints are not given)
 /// @throws UsageError / Error as merge_parts, find_orientation, repair, find_joints, read_joints and make_character
 CreatedCharacter create_character(const std::string& name, const ScanParts& scan,
                                   const CreateCharacterOptions& options = {});
+
+/// A sentence for each arm whose forearm hangs beside the trunk without a gap between them.
+/// @param joints metres, in the frame of `solid`, complete
+std::vector<std::string> touching_arms(const BodyJoints& joints, const SolidGrid& solid);
 
 }  // namespace doppel

@@ -8,19 +8,40 @@ namespace doppel {
 
 namespace {
 
+/// Numbers the rows whose index is not -1, copies them, and puts the numbers into the faces.
+template <typename Row>
+void keep_used(const std::vector<Row>& rows, std::vector<int>& index, std::vector<Row>& kept,
+               std::vector<Triangle>& faces) {
+  kept.reserve(as_size(std::count_if(index.begin(), index.end(), [](int i) { return i >= 0; })));
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (index[i] >= 0) {
+      index[i] = static_cast<int>(kept.size());
+      kept.push_back(rows[i]);
+    }
+  for (Triangle& face : faces)
+    for (int& corner : face) corner = index[as_size(corner)];
+}
+
 /// The triangles of a primitive that have one material.
 ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std::vector<Eigen::Vector3d>& vertices,
                  int material) {
   ScanPart part;
   part.name = primitive.name;
-  part.mesh.vertices = vertices;
-  part.mesh.colours = primitive.colours;
-  part.mesh.uvs = primitive.uvs;
+  // The vertices that these triangles use, in the order of the file.
+  std::vector<int> index(vertices.size(), -1), uv_index(primitive.uvs.size(), -1);
   for (std::size_t f = 0; f < primitive.faces.size(); ++f) {
     if (!primitive.face_materials.empty() && primitive.face_materials[f] != material) continue;
     part.mesh.faces.push_back(primitive.faces[f]);
-    if (!primitive.face_uvs.empty()) part.mesh.face_uvs.push_back(primitive.face_uvs[f]);
+    for (const int v : primitive.faces[f]) index[as_size(v)] = 0;
+    if (primitive.face_uvs.empty()) continue;
+    part.mesh.face_uvs.push_back(primitive.face_uvs[f]);
+    for (const int uv : primitive.face_uvs[f]) uv_index[as_size(uv)] = 0;
   }
+  keep_used(vertices, index, part.mesh.vertices, part.mesh.faces);
+  if (!primitive.colours.empty())
+    for (std::size_t v = 0; v < index.size(); ++v)
+      if (index[v] >= 0) part.mesh.colours.push_back(primitive.colours[v]);
+  keep_used(primitive.uvs, uv_index, part.mesh.uvs, part.mesh.face_uvs);
   if (material < 0) return part;
   const SceneMaterial& surface = scene.materials[as_size(material)];
   part.mesh.texture = surface.texture;

@@ -1,6 +1,5 @@
 #include "doppel/character/retarget.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -10,6 +9,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/best_rotation.h"
 
 namespace doppel {
 namespace {
@@ -83,15 +83,6 @@ std::vector<Node> resolve(const Skeleton& skeleton, const JointTracks& source, c
     fail_at(map.pairs.empty() ? FileLocation{} : map.pairs.front().where,
             "the map pairs {} joints; a pose needs at least two", nodes.size());
   return nodes;
-}
-
-/// The rotation that best aligns the directions `from` with `to` (Kabsch). The lengths of the columns are weights.
-Matrix3d best_rotation(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to) {
-  const Matrix3d covariance = to * from.transpose();
-  const Eigen::JacobiSVD<Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Vector3d signs = Vector3d::Ones();
-  signs.z() = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1.0 : 1.0;
-  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
 
 /// Both skeletons in their rest poses, and the alignment between them.

@@ -97,9 +97,7 @@ template std::vector<double> NpyArray::as<double>() const;
 template std::vector<int> NpyArray::as<int>() const;
 template std::vector<std::int64_t> NpyArray::as<std::int64_t>() const;
 
-NpyArray read_npy(const std::filesystem::path& path) {
-  const FileLocation where{path.string()};
-  const std::string content = read_file(path);
+NpyArray parse_npy(std::string_view content, const FileLocation& where) {
   const auto byte = [&](std::size_t i) { return as_size(static_cast<unsigned char>(content[i])); };
   if (content.size() < 12 || content.compare(0, kMagicSize, kMagic, kMagicSize) != 0)
     fail_at(where, "is not a .npy file (it does not begin with \\x93NUMPY)");
@@ -109,7 +107,7 @@ NpyArray read_npy(const std::filesystem::path& path) {
   const std::size_t length = first ? byte(8) | byte(9) << 8 : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
   if (prefix + length > content.size()) fail_at(where, "ends inside its .npy header");
 
-  const std::string dictionary = content.substr(prefix, std::min<std::size_t>(length, 4096));
+  const std::string dictionary(content.substr(prefix, std::min<std::size_t>(length, 4096)));
   std::smatch descr, shape;
   if (!std::regex_search(dictionary, descr, std::regex("'descr': *'([^']*)'")) ||
       !std::regex_search(dictionary, shape, std::regex("'shape': *\\(([0-9, ]*)\\)")))
@@ -134,6 +132,8 @@ NpyArray read_npy(const std::filesystem::path& path) {
   array.bytes.assign(content.begin() + static_cast<std::ptrdiff_t>(prefix + length), content.end());
   return array;
 }
+
+NpyArray read_npy(const std::filesystem::path& path) { return parse_npy(read_file(path), {path.string()}); }
 
 std::string npy_bytes(const void* data, const std::string& type, const std::vector<std::int64_t>& shape) {
   std::int64_t size = item_size(type);

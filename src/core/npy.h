@@ -4,7 +4,10 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
+
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -23,6 +26,8 @@ struct NpyArray {
 
 /// @throws FileError: not a .npy file, Fortran order, another type, a file too short for its shape, surplus bytes
 NpyArray read_npy(const std::filesystem::path& path);
+/// As read_npy, for the bytes of a `.npy` file in memory. @param where for messages: the file, and the part of it
+NpyArray parse_npy(std::string_view content, const FileLocation& where);
 
 /// The bytes of a `.npy` file (format version 1.0) for an array in memory.
 std::string npy_bytes(const void* data, const std::string& type, const std::vector<std::int64_t>& shape);

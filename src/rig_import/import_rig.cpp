@@ -9,6 +9,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
+#include "doppel/rig_import/rig_frame.h"
 #include "doppel/rig_import/rig_graph.h"
 #include "doppel/rig_import/rig_motion.h"
 #include "doppel/rig_import/rig_plan.h"
@@ -21,43 +22,10 @@ namespace {
 using Affine = Eigen::Affine3d;
 using VertexWeights = std::vector<std::pair<int, double>>;  // (joint, weight), largest first
 
-/// Height of a person, metres; outside it the unit is doubtful.
-constexpr double kSmallestPerson = 0.5, kTallestPerson = 2.5;
 /// The animations that are not imported are sampled at this rate to learn which translations the joints need.
 constexpr double kProbeRate = 60.0;
 constexpr double kDensestRate = 600.0, kSparsestRate = 100.0;
 constexpr double kMostDenseFrames = 1500;
-
-/// The rate of the keys: the lowest usual rate that has a frame at each of them; 0: none has.
-double key_rate(const SceneAnimation& animation) {
-  for (const double rate : {1.0, 2.0, 5.0, 10.0, 12.0, 15.0, 20.0, 24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 100.0, 120.0,
-                            150.0, 200.0, 240.0, 300.0}) {
-    const auto has_frame = [rate](double time) { return std::abs(time * rate - std::round(time * rate)) < 1e-3; };
-    bool all = std::all_of(animation.keys.begin(), animation.keys.end(), has_frame);
-    if (animation.keys.empty())
-      for (const SceneChannel& channel : animation.channels)
-        all = all && std::all_of(channel.times.begin(), channel.times.end(), has_frame);
-    if (all) return rate;
-  }
-  return 0.0;
-}
-
-/// World axes of the file to y up.
-Eigen::Matrix3d y_up_from(char up) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  if (up == 'z') turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  if (up == 'x') turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
-  return turn;
-}
-
-double height_of(const std::vector<Eigen::Vector3d>& vertices, const Eigen::Vector3d& up) {
-  double low = INFINITY, high = -INFINITY;
-  for (const Eigen::Vector3d& vertex : vertices) {
-    low = std::min(low, up.dot(vertex));
-    high = std::max(high, up.dot(vertex));
-  }
-  return vertices.empty() ? 0.0 : high - low;
-}
 
 /// A name that `.skeleton` and `.skin` files can hold: without blanks, and without `_`, which ends a bone's name.
 std::string bone_of(const std::string& name, std::set<std::string>& taken) {
@@ -100,7 +68,6 @@ class RigImporter {
  private:
   std::vector<const SceneAnimation*> wanted_animations() const;
   void place_surface();
-  void choose_frame(const std::vector<Eigen::Vector3d>& placed);
   std::vector<Eigen::Vector3d> place_vertices(Scene& surface);
   void name_joints();
   void sample(const std::vector<const SceneAnimation*>& wanted);
@@ -125,17 +92,14 @@ class RigImporter {
 
 std::vector<const SceneAnimation*> RigImporter::wanted_animations() const {
   std::vector<const SceneAnimation*> wanted;
-  std::string names;
-  for (const SceneAnimation& animation : scene_.animations) {
-    names += (names.empty() ? "'" : ", '") + animation.name + "'";
+  for (const SceneAnimation& animation : scene_.animations)
     if (options_.animations.empty() && !animation.channels.empty()) wanted.push_back(&animation);
-  }
   for (const std::string& name : options_.animations) {
-    const auto found = std::find_if(scene_.animations.begin(), scene_.animations.end(),
-                                    [&](const SceneAnimation& animation) { return animation.name == name; });
-    if (found == scene_.animations.end())
-      fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : names);
-    wanted.push_back(&*found);
+    const SceneAnimation& animation = find_animation(scene_, name);
+    if (animation.channels.empty())
+      fail<UsageError>("the animation '{}' of the file has no keys that move a node, so there is no motion to import",
+                       name);
+    wanted.push_back(&animation);
   }
   return wanted;
 }
@@ -171,29 +135,13 @@ std::vector<Eigen::Vector3d> RigImporter::place_vertices(Scene& surface) {
   return placed;
 }
 
-/// The unit and the up axis: as given, as the file says, or by the height.
-void RigImporter::choose_frame(const std::vector<Eigen::Vector3d>& placed) {
-  const char up = options_.up ? *options_.up : scene_.up.value_or('y');
-  const Eigen::Matrix3d turn = y_up_from(up);
-  const double height = height_of(placed, turn.row(1).transpose());
-  if (!(height > 0)) fail("the surface has no height, so it is no figure");
-  double unit = options_.metres_per_unit ? *options_.metres_per_unit : scene_.metres_per_unit.value_or(0.0);
-  for (const double candidate : {1.0, 0.01, 0.001, 0.0254})
-    if (unit == 0.0 && height * candidate >= kSmallestPerson && height * candidate <= kTallestPerson) unit = candidate;
-  if (unit == 0.0) unit = 1.0;
-  if (height * unit < kSmallestPerson || height * unit > kTallestPerson)
-    rig_.warnings.push_back(fmt::format(
-        "the figure is {:.3g} m tall in the unit of {:.4g} m; if that is wrong, give the unit", height * unit, unit));
-  character_from_scene_.linear() = unit * turn;
-  rig_.file_from_character = character_from_scene_.inverse();
-}
-
 void RigImporter::place_surface() {
   Scene surface;
   surface.materials = scene_.materials;
   std::vector<Eigen::Vector3d> placed = place_vertices(surface);
   if (placed.empty()) fail("no part of the surface hangs on the rig");
-  choose_frame(placed);
+  character_from_scene_ = character_from_scene(scene_, placed, options_.metres_per_unit, options_.up, rig_.warnings);
+  rig_.file_from_character = character_from_scene_.inverse();
   for (Eigen::Vector3d& vertex : placed) vertex = character_from_scene_ * vertex;
   rig_.character.mesh = scene_mesh(surface, std::move(placed));
   for (const Affine& bind : plan_.bind) centres_.push_back(character_from_scene_ * bind.translation());
@@ -331,6 +279,19 @@ void RigImporter::find_body_landmarks() {
 }
 
 }  // namespace
+
+double key_rate(const SceneAnimation& animation) {
+  for (const double rate : {1.0, 2.0, 5.0, 10.0, 12.0, 15.0, 20.0, 24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 100.0, 120.0,
+                            150.0, 200.0, 240.0, 300.0}) {
+    const auto has_frame = [rate](double time) { return std::abs(time * rate - std::round(time * rate)) < 1e-3; };
+    bool all = std::all_of(animation.keys.begin(), animation.keys.end(), has_frame);
+    if (animation.keys.empty())
+      for (const SceneChannel& channel : animation.channels)
+        all = all && std::all_of(channel.times.begin(), channel.times.end(), has_frame);
+    if (all) return rate;
+  }
+  return 0.0;
+}
 
 double sampling_rate(const SceneAnimation& animation) {
   const double duration = std::max(animation.end, 1e-3);

@@ -50,6 +50,9 @@ struct ImportedRig {
   std::vector<std::string> warnings;  ///< of the scene and of the conversion
 };
 
+/// The rate of an animation's keys: the lowest usual rate that has a frame at each of them; 0: none has.
+double key_rate(const SceneAnimation& animation);
+
 /// The rate at which an animation is sampled when none is given: a multiple of the rate of its keys, so that every key
 /// has its frame, and so dense that a straight line between two frames is exact to a tenth of a millimetre.
 double sampling_rate(const SceneAnimation& animation);
@@ -60,8 +63,8 @@ double sampling_rate(const SceneAnimation& animation);
 /// rotations about the world's axes at its position, after translations where an animation moves the joint in its
 /// parent. The root has three translations and three rotations. The weights are for linear blending. Primitives without
 /// a skin follow the joint above them.
-/// @throws UsageError for an animation that the scene does not have; Error when the scene has no skin, or when joints
-///   are sheared or mirrored so that no skeleton can hold them
+/// @throws UsageError for an animation that the scene does not have, or that has no keys; Error when the scene has no
+///   skin, when joints are sheared or mirrored so that no skeleton can hold them, or when an animation lasts for hours
 ImportedRig import_rig(const Scene& scene, const ImportRigOptions& options = {});
 
 /// Writes `<name>.character` with all it names, the motions, `vertex_map.npy`, `joints.json` and `motions.json`.

@@ -14,6 +14,9 @@ constexpr double kMetresPerTranslationUnit = 0.001;  // DoFs of translations are
 /// A joint that leaves its place in its parent by more than this has DoFs for it, metres.
 constexpr double kStillTranslation = 2e-6;
 
+/// Of one animation: more than two hours at 60 per second. A damaged time of a key asks for any number.
+constexpr long kMostFrames = 500'000;
+
 /// The axis about which the joint's bone twists: the one nearest to the direction of its children.
 int twist_axis(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres, int joint) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -74,6 +77,15 @@ LocalPose local_pose(const RigPlan& plan, const std::vector<Eigen::Vector3d>& ce
           back * (own.position - above.position) - (centres[as_size(joint)] - centres[as_size(parent)])};
 }
 
+const SceneAnimation& find_animation(const Scene& scene, const std::string& name) {
+  std::string names;
+  for (const SceneAnimation& animation : scene.animations) {
+    if (animation.name == name) return animation;
+    names += (names.empty() ? "'" : ", '") + animation.name + "'";
+  }
+  fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : names);
+}
+
 SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& animation, const RigPlan& plan,
                                   const Eigen::Affine3d& character_from_scene, double frames_per_second) {
   SampledAnimation result;
@@ -81,7 +93,13 @@ SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& anim
   // Most animations begin near 0 on the file's time axis and stay on it; a late take begins with its first key.
   result.start = animation.start < 1.0 && animation.start >= 0.0 ? 0.0 : animation.start;
   const double duration = animation.end - result.start;
-  const auto frames = static_cast<long>(std::floor(duration * frames_per_second + 1e-3)) + 1;
+  const double count = std::floor(duration * frames_per_second + 1e-3) + 1;
+  if (!(count >= 1 && count <= kMostFrames))
+    fail(
+        "animation '{}' lasts from {:.4g} s to {:.4g} s, which is {:.4g} frames at {:.4g} per second; at most {} are "
+        "sampled. Correct the times of its keys, or give a lower rate (--fps)",
+        animation.name, result.start, animation.end, count, frames_per_second, kMostFrames);
+  const auto frames = static_cast<long>(count);
   const Eigen::Affine3d back = character_from_scene.inverse();
   std::vector<Eigen::Affine3d> character_from_bind;
   for (const Eigen::Affine3d& bind : plan.bind) character_from_bind.push_back(bind.inverse() * back);

@@ -36,8 +36,12 @@ struct LocalPose {
 LocalPose local_pose(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres,
                      const std::vector<JointPose>& frame, int joint);
 
+/// The animation of a scene with this name. @throws UsageError that lists the names of all
+const SceneAnimation& find_animation(const Scene& scene, const std::string& name);
+
 /// Samples an animation of a scene.
 /// @param character_from_scene rotation and uniform scale
+/// @throws Error for more frames than hours of motion have, as a damaged time of a key asks for
 SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& animation, const RigPlan& plan,
                                   const Eigen::Affine3d& character_from_scene, double frames_per_second);
 

@@ -23,7 +23,7 @@ struct PoseBend {
   int sticking = 0;                    ///< vertices that another limb drags along (StickingVertices)
   std::optional<double> elbow_volume;  ///< relative to the rest pose (LimbPiece); of left and right the one farther
                                        ///< from 1; nothing where no triangle belongs to the piece
-  std::optional<double> knee_volume;  ///< in the same way
+  std::optional<double> knee_volume;   ///< in the same way
 };
 
 struct BendReport {

@@ -213,7 +213,7 @@ class PartMerger {
     if (faces > kMaxScanTriangles)
       fail<UsageError>(
           "joining the parts of the scan: found {} triangles, at most {} are allowed; reduce the scan in the scanning "
-          "program first",
+          "program first (decimate it, for example to 2 million)",
           faces, kMaxScanTriangles);
     if (options_.largest_size < 16 || options_.margin < 0 || options_.most_repeats < 1)
       fail<UsageError>("joining the parts of the scan: atlas size {}, margin {} and repeats {} must be positive",

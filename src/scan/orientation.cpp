@@ -34,6 +34,7 @@ constexpr const char* kUnitNames = "m, cm, mm, dm, inch, foot, or a number of me
 constexpr double kShortest = 0.5, kTallest = 2.8;            // metres; with raised arms
 constexpr double kShortestGiven = 0.2, kTallestGiven = 4.0;  // if the user names the unit
 constexpr double kSure = 0.9;
+constexpr double kFlat = 1e-3;      // thickness over length; a person has 0.1
 constexpr double kFloorOdds = 6.0;  // logarithm of odds that a floor is below
 constexpr std::array<const char*, 6> kAxisNames{"+x", "-x", "+y", "-y", "+z", "-z"};
 
@@ -64,6 +65,30 @@ int parse_up(const std::string& text) {
 }
 
 double odds_to_confidence(double odds) { return 1.0 / (1.0 + std::exp(-odds)); }
+
+/// A picture on a sheet, or a scan of which one axis is lost.
+void refuse_flat(const TriangleMesh& mesh) {
+  Vector3d sum = Vector3d::Zero();
+  double count = 0.0;
+  const auto each_corner = [&](const auto& use) {
+    for (const Triangle& face : mesh.faces)
+      for (const int v : face)
+        if (const Vector3d& x = mesh.vertices[as_size(v)]; x.allFinite()) use(x);
+  };
+  each_corner([&](const Vector3d& x) {
+    sum += x;
+    count += 1.0;
+  });
+  const Vector3d centre = sum / std::max(count, 1.0);
+  Matrix3d spread = Matrix3d::Zero();
+  each_corner([&](const Vector3d& x) { spread += (x - centre) * (x - centre).transpose(); });
+  const Vector3d spreads = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread).eigenvalues();
+  if (count > 0 && std::isfinite(spreads[2]) && spreads[0] <= kFlat * kFlat * spreads[2])
+    fail<UsageError>(
+        "finding the orientation of the scan: all triangles lie in one plane, so there is no body; a scan of the "
+        "person "
+        "from all sides is needed");
+}
 
 class OrientationFinder {
  public:
@@ -266,6 +291,7 @@ ScanOrientation find_orientation(const TriangleMesh& mesh, const OrientationOpti
   check_scan_mesh(mesh, "finding the orientation of the scan");
   if (!options.unit.empty()) parse_unit(options.unit);  // before any work
   if (!options.up.empty()) parse_up(options.up);
+  refuse_flat(mesh);
   return OrientationFinder(mesh, options).run();
 }
 

@@ -54,7 +54,7 @@ struct ScanOrientation {
 /// 2.3 m (up to 2.8 m with raised arms). Up: legs below, head above. Facing: toes point forward; the mirror plane of
 /// the body refines the direction.
 /// @param mesh in the file's coordinates; may be unrepaired
-/// @throws UsageError for an unknown unit or axis, an empty mesh, or when no unit gives the height of a person
+/// @throws UsageError for an unknown unit or axis, an empty or flat mesh, or when no unit gives the height of a person
 ScanOrientation find_orientation(const TriangleMesh& mesh, const OrientationOptions& options = {});
 
 /// The mesh in another frame. UVs, colours and texture stay. A mirroring matrix also reverses the faces.

@@ -31,6 +31,7 @@ constexpr double kClearVolume = 0.005;  // |volume| over area^1.5 that tells ins
 // A tiny body of so few faces must touch to belong to the person; with fewer it is a sheet, such as a strand of hair.
 constexpr int kFewestClosed = 4, kFewFaces = 12;
 constexpr double kTouching = 0.15;           // of the distance that is allowed to others
+constexpr int kSpeckSamples = 2000;          // faces of a component that are looked at
 constexpr int kSpeckRounds = 6;              // chains of small parts that hang on each other
 constexpr double kSeparateFloorShare = 0.6;  // a floor of this share in parts of its own is no part of the body
 constexpr double kNoSpeck = 0.02;            // share of the largest component's area beyond which none is a speck
@@ -254,10 +255,12 @@ class ScanRepair {
     for (Vector3d& v : finite)
       if (!v.allFinite()) v.setZero();
     const TriangleTree tree(finite, faces);
-    std::vector<int> joined;
+    std::vector<int> joined, passed(sizes.size(), 0);
     for (std::size_t f = 0; f < component.size(); ++f) {
       if (body[as_size(component[f])]) continue;
       const int size = sizes[as_size(component[f])];
+      // Of a dense component some faces are enough: they lie closer to each other than `reach`.
+      if (passed[as_size(component[f])]++ % std::max(1, size / kSpeckSamples) != 0) continue;
       const bool tiny = size >= kFewestClosed && size <= kFewFaces;
       const double reach = options_.speck_distance * height_ * (tiny ? kTouching : 1.0);
       for (const int v : mesh_.faces[f]) {

@@ -26,7 +26,7 @@ void check_scan_mesh(const TriangleMesh& mesh, const std::string& what) {
     fail<UsageError>(
         "{}: found {} triangles, at most {} are allowed (about 7 GB of memory); reduce the scan in the scanning "
         "program "
-        "first",
+        "first (decimate it, for example to 2 million)",
         what, mesh.faces.size(), kMaxScanTriangles);
   check_indices(mesh.faces, mesh.vertices.size(), "vertex", what);
   check_indices(mesh.face_uvs, mesh.uvs.size(), "texture coordinate", what);

@@ -80,7 +80,7 @@ Curve read_curve(const FbxRecord& record, double fallback) {
 }
 
 /// The times at which three curves are sampled: all keys, and points between them where a piece is curved or turns far.
-std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles) {
+std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles, const SceneLimits& limits) {
   std::set<double> keys;
   for (const Curve& curve : curves) keys.insert(curve.times.begin(), curve.times.end());
   std::vector<double> times;
@@ -99,6 +99,8 @@ std::vector<double> sample_times(const std::array<Curve, 3>& curves, bool angles
       // Half a turn within a piece is a change of the Euler angles, not of the rotation.
       if (angles && turn < 180.0) pieces = std::max(pieces, static_cast<int>(std::ceil(turn / kLargestTurn)));
     }
+    if (times.size() > static_cast<std::size_t>(limits.keys))
+      fail("the animations have more than {} keys", limits.keys);
     for (int i = 1; i < pieces; ++i) times.push_back(*key + (*next - *key) * i / pieces);
   }
   return times;
@@ -119,7 +121,7 @@ Eigen::Vector3d model_default(const FbxRecord& model, const std::string& propert
 }
 
 SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_node, const FbxRecord& model,
-                              const std::string& property, std::set<double>& keys) {
+                              const std::string& property, std::set<double>& keys, const SceneLimits& limits) {
   static const std::array<const char*, 3> kAxes{"d|X", "d|Y", "d|Z"};
   const Eigen::Vector3d usual = model_default(model, property);
   std::array<Curve, 3> curves;
@@ -136,8 +138,8 @@ SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_
                    : property == "Lcl Scaling" ? SceneChannel::Target::scale
                                                : SceneChannel::Target::translation;
   if (all_constant(curves)) channel.interpolation = SceneChannel::Interpolation::step;
-  const int order = static_cast<int>(fbx_number(model, "RotationOrder", 0));
-  channel.times = sample_times(curves, angles);
+  const int order = fbx_choice(model, "RotationOrder", 0, 5);
+  channel.times = sample_times(curves, angles, limits);
   for (const double time : channel.times) {
     const Eigen::Vector3d value(curves[0].at(time), curves[1].at(time), curves[2].at(time));
     channel.values.push_back(angles ? fbx_rotation(order, value).coeffs()
@@ -175,7 +177,7 @@ std::vector<SceneAnimation> read_fbx_animations(const FbxObjects& objects,
         const auto node = node_of.find(model);
         if (node == node_of.end()) continue;
         if (property != "Lcl Translation" && property != "Lcl Rotation" && property != "Lcl Scaling") continue;
-        SceneChannel channel = read_fbx_channel(objects, *curve_node, *model, property, own_keys);
+        SceneChannel channel = read_fbx_channel(objects, *curve_node, *model, property, own_keys, limits);
         channel.node = node->second;
         keys += static_cast<std::int64_t>(channel.times.size());
         if (keys > limits.keys) fail("the animations have more than {} keys", limits.keys);

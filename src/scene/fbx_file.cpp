@@ -140,7 +140,8 @@ class FbxBinary {
     const std::uint64_t stored = fixed<std::uint32_t>(at + 8, end);
     at += 12;
     const std::uint64_t taken = packed ? stored : size;
-    if (taken > end - at || (packed && size > stored * kLargestRatio + 64) || count > most_values_)
+    values_ += count;
+    if (taken > end - at || (packed && size > stored * kLargestRatio + 64) || values_ > most_values_)
       fail_at(where_, "an array of {} values at byte {} is longer than its data: the file is truncated or damaged",
               count, at);
     std::vector<Stored> values(as_size(count));
@@ -162,6 +163,7 @@ class FbxBinary {
   std::size_t most_values_;
   bool long_ = false;
   long records_ = 0;
+  std::uint64_t values_ = 0;  ///< of all arrays
 };
 
 }  // namespace
@@ -216,8 +218,8 @@ FbxRecord read_fbx_records(const std::filesystem::path& path, const SceneLimits&
 FbxObjects::FbxObjects(const FbxRecord& root) {
   if (const FbxRecord* objects = root.child("Objects"))
     for (const FbxRecord& object : objects->children) {
-      objects_.push_back(&object);
-      by_id_.emplace(object.integer(0), &object);
+      // Of objects with one id, only the first can be connected to anything.
+      if (by_id_.emplace(object.integer(0), &object).second) objects_.push_back(&object);
     }
   if (const FbxRecord* connections = root.child("Connections"))
     for (const FbxRecord& connection : connections->children) {
@@ -289,6 +291,11 @@ const FbxRecord* fbx_property(const FbxRecord& object, const char* name) {
 double fbx_number(const FbxRecord& object, const char* property, double fallback) {
   const FbxRecord* found = fbx_property(object, property);
   return found ? found->number(4, fallback) : fallback;
+}
+
+int fbx_choice(const FbxRecord& object, const char* property, int fallback, int largest) {
+  const double value = fbx_number(object, property, fallback);
+  return value >= 0 && value <= largest ? static_cast<int>(value) : fallback;
 }
 
 }  // namespace doppel

@@ -45,5 +45,7 @@ std::string fbx_name(const FbxRecord& object);
 /// The values of a property in `Properties70`; null when the object does not have it.
 const FbxRecord* fbx_property(const FbxRecord& object, const char* name);
 double fbx_number(const FbxRecord& object, const char* property, double fallback);
+/// A property that is a choice of 0 .. `largest`; the fallback for anything else.
+int fbx_choice(const FbxRecord& object, const char* property, int fallback, int largest);
 
 }  // namespace doppel

@@ -23,7 +23,7 @@ class FbxText {
     if (root.children.empty()) fail_here("the file holds no FBX records");
     const FbxRecord* header = root.child("FBXHeaderExtension");
     const FbxRecord* version = header ? header->child("FBXVersion") : nullptr;
-    if (!version || version->number(0) < 7000)
+    if (!version || !(version->number(0) >= 7000))
       fail_here("is FBX version {}; version 7 is read. Export it again as FBX 7.4 (2014)",
                 version ? version->number(0) / 1000 : 0.0);
     return root;

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
+#include <map>
 #include <set>
 
 #include "doppel/core/as_size.h"
@@ -21,12 +20,15 @@ class UniqueNames {
   std::string of(const std::string& wanted, const std::string& fallback, std::size_t index) {
     const std::string base = wanted.empty() ? fallback + "_" + std::to_string(index) : wanted;
     std::string name = base;
-    for (int n = 2; !taken_.insert(name).second; ++n) name = base + "_" + std::to_string(n);
+    // The next number of a name is remembered: a file may give one name to all its nodes.
+    for (int& n = next_.try_emplace(base, 2).first->second; !taken_.insert(name).second; ++n)
+      name = base + "_" + std::to_string(n);
     return name;
   }
 
  private:
   std::set<std::string> taken_;
+  std::map<std::string, int> next_;
 };
 
 void name_nodes(Scene& scene) {
@@ -43,20 +45,10 @@ void name_nodes(Scene& scene) {
     scene.animations[i].name = animations.of(scene.animations[i].name, "animation", i);
 }
 
-void check_tree(const FileLocation& where, const std::vector<SceneNode>& nodes) {
-  const int count = static_cast<int>(nodes.size());
-  std::vector<int> state(nodes.size(), 0);  // the walk that has reached the node; 0: none
-  for (int i = 0; i < count; ++i) {
-    for (int n = i; n >= 0 && state[as_size(n)] == 0; n = nodes[as_size(n)].parent) {
-      state[as_size(n)] = i + 1;
-      const int parent = nodes[as_size(n)].parent;
-      if (parent >= count || parent < -1)
-        fail_at(where, "node {} has the parent {}, but the file has {} nodes", n, parent, count);
-      if (parent >= 0 && state[as_size(parent)] == i + 1)
-        fail_at(where, "the parents of node {} ('{}') form a circle that never reaches a root", n,
-                nodes[as_size(n)].name);
-    }
-  }
+void check_materials(ScenePrimitive& primitive, std::size_t count) {
+  const auto bounded = [&](int material) { return material >= 0 && as_size(material) < count ? material : -1; };
+  primitive.material = bounded(primitive.material);
+  for (int& material : primitive.face_materials) material = bounded(material);
 }
 
 bool is_finite(const Eigen::Affine3d& transform) { return transform.matrix().allFinite(); }
@@ -168,12 +160,38 @@ void check_counts(const FileLocation& where, const Scene& scene, const SceneLimi
     vertices += primitive.num_vertices();
     faces += static_cast<std::int64_t>(primitive.faces.size());
   }
-  if (faces == 0) fail_at(where, "the file holds no triangles, so there is no surface to read");
+  if (faces == 0 && limits.surface_needed)
+    fail_at(where, "the file holds no triangles, so there is no surface to read");
   if (vertices > limits.vertices || faces > limits.triangles)
     fail_at(where, "the file has {} vertices and {} triangles; at most {} and {} are read", vertices, faces,
             limits.vertices, limits.triangles);
+  if (scene.primitives.size() > as_size(limits.nodes))
+    fail_at(where, "the file has {} surfaces; at most {} are read", scene.primitives.size(), limits.nodes);
   if (scene.nodes.size() > as_size(limits.nodes))
     fail_at(where, "the file has {} nodes; at most {} are read", scene.nodes.size(), limits.nodes);
+}
+
+/// Colours that are not finite are grey. Some scanners write 0..255 where the format means 0..1.
+void mend_colours(Scene& scene) {
+  long mended = 0;
+  for (ScenePrimitive& primitive : scene.primitives) {
+    double largest = 0.0;
+    for (Eigen::Vector3d& colour : primitive.colours) {
+      if (!colour.allFinite()) {
+        colour.setConstant(0.8);
+        ++mended;
+      }
+      largest = std::max(largest, colour.maxCoeff());
+    }
+    const double full = largest > 2.0 && largest <= 255.0 ? 255.0 : 1.0;
+    for (Eigen::Vector3d& colour : primitive.colours) colour = (colour / full).cwiseMax(0.0).cwiseMin(1.0);
+  }
+  if (mended > 0)
+    scene.warnings.push_back(fmt::format("{} colours of vertices were not finite and are now grey", mended));
+  for (SceneMaterial& material : scene.materials) {
+    if (!material.colour.allFinite()) material.colour.setOnes();
+    material.colour = material.colour.cwiseMax(0.0).cwiseMin(1.0);
+  }
 }
 
 }  // namespace
@@ -200,48 +218,57 @@ bool append_weights(ScenePrimitive& primitive, JointWeights row) {
   return std::abs(sum - 1.0) <= 1e-3;
 }
 
+void check_tree(const fs::path& path, const std::vector<SceneNode>& nodes) {
+  const FileLocation where{path.string(), 0};
+  const int count = static_cast<int>(nodes.size());
+  std::vector<int> state(nodes.size(), 0);  // the walk that has reached the node; 0: none
+  for (int i = 0; i < count; ++i) {
+    for (int n = i; n >= 0 && state[as_size(n)] == 0; n = nodes[as_size(n)].parent) {
+      state[as_size(n)] = i + 1;
+      const int parent = nodes[as_size(n)].parent;
+      if (parent >= count || parent < -1)
+        fail_at(where, "node {} has the parent {}, but the file has {} nodes", n, parent, count);
+      if (parent >= 0 && state[as_size(parent)] == i + 1)
+        fail_at(where, "the parents of node {} ('{}') form a circle that never reaches a root", n,
+                nodes[as_size(n)].name);
+    }
+  }
+}
+
+void complete_face_uvs(ScenePrimitive& primitive) {
+  const int none = static_cast<int>(primitive.uvs.size());
+  bool missing = false;
+  for (Triangle& face : primitive.face_uvs)
+    if (face[0] < 0) {
+      face = {none, none, none};
+      missing = true;
+    }
+  if (missing) primitive.uvs.emplace_back(0.0, 0.0);
+}
+
+void single_material(ScenePrimitive& primitive) {
+  const std::vector<int>& materials = primitive.face_materials;
+  primitive.material = materials.empty() ? -1 : materials[0];
+  if (std::all_of(materials.begin(), materials.end(), [&](int m) { return m == primitive.material; }))
+    primitive.face_materials.clear();
+}
+
 void finish_scene(const fs::path& path, Scene& scene, const SceneLimits& limits) {
   const FileLocation where{path.string(), 0};
   check_counts(where, scene, limits);
-  check_tree(where, scene.nodes);
+  check_tree(path, scene.nodes);
   check_nodes(where, scene);
   name_nodes(scene);
   std::stable_sort(scene.primitives.begin(), scene.primitives.end(),
                    [](const ScenePrimitive& a, const ScenePrimitive& b) { return a.node < b.node; });
   for (std::size_t p = 0; p < scene.primitives.size(); ++p) {
     ScenePrimitive& primitive = scene.primitives[p];
-    if (primitive.material >= static_cast<int>(scene.materials.size())) primitive.material = -1;
+    check_materials(primitive, scene.materials.size());
     check_primitive(where, scene, primitive, p);
   }
   mend_uvs(scene);
+  mend_colours(scene);
   check_animations(where, scene);
-}
-
-cv::Mat decode_image(const void* data, std::size_t size, int largest_side) {
-  if (size == 0 || size > (std::size_t{1} << 30)) return {};
-  const cv::Mat bytes(1, static_cast<int>(size), CV_8U, const_cast<void*>(data));
-  try {
-    cv::Mat image = cv::imdecode(bytes, cv::IMREAD_COLOR);
-    return image.cols > largest_side || image.rows > largest_side ? cv::Mat() : image;
-  } catch (const cv::Exception&) {
-    return {};  // an image that its decoder rejects counts as missing; the caller warns
-  }
-}
-
-fs::path find_image(const fs::path& scene_file, std::string name) {
-  std::replace(name.begin(), name.end(), '\\', '/');
-  for (std::size_t at = name.find("%20"); at != std::string::npos; at = name.find("%20")) name.replace(at, 3, " ");
-  if (name.rfind("file://", 0) == 0) name.erase(0, 7);
-  if (name.empty()) return {};
-  const fs::path folder = scene_file.parent_path(), image(name);
-  std::error_code none;
-  std::vector<fs::path> places{folder / image, folder / image.filename()};
-  for (const char* beside : {"textures", "Textures", "images", "tex"})
-    places.push_back(folder / beside / image.filename());
-  places.push_back(folder / scene_file.stem().concat(".fbm") / image.filename());
-  for (const fs::path& place : places)
-    if (fs::is_regular_file(place, none)) return place;
-  return {};
 }
 
 double srgb(double linear) {

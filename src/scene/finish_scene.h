@@ -17,6 +17,15 @@ using JointWeights = std::vector<std::pair<int, double>>;
 /// @return whether the sum was already 1 within 1e-3 @throws Error for a weight that is negative or not finite
 bool append_weights(ScenePrimitive& primitive, JointWeights row);
 
+/// @throws FileError for a parent that is no node, or for nodes in a circle
+void check_tree(const std::filesystem::path& path, const std::vector<SceneNode>& nodes);
+
+/// Gives the faces whose UVs are {-1, -1, -1} one UV of their own, (0, 0).
+void complete_face_uvs(ScenePrimitive& primitive);
+
+/// Keeps `face_materials` only where the faces differ, and sets `material` to that of the first face.
+void single_material(ScenePrimitive& primitive);
+
 /// What every reader does last: gives names, checks indices, numbers and the tree, sorts the primitives by node.
 /// @throws FileError as read_scene
 void finish_scene(const std::filesystem::path& path, Scene& scene, const SceneLimits& limits);
@@ -26,13 +35,6 @@ template <typename Emit>
 void split_polygon(int corners, const Emit& emit) {
   for (int i = 2; i < corners; ++i) emit(0, i - 1, i);
 }
-
-/// An 8-bit BGR image from the bytes of an image file; empty when they are none, or larger than the limit.
-cv::Mat decode_image(const void* data, std::size_t size, int largest_side);
-
-/// The image file that a surface names: as it is written, else by its name alone in the folder of the scene and in
-/// folders beside it. Empty when there is none. Slashes of both kinds and `%20` are understood.
-std::filesystem::path find_image(const std::filesystem::path& scene_file, std::string name);
 
 /// Linear intensity 0..1 as the sRGB value of images.
 double srgb(double linear);

@@ -7,13 +7,19 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/scene/finish_scene.h"
+#include "doppel/scene/scene_images.h"
 
 namespace doppel {
 
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr int kDeepestJson = 64;
+/// Bytes of all buffers together, and how often all values of the largest mesh may be read: several accessors may read
+/// the same bytes, so a small file could ask for any amount of work.
+constexpr std::size_t kMostBufferBytes = std::size_t{1} << 32;
+constexpr double kMostReadings = 64;
 
 constexpr std::uint32_t kGlbMark = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
 
@@ -109,19 +115,36 @@ GltfFile::GltfFile(const std::filesystem::path& path, const SceneLimits& limits)
   read_buffers();
 }
 
+/// The depth is bounded, because copying and printing nested values is recursive. (The library's own callback for the
+/// depth needs time with the square of the longest list.)
+void GltfFile::parse_json(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"') quoted = !quoted;
+    if (quoted && c == '\\') ++i;
+    if (quoted) continue;
+    depth += (c == '{' || c == '[') - (c == '}' || c == ']');
+    if (depth > kDeepestJson) fail_here("the JSON of the glTF file is nested more than {} deep", kDeepestJson);
+  }
+  root_ = Json::parse(text, nullptr, false);
+  if (root_.is_discarded()) fail_here("the JSON of the glTF file cannot be read: the file is truncated or damaged");
+}
+
 void GltfFile::read_container(const std::string& file) {
-  std::string json = file;
+  std::string_view json = file;
   if (file.size() >= 12 && little_endian(file, 0) == kGlbMark) {
     const std::size_t length = little_endian(file, 8);
     if (length > file.size())
       fail_here("the file is truncated: its header announces {} bytes, it has {}", length, file.size());
-    json.clear();
+    json = {};
     for (std::size_t at = 12; at + 8 <= length;) {
       const std::size_t size = little_endian(file, at), type = little_endian(file, at + 4);
       if (size > length - at - 8)
         fail_here("the chunk at byte {} announces {} bytes, but {} are left: the file is truncated or damaged", at,
                   size, length - at - 8);
-      if (type == kJsonChunk && json.empty()) json = file.substr(at + 8, size);
+      if (type == kJsonChunk && json.empty()) json = std::string_view(file).substr(at + 8, size);
       if (type == kBinaryChunk && !has_binary_) {
         binary_ = file.substr(at + 8, size);
         has_binary_ = true;
@@ -130,18 +153,20 @@ void GltfFile::read_container(const std::string& file) {
     }
     if (json.empty()) fail_here("the file has no JSON chunk: it is truncated or no glTF file");
   }
-  root_ = Json::parse(json, nullptr, false);
-  if (root_.is_discarded()) fail_here("the JSON of the glTF file cannot be read: the file is truncated or damaged");
+  parse_json(json);
 }
 
 void GltfFile::read_buffers() {
   const Json& buffers = list("buffers");
+  std::size_t total = 0;
   for (std::size_t i = 0; i < buffers.size(); ++i) {
     const std::string where = fmt::format("buffers[{}]", i), uri = text(buffers[i], "uri");
     const double length = number(buffers[i], "byteLength", 0, where);
     std::string bytes = uri.empty() && i == 0 && has_binary_ ? std::move(binary_) : buffer_of_uri(uri, where);
     if (!(length >= 0) || length > static_cast<double>(bytes.size()))
       fail_here("{} announces {} bytes, but {} are there: the file is truncated", where, length, bytes.size());
+    total += bytes.size();
+    if (total > kMostBufferBytes) fail_here("the buffers hold more than {} bytes together", kMostBufferBytes);
     buffers_.push_back(std::move(bytes));
   }
 }
@@ -186,6 +211,12 @@ std::string GltfFile::text(const Json& object, const char* name) const {
   if (!object.is_object()) return {};
   const auto found = object.find(name);
   return found != object.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+int GltfFile::whole(const Json& object, const char* name, int fallback, const std::string& where) const {
+  const double value = number(object, name, fallback, where);
+  if (!(std::abs(value) < 1e9) || value != std::floor(value)) fail_here("{}.{} is {}", where, name, value);
+  return static_cast<int>(value);
 }
 
 int GltfFile::index(const Json& object, const char* name, std::size_t count, const std::string& where,
@@ -233,25 +264,23 @@ GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const cha
     fail_here("{} name accessor {}, but the file has {}", what, accessor, accessors.size());
   const Json& entry = accessors[accessor];
   const std::string where = fmt::format("accessors[{}]", accessor);
-  const double count = number(entry, "count", 0, where);
   GltfNumbers result;
   result.width = width_of_type(text(entry, "type"));
-  const int type = static_cast<int>(number(entry, "componentType", 0, where));
+  const int type = whole(entry, "componentType", 0, where);
   const std::size_t size = component_size(type) * result.width;
-  if (size == 0) fail_here("{} has the type '{}' of components {}", where, text(entry, "type"), type);
+  if (size == 0) fail_here("{} has the type '{}' of components {}", where, text(entry, "type").substr(0, 40), type);
   if (width != 0 && result.width != width)
     fail_here("{} ({}) has {} values per row, expected {}", where, what, result.width, width);
-  if (!(count >= 0) || count > 3.0 * static_cast<double>(limits_.triangles))
-    fail_here("{}.count is {}; at most {} are read", where, count, 3 * limits_.triangles);
-  result.count = as_size(count);
-  const bool normalized = entry.contains("normalized") && entry["normalized"] == true;
   const int index_of_view = index(entry, "bufferView", list("bufferViews").size(), where);
+  result.count = count_of(entry, result.width, index_of_view >= 0, where);
+  const bool normalized = entry.contains("normalized") && entry["normalized"] == true;
   if (index_of_view < 0 && object(entry, "sparse").empty())
     fail_here("{} ({}) has no data; a compressed file is not read, export it without compression", where, what);
   if (index_of_view >= 0) {
     const View data = view(index_of_view, where);
     const std::size_t stride = data.stride > 0 ? data.stride : size;
     const double offset = number(entry, "byteOffset", 0, where);
+    const double count = static_cast<double>(result.count);
     const double needed =
         offset + (count > 0 ? (count - 1) * static_cast<double>(stride) + static_cast<double>(size) : 0);
     if (!(offset >= 0) || needed > static_cast<double>(data.bytes.size()))
@@ -269,6 +298,19 @@ GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const cha
   return result;
 }
 
+/// @param stored whether a buffer view has the rows; without one they are 0, and nothing in the file bounds their
+/// number
+std::size_t GltfFile::count_of(const Json& accessor, std::size_t width, bool stored, const std::string& where) const {
+  const double count = number(accessor, "count", 0, where);
+  const std::int64_t most = stored ? 3 * limits_.triangles : limits_.vertices;
+  if (!(count >= 0) || count > static_cast<double>(most) || (!stored && width > 4))
+    fail_here("{}.count is {}; at most {} are read", where, count, most);
+  values_read_ += std::floor(count) * static_cast<double>(width);
+  if (values_read_ > kMostReadings * static_cast<double>(limits_.triangles + limits_.vertices))
+    fail_here("the meshes and animations use the accessors more often than any figure does: the file is damaged");
+  return as_size(count);
+}
+
 void GltfFile::fill_sparse(const Json& accessor, const std::string& where, GltfNumbers& numbers, int type,
                            bool normalized) const {
   const Json& sparse = object(accessor, "sparse");
@@ -278,7 +320,7 @@ void GltfFile::fill_sparse(const Json& accessor, const std::string& where, GltfN
   const std::size_t views = list("bufferViews").size();
   const View index_view = view(index(indices, "bufferView", views, where + ".sparse.indices", true), where);
   const View value_view = view(index(values, "bufferView", views, where + ".sparse.values", true), where);
-  const int index_type = static_cast<int>(number(indices, "componentType", 0, where + ".sparse.indices"));
+  const int index_type = whole(indices, "componentType", 0, where + ".sparse.indices");
   const std::size_t index_size = component_size(index_type), size = component_size(type) * numbers.width;
   const double index_start = number(indices, "byteOffset", 0, where), start = number(values, "byteOffset", 0, where);
   if (index_size == 0 || !(count >= 0) || !(index_start >= 0) || !(start >= 0) ||

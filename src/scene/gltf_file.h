@@ -43,6 +43,8 @@ class GltfFile {
   /// Members of an object, checked. `where` is for messages. @throws FileError for another type
   double number(const Json& object, const char* name, double fallback, const std::string& where) const;
   std::string text(const Json& object, const char* name) const;
+  /// The member as a whole number; the fallback when it is absent. @throws FileError for a fraction or a huge number
+  int whole(const Json& object, const char* name, int fallback, const std::string& where) const;
   /// An index below `count`, or -1 when it is absent and may be.
   int index(const Json& object, const char* name, std::size_t count, const std::string& where,
             bool needed = false) const;
@@ -63,9 +65,11 @@ class GltfFile {
     std::size_t stride = 0;  ///< 0: packed
   };
   void read_container(const std::string& file);
+  void parse_json(std::string_view text);
   void read_buffers();
   std::string buffer_of_uri(const std::string& uri, const std::string& where) const;
   View view(int index, const std::string& where) const;
+  std::size_t count_of(const Json& accessor, std::size_t width, bool stored, const std::string& where) const;
   void fill_sparse(const Json& accessor, const std::string& where, GltfNumbers& numbers, int component,
                    bool normalized) const;
 
@@ -74,6 +78,7 @@ class GltfFile {
   Json root_;
   std::string binary_;  ///< of a .glb
   bool has_binary_ = false;
+  mutable double values_read_ = 0;  ///< by all calls of `numbers`
   std::vector<std::string> buffers_;
 };
 

@@ -9,12 +9,15 @@
 #include "doppel/scene/fbx_file.h"
 #include "doppel/scene/finish_scene.h"
 #include "doppel/scene/readers.h"
+#include "doppel/scene/scene_images.h"
 
 namespace doppel {
 
 namespace {
 
 using Affine = Eigen::Affine3d;
+
+constexpr std::int64_t kMostWeights = 32;  // per vertex that is allowed
 
 Eigen::Vector3d fbx_vector(const FbxRecord& object, const char* property, double usual = 0.0) {
   const FbxRecord* found = fbx_property(object, property);
@@ -43,8 +46,7 @@ SceneNode fbx_node(const FbxRecord& model) {
   SceneNode node;
   node.name = fbx_name(model);
   node.translation = fbx_vector(model, "Lcl Translation");
-  node.rotation =
-      fbx_rotation(static_cast<int>(fbx_number(model, "RotationOrder", 0)), fbx_vector(model, "Lcl Rotation"));
+  node.rotation = fbx_rotation(fbx_choice(model, "RotationOrder", 0, 5), fbx_vector(model, "Lcl Rotation"));
   node.scale = fbx_vector(model, "Lcl Scaling", 1.0);
   const Eigen::Vector3d pivot = fbx_vector(model, "RotationPivot"), scaling_pivot = fbx_vector(model, "ScalingPivot");
   node.before = Eigen::Translation3d(fbx_vector(model, "RotationOffset") + pivot) *
@@ -59,7 +61,7 @@ SceneNode fbx_node(const FbxRecord& model) {
 class FbxReader {
  public:
   FbxReader(const std::filesystem::path& path, const SceneLimits& limits)
-      : path_(path), limits_(limits), root_(read_fbx_records(path, limits)), objects_(root_) {}
+      : path_(path), limits_(limits), images_(path, limits), root_(read_fbx_records(path, limits)), objects_(root_) {}
 
   Scene read() {
     read_settings();
@@ -97,13 +99,14 @@ class FbxReader {
 
   std::filesystem::path path_;
   SceneLimits limits_;
+  SceneImages images_;
   FbxRecord root_;
   FbxObjects objects_;
   Scene scene_;
   std::map<const FbxRecord*, int> node_of_;
   std::map<const FbxRecord*, int> material_index_;
   long unnormalised_ = 0;
-  std::int64_t vertices_ = 0;
+  std::int64_t vertices_ = 0, faces_ = 0, weights_ = 0;
   /// Of the geometry in work: the corners of its triangles, as indices into its list of corners, and its polygons.
   std::vector<Triangle> corners_;
   std::vector<int> polygon_of_face_, vertex_of_corner_;
@@ -115,8 +118,7 @@ void FbxReader::read_settings() {
   const FbxRecord& from = settings ? *settings : none;
   const double unit = fbx_number(from, "UnitScaleFactor", 1.0);
   if (unit > 0 && std::isfinite(unit)) scene_.metres_per_unit = 0.01 * unit;
-  const auto axis = static_cast<int>(std::clamp(fbx_number(from, "UpAxis", 1), 0.0, 2.0));
-  scene_.up = "xyz"[axis];
+  scene_.up = "xyz"[fbx_choice(from, "UpAxis", 1, 2)];
   if (fbx_number(from, "UpAxisSign", 1) < 0)
     scene_.warnings.push_back("the file's up axis points down; it is not turned");
 }
@@ -134,6 +136,7 @@ void FbxReader::read_models() {
     const auto parents = objects_.above(*model, "Model");
     if (!parents.empty()) scene_.nodes[as_size(node_of_[model])].parent = node_of_[parents[0]];
   }
+  check_tree(path_, scene_.nodes);  // before anything follows the parents
 }
 
 void FbxReader::read_surfaces() {
@@ -143,6 +146,8 @@ void FbxReader::read_surfaces() {
 }
 
 void FbxReader::read_surface(const FbxRecord& model, const FbxRecord& geometry) {
+  if (scene_.primitives.size() >= as_size(limits_.nodes))
+    fail_here("the file has more than {} surfaces, which is the most that is read", limits_.nodes);
   ScenePrimitive primitive;
   primitive.node = node_of_[&model];
   primitive.name = fbx_name(geometry).empty() ? fbx_name(model) : fbx_name(geometry);
@@ -173,6 +178,9 @@ void FbxReader::read_polygons(const FbxRecord& geometry, ScenePrimitive& primiti
     vertex_of_corner_.push_back(static_cast<int>(vertex));
     if (entry >= 0) continue;
     const int end = static_cast<int>(vertex_of_corner_.size());
+    faces_ += std::max(end - first - 2, 0);
+    if (faces_ > limits_.triangles)
+      fail_here("the file has more than {} triangles, which is the most that is read", limits_.triangles);
     split_polygon(end - first, [&](int a, int b, int c) {
       corners_.push_back({first + a, first + b, first + c});
       polygon_of_face_.push_back(polygon);
@@ -231,6 +239,10 @@ void FbxReader::add_cluster(const FbxRecord& cluster, const FbxRecord& model, Sc
   skin.joint_from_mesh.push_back(own ? *own : link ? link->inverse() : Affine::Identity());
   const auto vertices = cluster.child("Indexes") ? cluster.child("Indexes")->integers() : std::vector<std::int64_t>();
   const auto weights = cluster.child("Weights") ? cluster.child("Weights")->numbers() : std::vector<double>();
+  weights_ += static_cast<std::int64_t>(weights.size());
+  if (weights_ > kMostWeights * limits_.vertices)
+    fail_here("the file has more than {} skinning weights, which is the most that is read",
+              kMostWeights * limits_.vertices);
   for (std::size_t i = 0; i < std::min(vertices.size(), weights.size()); ++i) {
     if (vertices[i] < 0 || as_size(vertices[i]) >= rows.size())
       fail_here("the weights of '{}' for '{}' name vertex {}, but there are {}", fbx_name(*joints[0]), fbx_name(model),
@@ -302,17 +314,11 @@ cv::Mat FbxReader::texture_of(const FbxRecord& material) {
   if (textures.empty()) return {};
   for (const FbxRecord* video : objects_.below(*textures[0], "Video")) {
     const FbxRecord* content = video->child("Content");
-    const std::string bytes = content ? content->text(0) : std::string();
-    if (const cv::Mat image = decode_image(bytes.data(), bytes.size(), limits_.image_side); !image.empty())
-      return image;
+    if (const cv::Mat image = images_.of_bytes(content ? content->text(0) : ""); !image.empty()) return image;
   }
   for (const char* name : {"RelativeFilename", "FileName"}) {
     const FbxRecord* file = textures[0]->child(name);
-    const std::filesystem::path found = file ? find_image(path_, file->text(0)) : std::filesystem::path();
-    if (found.empty()) continue;
-    const std::string bytes = read_file(found);
-    if (const cv::Mat image = decode_image(bytes.data(), bytes.size(), limits_.image_side); !image.empty())
-      return image;
+    if (const cv::Mat image = images_.of_file(file ? file->text(0) : ""); !image.empty()) return image;
   }
   scene_.warnings.push_back(fmt::format(
       "the texture of material '{}' is neither in the file nor beside it; its colour is used", fbx_name(material)));

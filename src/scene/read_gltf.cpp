@@ -6,6 +6,7 @@
 #include "doppel/scene/finish_scene.h"
 #include "doppel/scene/gltf_file.h"
 #include "doppel/scene/readers.h"
+#include "doppel/scene/scene_images.h"
 
 namespace doppel {
 
@@ -16,7 +17,8 @@ using Json = nlohmann::json;
 /// Turns a GltfFile into a Scene, part by part.
 class GltfReader {
  public:
-  GltfReader(const std::filesystem::path& path, const SceneLimits& limits) : file_(path, limits), limits_(limits) {}
+  GltfReader(const std::filesystem::path& path, const SceneLimits& limits)
+      : file_(path, limits), limits_(limits), scene_images_(path, limits) {}
 
   Scene read() {
     scene_.metres_per_unit = 1.0;
@@ -44,7 +46,7 @@ class GltfReader {
   void read_skins();
   void read_primitives();
   void read_primitive(const Json& entry, const std::string& where, ScenePrimitive& primitive);
-  bool read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive) const;
+  bool read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive);
   void read_uvs(const Json& attributes, ScenePrimitive& primitive) const;
   void read_colours(const Json& attributes, ScenePrimitive& primitive) const;
   void read_weights(const Json& attributes, const std::string& where, ScenePrimitive& primitive);
@@ -62,9 +64,10 @@ class GltfReader {
     Eigen::Matrix<double, 2, 3> transform = Eigen::Matrix<double, 2, 3>::Identity();
   };
   std::vector<TextureUse> uses_;
+  SceneImages scene_images_;
   std::map<int, cv::Mat> images_;
   long left_out_ = 0, unnormalised_ = 0, keys_ = 0;
-  std::int64_t vertices_ = 0;
+  std::int64_t vertices_ = 0, faces_ = 0;
   bool morphs_ = false;
 };
 
@@ -131,7 +134,7 @@ cv::Mat GltfReader::read_texture(const Json& info, const std::string& where) {
   }
   if (const auto known = images_.find(image); known != images_.end()) return known->second;
   const std::string bytes = file_.image_bytes(as_size(image));
-  const cv::Mat pixels = decode_image(bytes.data(), bytes.size(), limits_.image_side);
+  const cv::Mat pixels = scene_images_.of_bytes(bytes);
   if (pixels.empty())
     scene_.warnings.push_back(fmt::format("image {} ('{}') {}; its base colour is used", image,
                                           file_.text(file_.list("images")[as_size(image)], "uri").substr(0, 80),
@@ -199,8 +202,8 @@ Triangle corners_of(int mode, int t) {
   return {3 * t, 3 * t + 1, 3 * t + 2};
 }
 
-bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive) const {
-  const int mode = static_cast<int>(file_.number(entry, "mode", 4, where));
+bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePrimitive& primitive) {
+  const int mode = file_.whole(entry, "mode", 4, where);
   if (mode < 4 || mode > 6) return false;
   std::vector<double> corners;
   const std::size_t indices = accessor_of(entry, "indices");
@@ -214,6 +217,9 @@ bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePr
       file_.fail_here("a triangle of {} names vertex {}, but there are {}", where, corner, primitive.num_vertices());
   const int count = static_cast<int>(corners.size());
   const int triangles = mode == 4 ? count / 3 : std::max(0, count - 2);
+  faces_ += triangles;
+  if (faces_ > limits_.triangles)
+    file_.fail_here("the file has more than {} triangles, which is the most that is read", limits_.triangles);
   primitive.faces.reserve(as_size(triangles));
   for (int t = 0; t < triangles; ++t) {
     Triangle face = corners_of(mode, t);
@@ -315,6 +321,8 @@ void GltfReader::read_primitives() {
     const std::string where = fmt::format("meshes[{}]", mesh);
     const Json& primitives = file_.array(entry, "primitives", where);
     for (std::size_t p = 0; p < primitives.size(); ++p) {
+      if (scene_.primitives.size() >= as_size(limits_.nodes))
+        file_.fail_here("the file has more than {} surfaces, which is the most that is read", limits_.nodes);
       ScenePrimitive primitive;
       primitive.node = static_cast<int>(n);
       primitive.index = static_cast<int>(p);

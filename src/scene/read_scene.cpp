@@ -1,7 +1,6 @@
 #include "doppel/scene/read_scene.h"
 
 #include <algorithm>
-#include <array>
 #include <fstream>
 
 #include "doppel/core/error.h"
@@ -13,8 +12,6 @@ namespace doppel {
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr std::array<const char*, 8> kExtensions{".gltf", ".glb", ".vrm", ".fbx", ".dae", ".stl", ".ply", ".obj"};
 
 std::string extension_of(const fs::path& path) {
   std::string extension = path.extension().string();
@@ -37,12 +34,14 @@ Scene read_format(const fs::path& path, const SceneLimits& limits) {
   const std::string format = format_of(path);
   if (format == ".gltf" || format == ".glb" || format == ".vrm") return read_gltf(path, limits);
   if (format == ".fbx") return read_fbx(path, limits);
-  if (std::find(kExtensions.begin(), kExtensions.end(), format) == kExtensions.end())
-    fail_at({path.string(), 0},
-            "'{}' is not a format of surfaces that is read; glTF (.gltf, .glb, .vrm), FBX (.fbx), Collada (.dae), STL, "
-            "PLY and OBJ are",
-            format);
-  return read_by_assimp(path, limits);
+  if (format == ".dae") return read_collada(path, limits);
+  if (format == ".stl") return read_stl(path, limits);
+  if (format == ".ply") return read_ply(path, limits);
+  if (format == ".obj") return read_obj_scene(path, limits);
+  fail_at({path.string(), 0},
+          "'{}' is not a format of surfaces that is read; glTF (.gltf, .glb, .vrm), FBX (.fbx), Collada (.dae), STL, "
+          "PLY and OBJ are",
+          format);
 }
 
 }  // namespace

@@ -11,7 +11,13 @@ namespace doppel {
 /// @throws FileError as read_scene
 Scene read_gltf(const std::filesystem::path& path, const SceneLimits& limits);
 Scene read_fbx(const std::filesystem::path& path, const SceneLimits& limits);
-/// Collada, STL, PLY and OBJ by assimp.
-Scene read_by_assimp(const std::filesystem::path& path, const SceneLimits& limits);
+/// Text and binary; equal positions become one vertex.
+Scene read_stl(const std::filesystem::path& path, const SceneLimits& limits);
+/// Text and binary of both orders of bytes.
+Scene read_ply(const std::filesystem::path& path, const SceneLimits& limits);
+/// With its MTL files and textures.
+Scene read_obj_scene(const std::filesystem::path& path, const SceneLimits& limits);
+/// By assimp.
+Scene read_collada(const std::filesystem::path& path, const SceneLimits& limits);
 
 }  // namespace doppel

@@ -11,6 +11,7 @@ struct SceneLimits {
   int nodes = 100'000;
   int keys = 20'000'000;  ///< of all animations
   int image_side = 16384;
+  bool surface_needed = true;  ///< refuse a file without triangles, such as one that holds an animation alone
 };
 
 }  // namespace doppel

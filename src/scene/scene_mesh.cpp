@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <unordered_map>
 
 #include "doppel/core/as_size.h"
@@ -145,7 +146,15 @@ cv::Mat MeshJoiner::image_of(int index, const MaterialUse& use) const {
   cv::Mat image = from.texture;
   if (from.colour.head<3>() != Eigen::Vector3d::Ones()) cv::multiply(image, colour, image = image.clone());
   const Eigen::Vector2i tiles = use.high - use.low;
-  return tiles == Eigen::Vector2i::Ones() ? image : cv::repeat(image, tiles.y(), tiles.x());
+  if (tiles == Eigen::Vector2i::Ones()) return image;
+  // All tiles together become no larger than the atlas may be.
+  const double shrink = std::min({1.0, double(options_.atlas_side) / (double(tiles.x()) * image.cols),
+                                  double(options_.atlas_side) / (double(tiles.y()) * image.rows)});
+  const cv::Size size(std::max(1, static_cast<int>(shrink * image.cols)),
+                      std::max(1, static_cast<int>(shrink * image.rows)));
+  cv::Mat tile = image;
+  if (size != image.size()) cv::resize(image, tile, size, 0, 0, cv::INTER_AREA);
+  return cv::repeat(tile, tiles.y(), tiles.x());
 }
 
 void MeshJoiner::join_textures() {

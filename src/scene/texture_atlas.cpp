@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 
 namespace doppel {
 
@@ -26,6 +27,11 @@ TextureAtlas::TextureAtlas(std::vector<cv::Mat> images, int largest_side) {
     for (const cv::Mat& image : images) widest = std::max(widest, image.cols + 2 * kBorder);
     const int width = std::max(widest, static_cast<int>(std::ceil(std::sqrt(area()) * 1.1)));
     if (width <= largest_side && pack(images, width, largest_side)) break;
+    const bool smallest = std::all_of(images.begin(), images.end(),
+                                      [](const cv::Mat& image) { return image.cols == 1 && image.rows == 1; });
+    if (smallest)
+      fail("{} textures and colours do not fit into one image of {} x {} pixels; join materials before", images.size(),
+           largest_side, largest_side);
     for (cv::Mat& image : images) {
       const cv::Size smaller(std::max(1, image.cols * 4 / 5), std::max(1, image.rows * 4 / 5));
       cv::Mat resized;

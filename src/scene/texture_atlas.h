@@ -11,6 +11,7 @@ class TextureAtlas {
  public:
   /// Images are made smaller, all by the same factor, until the atlas fits.
   /// @param images 8-bit BGR @param largest_side pixels
+  /// @throws Error for so many images that even single pixels do not fit
   TextureAtlas(std::vector<cv::Mat> images, int largest_side);
 
   const cv::Mat& image() const { return image_; }

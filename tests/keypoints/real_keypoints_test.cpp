@@ -13,7 +13,7 @@
 #include "doppel/keypoints/landmark_key.h"
 #include "doppel/keypoints/person_choice.h"
 #include "doppel/keypoints/read_keypoints.h"
-#include "doppel/keypoints/space_points.h"
+#include "doppel/keypoints/read_space_points.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"
 

@@ -1,8 +1,7 @@
-#include "doppel/keypoints/space_points.h"
-
 #include <gmock/gmock.h>
 
 #include "doppel/core/error.h"
+#include "doppel/keypoints/read_space_points.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

@@ -8,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/scene/read_scene.h"
 #include "support/gltf_writer.h"
+#include "support/message_of.h"
 
 namespace doppel::gltf_test {
 namespace {
@@ -188,6 +189,25 @@ TEST_F(Gltf, TruncatedAndDamagedFilesNeverCrash) {
   }
   EXPECT_GT(read_anyway, 0);
   EXPECT_LT(read_anyway, 2000);
+}
+
+TEST_F(Gltf, DeepNestingIsRefused) {
+  std::string deep;
+  for (int i = 0; i < 200'000; ++i) deep += "{\"a\":\n";
+  for (const std::string& json : {deep, deep + "1" + std::string(200'000, '}')}) {
+    GltfWriter::write(path_, json);
+    EXPECT_EQ(support::message_of<FileError>([&] { read_scene(path_); }),
+              path_.string() + ": the JSON of the glTF file is nested more than 64 deep");
+  }
+}
+
+/// Numbering the copies of a name from 2 each time would take minutes here.
+TEST_F(Gltf, ManyNodesMayHaveOneName) {
+  GltfWriter file = bending_arm();
+  constexpr int kNodes = 60'000;
+  for (int i = 0; i < kNodes; ++i) file.json["nodes"].push_back({{"name", "bone"}});
+  const Scene scene = read(file);
+  EXPECT_EQ(scene.nodes.back().name, "bone_" + std::to_string(kNodes));
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/keypoints/landmark_key.h"
-#include "doppel/keypoints/space_points.h"
+#include "doppel/keypoints/read_space_points.h"
 
 namespace doppel::support {
 

@@ -9,7 +9,7 @@
 #include "doppel/capture/capture_guess.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/keypoints/space_points.h"
+#include "doppel/keypoints/read_space_points.h"
 #include "doppel/track/points/track_points.h"
 #include "support/blazepose_weights.h"
 #include "support/message_of.h"

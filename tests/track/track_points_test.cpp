@@ -10,7 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/keypoints/landmark_key.h"
-#include "doppel/keypoints/space_points.h"
+#include "doppel/keypoints/read_space_points.h"
 #include "doppel/track/points/point_files.h"
 #include "support/message_of.h"
 #include "support/reference_points.h"

@@ -7,15 +7,16 @@
 #include <array>
 #include <assimp/Importer.hpp>
 #include <cmath>
-#include <fstream>
 #include <map>
 #include <optional>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/scene/collada_guard.h"
 #include "doppel/scene/finish_scene.h"
 #include "doppel/scene/readers.h"
+#include "doppel/scene/scene_images.h"
 
 namespace doppel {
 
@@ -49,11 +50,14 @@ void set_transform(const Eigen::Affine3d& transform, SceneNode& node) {
 
 /// Turns an assimp scene into a Scene. Assimp doubles the vertices of a face or along seams of the texture; vertices of
 /// one node that have the same position and weights are joined again, because UVs belong to corners here.
-class AssimpReader {
+class ColladaReader {
  public:
-  AssimpReader(const std::filesystem::path& path, const SceneLimits& limits) : path_(path), limits_(limits) {}
+  ColladaReader(const std::filesystem::path& path, const SceneLimits& limits)
+      : path_(path), limits_(limits), images_(path, limits) {}
 
   Scene read() {
+    const std::string text = read_file(path_);
+    refuse_what_assimp_trusts(path_, text);
     importer_.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
     importer_.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_USE_COLLADA_NAMES, true);
     importer_.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_LINE | aiPrimitiveType_POINT);
@@ -63,7 +67,7 @@ class AssimpReader {
       fail_at({path_.string(), 0}, "cannot be read: {}", e.what());
     }
     if (!from_ || !from_->mRootNode) fail_at({path_.string(), 0}, "cannot be read: {}", importer_.GetErrorString());
-    read_unit_and_axis();
+    read_unit_and_axis(text);
     read_node(*from_->mRootNode, -1);
     read_materials();
     for (const auto& [node, index] : nodes_) read_surfaces(*node, index);
@@ -72,11 +76,10 @@ class AssimpReader {
   }
 
  private:
-  void read_unit_and_axis();
+  void read_unit_and_axis(const std::string& text);
   void read_node(const aiNode& node, int parent);
   void read_materials();
   cv::Mat read_texture(const aiMaterial& material, const std::string& name);
-  cv::Mat embedded(const aiTexture& texture) const;
   void read_surfaces(const aiNode& node, int index);
   void add_mesh(const aiMesh& mesh, ScenePrimitive& primitive);
   void read_animations();
@@ -91,6 +94,7 @@ class AssimpReader {
 
   std::filesystem::path path_;
   SceneLimits limits_;
+  SceneImages images_;
   Assimp::Importer importer_;
   const aiScene* from_ = nullptr;
   Scene scene_;
@@ -100,14 +104,8 @@ class AssimpReader {
 };
 
 /// Collada says unit and up axis in its `asset`, which assimp does not hand on.
-void AssimpReader::read_unit_and_axis() {
-  std::string extension = path_.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  if (extension != ".dae") return;
-  std::ifstream stream(path_, std::ios::binary);
-  std::string text(1 << 16, '\0');
-  stream.read(text.data(), static_cast<std::streamsize>(text.size()));
+void ColladaReader::read_unit_and_axis(const std::string& file) {
+  const std::string text = file.substr(0, 1 << 16);
   scene_.metres_per_unit = 1.0;
   scene_.up = 'y';
   if (const std::size_t unit = text.find("<unit"); unit != std::string::npos) {
@@ -119,7 +117,7 @@ void AssimpReader::read_unit_and_axis() {
   if (text.find("X_UP") != std::string::npos) scene_.up = 'x';
 }
 
-void AssimpReader::read_node(const aiNode& node, int parent) {
+void ColladaReader::read_node(const aiNode& node, int parent) {
   if (nodes_.size() >= as_size(limits_.nodes))
     fail_at({path_.string(), 0}, "the file has more than {} nodes", limits_.nodes);
   SceneNode result;
@@ -133,36 +131,19 @@ void AssimpReader::read_node(const aiNode& node, int parent) {
   for (unsigned i = 0; i < node.mNumChildren; ++i) read_node(*node.mChildren[i], index);
 }
 
-cv::Mat AssimpReader::embedded(const aiTexture& texture) const {
-  if (texture.mHeight == 0) return decode_image(texture.pcData, texture.mWidth, limits_.image_side);
-  cv::Mat image(static_cast<int>(texture.mHeight), static_cast<int>(texture.mWidth), CV_8UC3);
-  for (int y = 0; y < image.rows; ++y)
-    for (int x = 0; x < image.cols; ++x) {
-      const aiTexel& texel = texture.pcData[static_cast<std::size_t>(y) * texture.mWidth + static_cast<std::size_t>(x)];
-      image.at<cv::Vec3b>(y, x) = {texel.b, texel.g, texel.r};
-    }
-  return image;
-}
-
-cv::Mat AssimpReader::read_texture(const aiMaterial& material, const std::string& name) {
+cv::Mat ColladaReader::read_texture(const aiMaterial& material, const std::string& name) {
   aiString path;
   if (material.GetTexture(aiTextureType_DIFFUSE, 0, &path) != aiReturn_SUCCESS &&
       material.GetTexture(aiTextureType_BASE_COLOR, 0, &path) != aiReturn_SUCCESS)
     return {};
-  cv::Mat image;
-  if (const aiTexture* inside = from_->GetEmbeddedTexture(path.C_Str())) {
-    image = embedded(*inside);
-  } else if (const std::filesystem::path found = find_image(path_, path.C_Str()); !found.empty()) {
-    const std::string bytes = read_file(found);
-    image = decode_image(bytes.data(), bytes.size(), limits_.image_side);
-  }
+  const cv::Mat image = images_.of_file(path.C_Str());
   if (image.empty())
     scene_.warnings.push_back(fmt::format(
         "the texture '{}' of material '{}' is missing or cannot be decoded; its colour is used", path.C_Str(), name));
   return image;
 }
 
-void AssimpReader::read_materials() {
+void ColladaReader::read_materials() {
   for (unsigned i = 0; i < from_->mNumMaterials; ++i) {
     const aiMaterial& material = *from_->mMaterials[i];
     SceneMaterial result;
@@ -177,7 +158,7 @@ void AssimpReader::read_materials() {
   }
 }
 
-void AssimpReader::add_mesh(const aiMesh& mesh, ScenePrimitive& primitive) {
+void ColladaReader::add_mesh(const aiMesh& mesh, ScenePrimitive& primitive) {
   std::vector<JointWeights> rows(mesh.mNumVertices);
   for (unsigned b = 0; b < mesh.mNumBones; ++b) {
     const aiBone& bone = *mesh.mBones[b];
@@ -238,7 +219,7 @@ void AssimpReader::add_mesh(const aiMesh& mesh, ScenePrimitive& primitive) {
 }
 
 /// All meshes of a node without bones are one primitive, those with bones one each.
-void AssimpReader::read_surfaces(const aiNode& node, int index) {
+void ColladaReader::read_surfaces(const aiNode& node, int index) {
   std::optional<ScenePrimitive> together;
   int count = 0;
   const auto finish = [&](ScenePrimitive& primitive) {
@@ -275,7 +256,7 @@ void AssimpReader::read_surfaces(const aiNode& node, int index) {
   if (together) finish(*together);
 }
 
-void AssimpReader::read_animations() {
+void ColladaReader::read_animations() {
   for (unsigned a = 0; a < from_->mNumAnimations; ++a) {
     const aiAnimation& from = *from_->mAnimations[a];
     const double tick = from.mTicksPerSecond > 0 ? 1 / from.mTicksPerSecond : 1.0;
@@ -315,8 +296,8 @@ void AssimpReader::read_animations() {
 
 }  // namespace
 
-Scene read_by_assimp(const std::filesystem::path& path, const SceneLimits& limits) {
-  return AssimpReader(path, limits).read();
+Scene read_collada(const std::filesystem::path& path, const SceneLimits& limits) {
+  return ColladaReader(path, limits).read();
 }
 
 }  // namespace doppel

@@ -1,0 +1,18 @@
+// One target under libFuzzer: DOPPEL_FUZZ_TARGET names it. scripts/fuzz.sh starts it with seeds and dictionary.
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "fuzz/fuzz_target.h"
+#include "support/temporary_folder.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const unsigned char* data, std::size_t size) {
+  using namespace doppel;
+  static const char* name = std::getenv("DOPPEL_FUZZ_TARGET");
+  static const fuzz::FuzzTarget& target = fuzz::target_of(name ? name : "");
+  static const support::TemporaryFolder folder;
+  fuzz::run_once(target, {reinterpret_cast<const char*>(data), size}, folder.path());
+  return 0;
+}

@@ -1,0 +1,40 @@
+#include "fuzz/fuzz_target.h"
+
+#include "doppel/core/error.h"
+
+namespace doppel::fuzz {
+
+void promise(bool kept, const std::string& what) {
+  if (!kept) throw Broken("not kept: " + what);
+}
+
+const std::vector<FuzzTarget>& all_targets() {
+  static const std::vector<FuzzTarget> kTargets = [] {
+    std::vector<FuzzTarget> targets = scene_targets(), character = character_targets();
+    for (FuzzTarget& target : character) targets.push_back(std::move(target));
+    return targets;
+  }();
+  return kTargets;
+}
+
+const FuzzTarget& target_of(const std::string& name) {
+  std::string known;
+  for (const FuzzTarget& target : all_targets()) {
+    if (target.name == name) return target;
+    known += (known.empty() ? "" : ", ") + target.name;
+  }
+  throw Broken("there is no target '" + name + "'; known are " + known);
+}
+
+bool run_once(const FuzzTarget& target, std::string_view bytes, const std::filesystem::path& folder) {
+  try {
+    target.read(bytes, folder);
+    return true;
+  } catch (const Error& e) {
+    promise(std::string(e.what()).size() > 10, "a message says something");
+    promise(std::string(e.what()).size() < 4000, "a message can be read");
+    return false;
+  }
+}
+
+}  // namespace doppel::fuzz

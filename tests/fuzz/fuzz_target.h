@@ -1,0 +1,54 @@
+#pragma once
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// Fuzz targets: readers of files from outside, fed with damaged bytes.
+///
+/// One target is one reader. `fuzz_driver` runs all targets in every test run, with bytes that it changes by a fixed
+/// sequence; `fuzz_libfuzzer` runs one target under libFuzzer. Both are built with the address and undefined-behaviour
+/// sanitizers.
+namespace doppel::fuzz {
+
+struct FuzzTarget {
+  std::string name;
+  /// Writes `bytes` into `folder` and reads them. An `Error` is a proper answer. What is accepted must keep the
+  /// promises of the reader's header.
+  /// @throws Broken for a promise that is not kept; any other exception than doppel::Error is a finding as well
+  void (*read)(std::string_view bytes, const std::filesystem::path& folder);
+  std::vector<std::string> seeds;       ///< valid files, made by code
+  std::vector<std::string> dictionary;  ///< words of the format
+};
+
+/// A promise of a reader that is not kept.
+struct Broken : std::logic_error {
+  using std::logic_error::logic_error;
+};
+
+/// @throws Broken unless `kept`
+void promise(bool kept, const std::string& what);
+
+const std::vector<FuzzTarget>& all_targets();
+/// @throws Broken for an unknown name, with the known ones
+const FuzzTarget& target_of(const std::string& name);
+
+/// Runs a target once. An Error of the reader is swallowed.
+/// @return whether the bytes were accepted @throws Broken, or whatever the reader throws beside Error
+bool run_once(const FuzzTarget& target, std::string_view bytes, const std::filesystem::path& folder);
+
+/// An input that once broke a reader. It is run in every test run.
+struct Regression {
+  std::string target;
+  std::string what;  ///< what was wrong
+  std::string bytes;
+};
+std::vector<Regression> regressions();
+
+/// Parts of each module, joined by all_targets.
+std::vector<FuzzTarget> scene_targets();
+std::vector<FuzzTarget> character_targets();
+
+}  // namespace doppel::fuzz

@@ -1,0 +1,115 @@
+#include "fuzz/fuzz_target.h"
+#include "support/fbx_writer.h"
+#include "support/gltf_writer.h"
+
+namespace doppel::fuzz {
+
+namespace {
+
+using support::FbxBinaryWriter;
+using support::FbxNode;
+using support::GltfWriter;
+using Json = GltfWriter::Json;
+
+std::string repeated(const std::string& part, int times) {
+  std::string text;
+  for (int i = 0; i < times; ++i) text += part;
+  return text;
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);  // throws where the text does not hold it
+}
+
+/// The arm with one change, as a .glb.
+template <typename Change>
+std::string changed_arm(const Change& change) {
+  GltfWriter file = support::bending_arm();
+  change(file);
+  return file.glb();
+}
+
+/// The arm of FBX with one change of its records, as text.
+template <typename Change>
+std::string changed_fbx(const Change& change) {
+  FbxNode root = support::fbx_arm();
+  change(root.children[2].children, root.children[3].children);  // objects, connections
+  return support::fbx_text(root);
+}
+
+void add_gltf(std::vector<Regression>& all) {
+  all.push_back({"gltf", "nested objects took all of the stack", repeated("{\"a\":\n", 200'000)});
+  all.push_back({"gltf", "a nested value in a message took all of the stack",
+                 "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"children\":[" + repeated("[", 100'000) +
+                     repeated("]", 100'000) + "]}]}"});
+  all.push_back({"glb", "a huge number became an int",
+                 changed_arm([](GltfWriter& file) { file.json["accessors"][0]["componentType"] = 1e300; })});
+  all.push_back({"glb", "a huge number became an int",
+                 changed_arm([](GltfWriter& file) { file.json["meshes"][0]["primitives"][0]["mode"] = -1e300; })});
+  all.push_back({"glb", "rows of zeros without data took 1.4 GB", changed_arm([](GltfWriter& file) {
+                   Json& accessor = file.json["accessors"][0];
+                   accessor.erase("bufferView");
+                   accessor["count"] = 60'000;
+                   accessor["sparse"] = {{"count", 0},
+                                         {"indices", {{"bufferView", 0}, {"componentType", 5123}}},
+                                         {"values", {{"bufferView", 0}}}};
+                 })});
+  all.push_back({"glb", "each node used all primitives: memory grew with the square of the file",
+                 changed_arm([](GltfWriter& file) {
+                   const Json primitive = file.json["meshes"][0]["primitives"][0];
+                   for (int i = 0; i < 1000; ++i) file.json["meshes"][0]["primitives"].push_back(primitive);
+                   for (int i = 0; i < 400; ++i) file.json["nodes"].push_back({{"mesh", 0}});
+                 })});
+  all.push_back({"glb", "an image announces 30000 x 30000 pixels", changed_arm([](GltfWriter& file) {
+                   const std::string png("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x75\x30\0\0\x75\x30\x08\x02\0\0\0\0\0\0\0",
+                                         33);
+                   file.json["images"] = {{{"bufferView", file.view({png.begin(), png.end()})}}};
+                   file.json["textures"] = {{{"source", 0}}};
+                   file.json["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
+                 })});
+}
+
+FbxNode connection(std::int64_t lower, std::int64_t upper) { return {"C", {std::string("OO"), lower, upper}, {}}; }
+
+void add_fbx(std::vector<Regression>& all) {
+  all.push_back(
+      {"fbx_text", "nodes in a circle were followed for ever", changed_fbx([](auto& objects, auto& connections) {
+         connections.insert(connections.begin(), connection(2, 3));
+         // Bind poses that disagree make the reader ask for the place of the mesh.
+         objects[7].children[3].values = {std::vector<double>(16, 2.0)};
+         connections.push_back(connection(1, 2));
+       })});
+  all.push_back({"fbx_text", "a huge number became an int", changed_fbx([](auto& objects, auto&) {
+                   objects[2].children[0].children.push_back(support::fbx_property70("RotationOrder", {1e300}));
+                 })});
+  all.push_back({"fbx_text", "objects with one id: surfaces grew with the square of the file",
+                 changed_fbx([](auto& objects, auto& connections) {
+                   for (int i = 0; i < 1500; ++i) objects.push_back(objects[1]);
+                   for (int i = 0; i < 1500; ++i) connections.push_back(connection(10, 1));
+                 })});
+  FbxNode bomb = support::fbx_arm();
+  for (int i = 0; i < 60; ++i) bomb.children.push_back({"Zeros", {std::vector<std::int32_t>(200'000, 0)}, {}});
+  all.push_back(
+      {"fbx_binary", "compressed zeros took a thousand times the file", FbxBinaryWriter(7400, true).file(bomb)});
+}
+
+}  // namespace
+
+std::vector<Regression> regressions() {
+  std::vector<Regression> all;
+  add_gltf(all);
+  add_fbx(all);
+  all.push_back({"joints", "nested values", "{\"joints\":" + repeated("{\"a\":\n", 200'000)});
+  const std::string box = support::collada_file(support::coloured_box({-0.5, 0, 0}, {0.5, 2, 1}), 1, "Y_UP");
+  all.push_back({"collada", "assimp read one index for ever", replaced(box, "<p>0 0", "<p>0\xff")});
+  all.push_back(
+      {"collada", "assimp reserved memory for a count", replaced(box, "count=\"24\"", "count=\"3600000000\"")});
+  all.push_back({"collada", "assimp read behind an empty array", replaced(box, "count=\"24\"", "count=\"-0\"")});
+  all.push_back({"collada", "nested nodes took all of the stack",
+                 "<COLLADA version=\"1.4.1\"><library_visual_scenes><visual_scene id=\"s\">" +
+                     repeated("<node>", 50'000) + repeated("</node>", 50'000) +
+                     "</visual_scene></library_visual_scenes></COLLADA>"});
+  return all;
+}
+
+}  // namespace doppel::fuzz

@@ -1,0 +1,222 @@
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/scene/read_scene.h"
+#include "fuzz/fuzz_target.h"
+#include "fuzz/scene_oracle.h"
+#include "support/fbx_writer.h"
+#include "support/gltf_writer.h"
+#include "support/scan_files.h"
+
+namespace doppel::fuzz {
+
+namespace {
+
+using support::coloured_box;
+using support::FbxBinaryWriter;
+using support::GltfWriter;
+using support::PlyForm;
+using support::PlyUvs;
+using support::PlyWriter;
+using Path = std::filesystem::path;
+
+/// Small, so that what a reader allocates beyond them is noticed.
+constexpr SceneLimits kLimits{.vertices = 20'000, .triangles = 20'000, .nodes = 500, .keys = 20'000, .image_side = 512};
+
+/// A part of an input that becomes a file of its own beside the first.
+constexpr const char* kSecondFile = "\n#file\n";
+
+void write_bytes(const Path& path, std::string_view bytes) {
+  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+}
+
+void read_file_as(std::string_view bytes, const Path& folder, const char* name, const char* second = nullptr) {
+  const std::size_t cut = second ? bytes.find(kSecondFile) : std::string_view::npos;
+  write_bytes(folder / name, bytes.substr(0, cut));
+  if (second)
+    write_bytes(folder / second, cut == std::string_view::npos ? "" : bytes.substr(cut + std::strlen(kSecondFile)));
+  check_scene(read_scene(folder / name, kLimits), kLimits);
+}
+
+template <const char* kName>
+void read_as(std::string_view bytes, const Path& folder) {
+  read_file_as(bytes, folder, kName);
+}
+template <const char* kName, const char* kSecond>
+void read_two(std::string_view bytes, const Path& folder) {
+  read_file_as(bytes, folder, kName, kSecond);
+}
+
+constexpr char kGlb[] = "a.glb", kGltf[] = "a.gltf", kBuffer[] = "b.bin", kFbx[] = "a.fbx", kDae[] = "a.dae",
+               kStl[] = "a.stl", kPly[] = "a.ply", kObj[] = "a.obj", kMtl[] = "a.mtl";
+
+TriangleMesh box() { return coloured_box({-0.5, 0, 0}, {0.5, 2, 1}); }
+
+/// A PNG of four colours.
+std::vector<std::uint8_t> small_image() {
+  cv::Mat image(2, 2, CV_8UC3, cv::Scalar(10, 20, 30));
+  image.at<cv::Vec3b>(0, 1) = {200, 100, 50};
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", image, bytes);
+  return bytes;
+}
+
+/// The arm with a texture, UVs, colours, a morph target and a sparse accessor.
+GltfWriter rich_arm() {
+  GltfWriter file = support::bending_arm();
+  auto& primitive = file.json["meshes"][0]["primitives"][0];
+  primitive["attributes"]["TEXCOORD_0"] = file.floats({0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 2}, "VEC2", 2);
+  primitive["attributes"]["COLOR_0"] = file.floats(std::vector<float>(18, 0.5F), "VEC3", 3);
+  const int moves = file.floats(std::vector<float>(18, 0.1F), "VEC3", 3), rows = file.shorts({1, 4});
+  const auto view_of = [&](int accessor) {
+    return file.json["accessors"][static_cast<std::size_t>(accessor)]["bufferView"];
+  };
+  file.json["accessors"][static_cast<std::size_t>(moves)]["sparse"] = {
+      {"count", 2},
+      {"indices", {{"bufferView", view_of(rows)}, {"componentType", 5123}}},
+      {"values", {{"bufferView", view_of(moves)}}}};
+  primitive["targets"] = {{{"POSITION", moves}}};
+  primitive["material"] = 0;
+  file.json["meshes"][0]["weights"] = {0.5};
+  file.json["images"] = {{{"bufferView", file.view(small_image())}, {"mimeType", "image/png"}}};
+  file.json["textures"] = {{{"source", 0}}};
+  file.json["materials"] = {
+      {{"name", "cloth"},
+       {"pbrMetallicRoughness",
+        {{"baseColorFactor", {1, 0.5, 0.5, 1}},
+         {"baseColorTexture",
+          {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"offset", {0.1, 0}}, {"scale", {3, 3}}}}}}}}}}}};
+  return file;
+}
+
+/// The same file as JSON with its buffer in a second file.
+std::string as_gltf(const GltfWriter& file) {
+  const std::string glb = file.glb();
+  std::uint32_t json_size = 0;
+  std::memcpy(&json_size, glb.data() + 12, 4);
+  auto json = GltfWriter::Json::parse(glb.substr(20, json_size));
+  json["buffers"][0]["uri"] = kBuffer;
+  return json.dump() + kSecondFile + glb.substr(20 + json_size + 8);
+}
+
+FuzzTarget gltf_target(bool binary) {
+  FuzzTarget target{binary ? "glb" : "gltf", binary ? read_as<kGlb> : read_two<kGltf, kBuffer>, {}, {}};
+  for (const GltfWriter& file : {support::bending_arm(), rich_arm()})
+    target.seeds.push_back(binary ? file.glb() : as_gltf(file));
+  target.dictionary = {"\"sparse\":{\"count\":1}",
+                       "\"matrix\"",
+                       "\"children\":[0]",
+                       "\"children\":[1,2]",
+                       "\"skin\":0",
+                       "\"mesh\":0",
+                       "{\"a\":",
+                       "[[[[[[[[",
+                       "\"mode\":5",
+                       "\"mode\":6,",
+                       "\"byteStride\":1,",
+                       "\"count\":20000,",
+                       "\"count\":60000000,",
+                       "\"normalized\":true,",
+                       "MAT4",
+                       "SCALAR",
+                       "VEC3",
+                       "CUBICSPLINE",
+                       "STEP",
+                       "null",
+                       "\"uri\":\"data:,AAAA\""};
+  return target;
+}
+
+FuzzTarget fbx_target(bool binary) {
+  FuzzTarget target{binary ? "fbx_binary" : "fbx_text", read_as<kFbx>, {}, {}};
+  const support::FbxNode arm = support::fbx_arm();
+  if (binary)
+    target.seeds = {FbxBinaryWriter(7400, false).file(arm), FbxBinaryWriter(7500, false).file(arm),
+                    FbxBinaryWriter(7400, true).file(arm)};
+  else
+    target.seeds = {support::fbx_text(arm)};
+  target.dictionary = {"C: \"OO\",1,1\n",
+                       "C: \"OO\",2,3\n",
+                       "C: \"OO\",10,2\n",
+                       "a: {",
+                       "nan",
+                       "inf",
+                       "-inf",
+                       "*9 { a: 1 }",
+                       "P: \"RotationOrder\", \"enum\", \"\", \"\",1e300\n",
+                       "P: \"Lcl Scaling\", \"\", \"\", \"A\",0,-1,nan\n",
+                       "GeometricTranslation",
+                       "PreRotation",
+                       "ByVertice"};
+  return target;
+}
+
+FuzzTarget collada_target() {
+  const std::string plain = support::collada_file(box(), 0.01, "Z_UP");
+  return {"collada",
+          read_as<kDae>,
+          {plain, support::collada_file(box(), 1, "Y_UP", "skin.png")},
+          {"<node>", "</node>", "<node id=\"a\"><node><node>", "count=\"60000000\"", "stride=\"0\"", "offset=\"99\"",
+           "<p>", "<vcount>3 4 5</vcount>", "<polylist>", "<instance_node url=\"#body\"/>", "set=\"9\"",
+           "<matrix>1 2 3</matrix>"}};
+}
+
+FuzzTarget stl_target(bool binary) {
+  return {binary ? "stl_binary" : "stl_text",
+          read_as<kStl>,
+          {binary ? support::stl_binary(box()) : support::stl_text(box())},
+          {"solid ", "endsolid", "facet normal 0 0 1", "outer loop", "vertex 1 2 3\n", "endloop", "endfacet", "nan",
+           std::string("\0\0\xC0\x7F", 4)}};
+}
+
+FuzzTarget ply_target(bool binary) {
+  FuzzTarget target{binary ? "ply_binary" : "ply_text", read_as<kPly>, {}, {}};
+  const TriangleMesh mesh = box();
+  const auto forms = binary ? std::vector{PlyForm::little_endian, PlyForm::big_endian} : std::vector{PlyForm::text};
+  for (const PlyForm form : forms)
+    for (const PlyUvs uvs : {PlyUvs::none, PlyUvs::vertices, PlyUvs::corners})
+      target.seeds.push_back(PlyWriter(mesh, form, uvs, "skin.png").file());
+  target.dictionary = {"element vertex 60000000\n",
+                       "element face 0\n",
+                       "property list int int vertex_index\n",
+                       "property list uchar float texcoord\n",
+                       "property double x\n",
+                       "element edge 3\n",
+                       "end_header\n",
+                       "format ascii 1.0\n",
+                       "comment TextureFile ",
+                       "property list uchar int vertex_indices\n",
+                       "element vertex 0\n",
+                       "property uchar red\n",
+                       "property int texnumber\n"};
+  return target;
+}
+
+FuzzTarget obj_target() {
+  std::string obj = "mtllib a.mtl\no box\n";
+  const TriangleMesh mesh = box();
+  for (const Eigen::Vector3d& x : mesh.vertices) obj += fmt::format("v {} {} {} 0.5 0.25 1\n", x.x(), x.y(), x.z());
+  for (const Eigen::Vector2d& uv : mesh.uvs) obj += fmt::format("vt {} {}\n", uv.x(), uv.y());
+  obj += "vn 0 0 1\n";
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    if (f % 6 == 0) obj += fmt::format("usemtl part_{}\n", f / 6);
+    const Triangle face = mesh.faces[f];
+    obj += fmt::format("f {0}/{0}/1 {1}/{1}/1 {2}/{2}/1\n", face[0] + 1, face[1] + 1, face[2] + 1);
+  }
+  obj += std::string(kSecondFile) + "newmtl part_0\nKd 0.2 0.4 0.6\nmap_Kd skin.png\nnewmtl part_1\nKd 1 0 0\n";
+  return {"obj",
+          read_two<kObj, kMtl>,
+          {obj},
+          {"f -1 -2 -3\n", "f 1//1 2//1 3//1\n", "f 1 2 3 4 5 6 7 8\n", "usemtl part_9\n", "g a b c\n", "s 1\n",
+           "l 1 2\n", "\\\n", "v 1 2\n", "vt nan 0\n", "mtllib b.mtl\n", "map_Kd -s 1 1 1 a.png\n", "Kd 2 nan -1\n",
+           "f 1/2/3/4 2 3\n", "usemtl", "newmtl"}};
+}
+
+}  // namespace
+
+std::vector<FuzzTarget> scene_targets() {
+  return {gltf_target(true), gltf_target(false), fbx_target(true), fbx_target(false), collada_target(),
+          stl_target(true),  stl_target(false),  ply_target(true), ply_target(false), obj_target()};
+}
+
+}  // namespace doppel::fuzz
