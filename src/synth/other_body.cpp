@@ -29,32 +29,13 @@ BodyJoints plan_joints() {
   pair("knee", BodyPlan::knee());
   pair("ankle", BodyPlan::ankle());
   pair("toe", BodyPlan::toe());
-  joints.positions["neck"] = BodyPlan::neck();
+  // The head of the actor turns about a point below the base of the neck. Neck and head as on the average woman, at the
+  // actor's stature:
+  joints.positions["neck"] = {0, 1.487, -0.010};
+  joints.positions["head"] = {0, 1.597, -0.004};
   joints.positions["head_top"] = BodyPlan::head_top();
-  joints.positions["head"] = BodyPlan::neck() + 0.4 * (BodyPlan::head_top() - BodyPlan::neck());
   complete_joints(joints);
   return joints;
-}
-
-/// The measures of the actor itself: its lengths between joints, else those of an average woman.
-std::vector<double> own_measures(const BodyJoints& joints) {
-  std::vector<double> own = mean_measures(BodyBuild::woman);
-  const auto length = [&](const char* name, const char* from, const char* to) {
-    own[measure_index(name)] = (joints.at(to) - joints.at(from)).norm();
-  };
-  length("upper_arm_length", "left_shoulder", "left_elbow");
-  length("forearm_length", "left_elbow", "left_wrist");
-  length("hand_length", "left_wrist", "left_fingertip");
-  length("shoulder_breadth", "left_shoulder", "right_shoulder");
-  length("hip_breadth", "left_hip", "right_hip");
-  length("thigh_length", "left_hip", "left_knee");
-  length("shin_length", "left_knee", "left_ankle");
-  length("neck_length", "neck", "head");
-  length("head_height", "head", "head_top");
-  own[measure_index("trunk_length")] =
-      (joints.at("neck") - 0.5 * (joints.at("left_hip") + joints.at("right_hip"))).norm();
-  own[measure_index("ankle_height")] = joints.at("left_ankle").y();
-  return own;
 }
 
 /// The segment to which a joint of the actor's skeleton is fixed: the one that begins there.
@@ -95,6 +76,27 @@ void move_skeleton(Character& c, const BodyWarp::Map& map) {
 
 }  // namespace
 
+std::vector<double> actor_measures() {
+  const BodyJoints joints = plan_joints();
+  std::vector<double> own = mean_measures(BodyBuild::woman);
+  const auto length = [&](const char* name, const char* from, const char* to) {
+    own[measure_index(name)] = (joints.at(to) - joints.at(from)).norm();
+  };
+  length("upper_arm_length", "left_shoulder", "left_elbow");
+  length("forearm_length", "left_elbow", "left_wrist");
+  length("hand_length", "left_wrist", "left_fingertip");
+  length("shoulder_breadth", "left_shoulder", "right_shoulder");
+  length("hip_breadth", "left_hip", "right_hip");
+  length("thigh_length", "left_hip", "left_knee");
+  length("shin_length", "left_knee", "left_ankle");
+  length("neck_length", "neck", "head");
+  length("head_height", "head", "head_top");
+  own[measure_index("trunk_length")] =
+      (joints.at("neck") - 0.5 * (joints.at("left_hip") + joints.at("right_hip"))).norm();
+  own[measure_index("ankle_height")] = joints.at("left_ankle").y();
+  return own;
+}
+
 std::vector<double> measures_of(const std::string& body) {
   if (body == "average") return mean_measures();
   const std::string random = "random:";
@@ -113,7 +115,7 @@ void give_body(Actor& actor, std::span<const double> measures) {
   check_measures(measures);
   Character& c = actor.character;
   const BodyWarp warp(plan_joints());
-  const BodyWarp::Map map = warp.map(proportional_factors(measures, own_measures(warp.reference())));
+  const BodyWarp::Map map = warp.map(proportional_factors(measures, actor_measures()));
   const std::vector<SegmentWeights> weights = segment_weights(c.mesh, c.skin, warp.reference(), kRounds);
   for (int v = 0; v < c.num_vertices(); ++v) {
     Vector3d& vertex = c.mesh.vertices[v];

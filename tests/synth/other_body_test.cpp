@@ -83,25 +83,8 @@ TEST(OtherBody, StandsOnTheGroundWithTheTopologyOfTheActor) {
 }
 
 TEST(OtherBody, WithTheActorsMeasuresIsTheActor) {
-  // Girths of an average woman; lengths of the actor itself.
-  std::vector<double> m = mean_measures(BodyBuild::woman);
   const Actor& own = own_actor();
-  const auto set = [&](const char* name, const char* from, const char* to) {
-    m[measure_index(name)] = bone(own, from, to);
-  };
-  set("upper_arm_length", "LeftArm_rz", "LeftForeArm_rx");
-  set("forearm_length", "LeftForeArm_rx", "LeftForeArmEE");
-  set("thigh_length", "LeftUpLeg_rx", "LeftLeg_rx");
-  set("shin_length", "LeftLeg_rx", "LeftFoot_rx");
-  set("shoulder_breadth", "LeftArm_rz", "RightArm_rz");
-  set("hip_breadth", "LeftUpLeg_rx", "RightUpLeg_rx");
-  m[measure_index("ankle_height")] = joint_of(own, "LeftFoot_rx").y();
-  m[measure_index("hand_length")] = 0.175;
-  const Vector3d hips = 0.5 * (joint_of(own, "LeftUpLeg_rx") + joint_of(own, "RightUpLeg_rx"));
-  m[measure_index("trunk_length")] = (joint_of(own, "Head_ry") - hips).norm();
-  m[measure_index("neck_length")] = 0.4 * bone(own, "Head_ry", "HeadEE");
-  m[measure_index("head_height")] = 0.6 * bone(own, "Head_ry", "HeadEE");
-  const Actor same = actor_with(m);
+  const Actor same = actor_with(synth::actor_measures());
   for (int v = 0; v < own.character.num_vertices(); ++v)
     ASSERT_NEAR((same.character.mesh.vertices[v] - own.character.mesh.vertices[v]).norm(), 0, 1e-9);
   for (std::size_t k = 0; k < own.character.skeleton.markers.size(); ++k)
