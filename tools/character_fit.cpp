@@ -32,7 +32,7 @@ struct FitOptions {
 void read_config(FitOptions& options) {
   const ConfigDocument document = options.config.empty() ? ConfigDocument::parse("{}", "the defaults", options.set)
                                                          : ConfigDocument::load(options.config, options.set);
-  options.fit.config = read_track_config(document);
+  options.fit.config = read_track_config(document, options.fit.config);
   options.fit.shape.fit.images = options.fit.config.fit;
 }
 

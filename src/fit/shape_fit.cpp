@@ -104,7 +104,7 @@ std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::
       problem.add(models[f], image_terms<ShapeModel>(cameras, frames[f].seen, outline, images));
     }
     FitProblem<ShapeModel>::Terms prior;
-    prior.push_back(std::make_unique<ShapePriorTerm>(options.prior_weight));
+    prior.push_back(std::make_unique<ShapePriorTerm>(options.prior_weight * static_cast<double>(frames.size())));
     problem.add(models.front(), std::move(prior));
     Eigen::VectorXd state = FitProblem<ShapeModel>::to_eigen(shape);
     minimise(problem, state, images.solver);

@@ -11,9 +11,11 @@
 namespace doppel {
 
 struct ShapeFitOptions {
-  MultiviewOptions images;     ///< weights and kernels of keypoints and outlines
-  double prior_weight = 20.0;  ///< per squared deviation of a parameter, once and not for each frame
-  int rounds = 3;              ///< fits; each finds the outlines anew
+  MultiviewOptions images;  ///< weights and kernels of keypoints and outlines
+  /// Per squared deviation of a parameter and for each frame: the errors of a detector are alike in all frames, so many
+  /// frames are not much surer than one.
+  double prior_weight = 20.0;
+  int rounds = 3;  ///< fits; each finds the outlines anew
 };
 
 /// Fits the shape of a body to keypoints and outlines of several frames. The poses of the frames stay fixed.

@@ -24,8 +24,7 @@ void read_surface(const ConfigReader& reader, SurfaceOptions& surface) {
 
 }  // namespace
 
-TrackConfig read_track_config(const ConfigDocument& document) {
-  TrackConfig config;
+TrackConfig read_track_config(const ConfigDocument& document, TrackConfig config) {
   MultiviewOptions& fit = config.fit;
   const ConfigReader root = document.root();
   root.renamed("usual", "shared_dofs");

@@ -18,7 +18,8 @@ struct TrackConfig {
   double smoothing = 2.0;                ///< sigma of the Gaussian of `smooth_poses` with degree 2, frames; 0: none
 };
 
-/// Every key may be missing. @throws FileError for unknown keys and impossible values
-TrackConfig read_track_config(const ConfigDocument& document);
+/// Every key may be missing. @param config the values of missing keys
+/// @throws FileError for unknown keys and impossible values
+TrackConfig read_track_config(const ConfigDocument& document, TrackConfig config = {});
 
 }  // namespace doppel
