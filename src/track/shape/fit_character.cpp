@@ -82,6 +82,19 @@ cv::Mat sheet_of(const Footage& footage, const std::vector<Marker>& landmarks, c
   return sheet.image();
 }
 
+/// Warns when the cameras disagree about the landmarks: the body can then follow none of them.
+void warn_of_disagreement(const Footage& footage, const SeenFrames& frames) {
+  constexpr double kUsual = 8.0;  // reference pixels
+  const double residual =
+      triangulation_residual(footage.cameras(), frames, static_cast<int>(footage.landmarks().size()));
+  if (residual > kUsual)
+    log::warn(
+        "the cameras disagree about the landmarks by {:.1f} pixels (of an image 1024 wide); `doppel calibrate refine "
+        "{}` "
+        "may mend the calibration, and `doppel doctor` says more",
+        residual, footage.capture().file.string());
+}
+
 /// Bends the template to the outlines of all frames, and finds the poses again.
 void bend(const Footage& footage, const std::vector<std::string>& names, const SeenFrames& frames,
           const FitCharacterOptions& options, FittedCharacter& fitted, Progress& progress) {
@@ -110,6 +123,7 @@ FittedCharacter fit_character(const ShapeFamily& family, const Footage& footage,
   const int bends = masks ? options.bends : 0;
   Progress progress("fit", static_cast<std::int64_t>(options.frames) * (2 + bends) + options.shape.rounds + 1);
   const SeenFrames frames = see_frames(footage, sequences, options.frames, progress);
+  warn_of_disagreement(footage, frames);
 
   ShapedCharacter shaped =
       find_shape(family, names, footage.cameras(), frames, options.config, options.shape, progress);

@@ -7,6 +7,7 @@
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/statistics.h"
 #include "doppel/track/track_task.h"
 
 namespace doppel {
@@ -41,6 +42,14 @@ SeenFrames see_frames(const Footage& footage, const std::vector<FootageSequence>
     }
   }
   return result;
+}
+
+double triangulation_residual(const std::vector<PinholeCamera>& cameras, const SeenFrames& frames, int num_landmarks) {
+  std::vector<double> residuals;
+  for (const FrameEvidence& seen : frames.seen)
+    for (const auto& point : triangulate_all(cameras, seen, num_landmarks))
+      if (point) residuals.insert(residuals.end(), point->residuals.begin(), point->residuals.end());
+  return median(std::move(residuals));
 }
 
 PosedFrames find_poses(const Character& character, const std::vector<Marker>& landmarks,

@@ -29,6 +29,11 @@ struct SeenFrames {
 SeenFrames see_frames(const Footage& footage, const std::vector<FootageSequence>& sequences, int count,
                       Progress& progress);
 
+/// How far keypoints lie from the projections of their triangulated landmarks: the median over landmarks, frames and
+/// views, outliers included, reference pixels. Some pixels are usual; more means that calibration, synchronisation or
+/// keypoints are off.
+double triangulation_residual(const std::vector<PinholeCamera>& cameras, const SeenFrames& frames, int num_landmarks);
+
 /// A character and its poses in some frames.
 struct PosedFrames {
   std::vector<PosedEvidence> frames;      ///< those that are not lost
