@@ -77,7 +77,7 @@ struct PointJoint {
 
 class PointFigure {
  public:
-  PointFigure(const SpacePoints& points, const SourceOptions& options) : rate_(points.rate) {
+  PointFigure(const SpacePoints& points, const MotionSourceOptions& options) : rate_(points.rate) {
     if (points.frames.empty()) fail("the file has no frames of points");
     if (!(rate_ > 0)) rate_ = options.frames_per_second;
     if (!(rate_ > 0)) fail("the file states no frame rate; give it with --source-fps");
@@ -108,7 +108,7 @@ class PointFigure {
  private:
   void gather(const SpacePoints& points, std::size_t frames);
   void require_body(const SpacePoints& points) const;
-  void turn_upright(const SpacePoints& points, const SourceOptions& options);
+  void turn_upright(const SpacePoints& points, const MotionSourceOptions& options);
   Vector3d mean_upward() const;
   void fill();
   void build_rest();
@@ -186,7 +186,7 @@ Vector3d PointFigure::mean_upward() const {
   return sum;
 }
 
-void PointFigure::turn_upright(const SpacePoints& points, const SourceOptions& options) {
+void PointFigure::turn_upright(const SpacePoints& points, const MotionSourceOptions& options) {
   const NearestAxis body = nearest_axis(mean_upward());
   Vector3d up = body.axis;
   if (options.up)
@@ -297,11 +297,11 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
 
 }  // namespace
 
-SourceMotion motion_of_points(const SpacePoints& points, const SourceOptions& options) {
+SourceMotion motion_of_points(const SpacePoints& points, const MotionSourceOptions& options) {
   return PointFigure(points, options).motion();
 }
 
-SourceMotion read_marker_motion(const std::filesystem::path& path, const SourceOptions& options) {
+SourceMotion read_marker_motion(const std::filesystem::path& path, const MotionSourceOptions& options) {
   const SpacePoints points = read_space_points(path, options.metres_per_unit);
   try {
     return motion_of_points(points, options);

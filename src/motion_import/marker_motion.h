@@ -17,9 +17,9 @@ namespace doppel {
 /// average, if this is clear, else what the file says.
 /// @throws Error when pelvis or hips, a knee and four more joints are not found (names the points of the file), a point
 ///   is never seen, more than 200000 frames, no frame rate
-SourceMotion motion_of_points(const SpacePoints& points, const SourceOptions& options);
+SourceMotion motion_of_points(const SpacePoints& points, const MotionSourceOptions& options);
 
 /// The same of a C3D or TRC file. @throws FileError as read_space_points and motion_of_points
-SourceMotion read_marker_motion(const std::filesystem::path& path, const SourceOptions& options);
+SourceMotion read_marker_motion(const std::filesystem::path& path, const MotionSourceOptions& options);
 
 }  // namespace doppel

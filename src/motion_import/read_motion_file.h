@@ -14,7 +14,7 @@ namespace doppel {
 struct MotionFileOptions {
   std::filesystem::path map;              ///< joint map (read_joint_map); empty: guessed
   std::filesystem::path source_skeleton;  ///< of a `.motion` of another skeleton; empty: the character's own
-  SourceOptions source;
+  MotionSourceOptions source;
   double frames_per_second = 0.0;  ///< of the result; 0: that of the file
 };
 

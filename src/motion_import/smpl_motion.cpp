@@ -178,7 +178,7 @@ void stand_on_floor(JointTracks& tracks, std::vector<std::string>& notes) {
 
 }  // namespace
 
-SourceMotion read_smpl_motion(const std::filesystem::path& path, const SourceOptions& options) {
+SourceMotion read_smpl_motion(const std::filesystem::path& path, const MotionSourceOptions& options) {
   const NpzFile file(path);
   const Rows poses = read_poses(file);
   SourceMotion motion;

@@ -18,6 +18,6 @@ namespace doppel {
 /// the model's pelvis is from its origin is in no motion file.
 /// @throws FileError: as NpzFile; no poses (names what the file has), another shape, a number that is not finite, more
 ///   than 200000 frames, no frame rate in the file and in the options
-SourceMotion read_smpl_motion(const std::filesystem::path& path, const SourceOptions& options);
+SourceMotion read_smpl_motion(const std::filesystem::path& path, const MotionSourceOptions& options);
 
 }  // namespace doppel

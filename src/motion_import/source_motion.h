@@ -18,7 +18,7 @@ struct SourceMotion {
 };
 
 /// What a reader needs to know that a file may not say.
-struct SourceOptions {
+struct MotionSourceOptions {
   std::string animation;                  ///< of a rigged file; empty: the only one
   std::optional<char> up;                 ///< 'x', 'y' or 'z'; default: as each reader says
   std::optional<double> metres_per_unit;  ///< default: as the file says
