@@ -60,16 +60,12 @@ as_options() {
 # evaluation use one thread each in these scripts, so that results do not depend on the number of cores.
 side_by_side() {
   while [ "$(jobs -rp | wc -l)" -ge "${JOBS:-2}" ]; do sleep 1; done
-  "$@" &
-  started+=($!)
+  { "$@" || touch "$folder/failed"; } &
 }
 # all_done: waits for these commands; fails if one has failed
 all_done() {
-  local command failed=0
-  for command in "${started[@]}"; do wait "$command" || failed=1; done
-  started=()
-  return $failed
+  wait
+  [ ! -e "$folder/failed" ] || { rm "$folder/failed"; return 1; }
 }
-started=()
 trap 'kill $(jobs -rp) 2>/dev/null || true' EXIT
 export OMP_NUM_THREADS=1
