@@ -7,10 +7,11 @@
 #     texture    TexNet on the chain of the thesis: MSE in the mask
 #     hybrid     the hybrid on that chain, three frames: PSNR, SSIM, AMVIoU and distance from the truth in new cameras
 # CAMERAS=0,1,2,3,4,5 (the default) are trained on. SEEDS="1 2 3" (the default). STEPS=1500 (the default) are the steps of
-# EGNet. HELD_OUT=6,7 (the default) are the new cameras of the hybrid. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.
+# EGNet. HELD_OUT=6,7 (the default) are the new cameras of the hybrid, SHARE=1 (the default) is the share of its steps that
+# is made. JOBS=2 (the default) runs are trained side by side, with one thread and up to 5 GB each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 1 ] || { sed -n '2,12s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,13s/^# //p' "$0" >&2; exit 2; }
 capture="$1" folder="${2:-extras}" groups=("${@:3}")
 [ ${#groups[@]} -gt 0 ] || groups=(geometry training texture hybrid)
 cameras="${CAMERAS:-0,1,2,3,4,5}" steps="${STEPS:-1500}"
@@ -121,11 +122,16 @@ texture() {
   pass=row texture_variants
 }
 
+# steps N: the share of N steps
+steps() { awk -v n="$1" -v share="${SHARE:-1}" 'BEGIN { printf "%d", n * share }'; }
+
 # hybrid_run NAME SEED [key=value ...]: trains the hybrid on three frames and evaluates it in the cameras $held_out
 held_out="${HELD_OUT:-6,7}"
 hybrid_run() {
   local run="$1-$2" frames=8,24,40 options
   as_options seed="$2" capture="$folder/prepared-350" ddc="$(realpath "$folder")/chain-$2" \
+    "radiance.rounds=[{field: $(steps 1600), refine: $(steps 150), variance: 0.01},
+                      {field: $(steps 400), refine: $(steps 100), variance: 0.1}]" \
     "radiance.data.cameras=[$cameras]" "radiance.data.frames=[$frames]" "${@:3}"
   [ -f "$folder/$run.json" ] || train "$run" configs/small/hybrid.yaml "${options[@]}" --stages radiance
   evaluate "$run" "$run" --split train --frames $frames --cameras "$held_out"

@@ -33,7 +33,6 @@ void read_config(FitOptions& options) {
   const ConfigDocument document = options.config.empty() ? ConfigDocument::parse("{}", "the defaults", options.set)
                                                          : ConfigDocument::load(options.config, options.set);
   options.fit.config = read_track_config(document, options.fit.config);
-  options.fit.shape.fit.images = options.fit.config.fit;
 }
 
 Json measures_of(const ShapeFamily& family, const std::vector<double>& values) {

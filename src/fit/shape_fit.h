@@ -14,7 +14,7 @@ struct ShapeFitOptions {
   MultiviewOptions images;  ///< weights and kernels of keypoints and outlines
   /// Per squared deviation of a parameter and for each frame: the errors of a detector are alike in all frames, so many
   /// frames are not much surer than one.
-  double prior_weight = 20.0;
+  double prior_weight = 1.0;
   int rounds = 3;  ///< fits; each finds the outlines anew
 };
 

@@ -57,7 +57,9 @@ TEST_F(OtherPerson, HasHisLengthsByKeypoints) {
 }
 
 TEST_F(OtherPerson, HasHisLengthsByOutlinesAsWell) {
-  const auto found = fit_shape(*family_, names_, cameras_, frames(true), family_->mean(), {});
+  ShapeFitOptions options;
+  options.prior_weight = 0.5;  // this person is far from the usual lengths
+  const auto found = fit_shape(*family_, names_, cameras_, frames(true), family_->mean(), options);
   for (std::size_t p = 0; p < truth_.size(); ++p) EXPECT_NEAR(found[p], truth_[p], 0.01) << p;
 }
 
@@ -79,7 +81,7 @@ TEST_F(OtherPerson, TheFirstShapeComesFromDistancesInSpace) {
     seen.push_back(std::move(landmarks));
   }
   const auto first = shape_from_landmarks(*family_, names_, seen);
-  for (std::size_t p = 0; p < truth_.size(); ++p) EXPECT_NEAR(first[p], truth_[p], 0.05) << p;
+  for (std::size_t p = 0; p < truth_.size(); ++p) EXPECT_NEAR(first[p], truth_[p], 0.35 * std::abs(truth_[p] - 1.0)) << p;
   EXPECT_THAT(shape_from_landmarks(*family_, names_, {}), Each(::testing::DoubleNear(1.0, 1e-12)));
 }
 

@@ -29,7 +29,6 @@ ScaledCharacter scale_bones(const Footage& footage, const std::vector<FootageSeq
   const BoneScales family(with_markers(footage.character(), footage.landmarks()));
   ShapeRounds rounds;
   rounds.rounds = kRounds;
-  rounds.fit.images = config.fit;
   Progress progress("bones", frames + kRounds + 1);
   const SeenFrames seen = see_frames(footage, sequences, frames, progress);
   ShapedCharacter shaped =

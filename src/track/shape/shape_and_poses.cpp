@@ -85,6 +85,8 @@ ShapedCharacter find_shape(const ShapeFamily& family, const std::vector<std::str
                            const std::vector<PinholeCamera>& cameras, const SeenFrames& frames,
                            const TrackConfig& config, const ShapeRounds& rounds, Progress& progress) {
   const int count = static_cast<int>(landmarks.size());
+  ShapeFitOptions fit = rounds.fit;
+  fit.images = config.fit;
   ShapedCharacter result;
   result.parameters = shape_from_landmarks(family, landmarks, landmarks_in_space(cameras, frames, count));
   for (int round = 0;; ++round) {
@@ -94,7 +96,7 @@ ShapedCharacter find_shape(const ShapeFamily& family, const std::vector<std::str
     progress.advance(1,
                      fmt::format("keypoints {:.1f} px, IoU {:.3f}", result.poses.keypoint_error, result.poses.overlap));
     if (round == rounds.rounds) return result;
-    result.parameters = fit_shape(family, landmarks, cameras, result.poses.frames, result.parameters, rounds.fit);
+    result.parameters = fit_shape(family, landmarks, cameras, result.poses.frames, result.parameters, fit);
   }
 }
 

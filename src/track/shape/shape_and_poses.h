@@ -57,8 +57,8 @@ struct ShapedCharacter {
 };
 
 struct ShapeRounds {
-  int rounds = 4;  ///< of poses and shape
-  ShapeFitOptions fit;
+  int rounds = 4;       ///< of poses and shape
+  ShapeFitOptions fit;  ///< `images` are those of the TrackConfig
 };
 
 /// Finds shape and poses. The first shape comes from distances between triangulated landmarks.

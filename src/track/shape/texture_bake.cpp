@@ -3,7 +3,9 @@
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -19,7 +21,7 @@ constexpr double kPower = 6.0;            // of the cosine in the weight of a vi
 constexpr float kDepthTolerance = 0.02F;  // metres that a texel may lie behind the surface of its pixel
 constexpr int kBorder = 2;                // pixels around outlines that do not count
 constexpr float kSolidWeight = 0.02F;     // weight from which a texel counts as fully seen
-constexpr int kGainRounds = 20;
+constexpr int kGainStride = 2;            // texels: every second row and column decides the gains
 
 Tensor surface_of(const std::vector<Eigen::Vector3d>& points) {
   Tensor tensor = torch::empty({1, static_cast<std::int64_t>(points.size()), 3});
@@ -36,13 +38,17 @@ cv::Mat image_of_map(const Tensor& map) {
       .clone();
 }
 
-/// The smallest depth around each pixel, so that points beside the outline of a nearer part count as hidden.
+/// The smallest depth around each pixel, so that points beside the outline of a nearer part count as hidden; 0 beside
+/// the background, whose colour must not reach the surface.
 cv::Mat nearest_depth(Rasterizer& rasterizer, const Tensor& surface, const PinholeCamera& camera) {
   const Tensor projection = projection_tensor({camera}).unsqueeze(0);
   const RasterImage& drawn = rasterizer.rasterize_projected(surface, projection, camera.height, camera.width);
   const cv::Mat depth(camera.height, camera.width, CV_32F, drawn.depth.data_ptr<float>());
-  cv::Mat nearest;
-  cv::erode(depth, nearest, cv::Mat::ones(2 * kBorder + 1, 2 * kBorder + 1, CV_8U));
+  const cv::Mat window = cv::Mat::ones(2 * kBorder + 1, 2 * kBorder + 1, CV_8U);
+  cv::Mat nearest, farthest;
+  cv::erode(depth, nearest, window);
+  cv::dilate(depth, farthest, window);
+  nearest.setTo(0, farthest == std::numeric_limits<float>::infinity());
   return nearest;
 }
 
@@ -76,13 +82,35 @@ TexelViews look_at(const cv::Mat& positions, const cv::Mat& normals, const cv::M
   return views;
 }
 
-/// Divides the gains by their geometric mean.
-void normalise(std::map<int, cv::Vec3d>& gains) {
-  cv::Vec3d sum(0, 0, 0);
-  for (const auto& [number, gain] : gains)
-    for (int k = 0; k < 3; ++k) sum[k] += std::log(gain[k]);
-  for (auto& [number, gain] : gains)
-    for (int k = 0; k < 3; ++k) gain[k] /= std::exp(sum[k] / static_cast<double>(gains.size()));
+/// What two cameras saw of the texels that both see: weighted sums of their colours.
+struct CommonTexels {
+  double weight = 0.0;
+  cv::Vec3d first{0, 0, 0}, second{0, 0, 0};
+};
+
+/// The logarithms of the gains of one channel, [C]: least squares over the pairs of
+/// (g_a + log o_a - g_b - log o_b)^2, with the mean 0. A camera without common texels keeps about 0.
+Eigen::VectorXd solve_gains(int count, const std::map<std::pair<int, int>, CommonTexels>& pairs, int channel) {
+  constexpr double kStay = 1e-3;  // weight of 0, relative to the mean weight of a pair
+  double total = 0.0;
+  for (const auto& [cameras, common] : pairs) total += common.weight;
+  const double stay = kStay * std::max(total, 1.0) / std::max<double>(1.0, static_cast<double>(pairs.size()));
+  Eigen::MatrixXd matrix = stay * Eigen::MatrixXd::Identity(count, count);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
+  for (const auto& [cameras, common] : pairs) {
+    const auto [a, b] = cameras;
+    if (common.first[channel] <= 0.0 || common.second[channel] <= 0.0) continue;
+    const double ratio = std::log(common.second[channel] / common.first[channel]);
+    matrix(a, a) += common.weight;
+    matrix(b, b) += common.weight;
+    matrix(a, b) -= common.weight;
+    matrix(b, a) -= common.weight;
+    right[a] += common.weight * ratio;
+    right[b] -= common.weight * ratio;
+  }
+  Eigen::VectorXd gains = matrix.ldlt().solve(right);
+  gains.array() -= gains.mean();
+  return gains;
 }
 
 /// Values of vertices that are known where `weight` is not 0: minimises the squared differences over edges, and the
@@ -150,33 +178,30 @@ double TextureBake::coverage() const {
   return static_cast<double>(cv::countNonZero(seen_weight() > 0)) / std::max(1, cv::countNonZero(inside));
 }
 
-/// By turns for each camera: the gain that brings its colours nearest to the mean of the other cameras, in the texels
-/// that both see. Cameras without such texels keep the gain 1.
 std::map<int, cv::Vec3d> TextureBake::gains() const {
-  std::map<int, cv::Vec3d> gains;
-  for (const auto& [number, sum] : cameras_) gains[number] = {1, 1, 1};
-  const cv::Mat weight = seen_weight();
-  for (int round = 0; round < kGainRounds; ++round) {
-    const cv::Mat mean = corrected_sum(gains);
-    for (const auto& [number, sum] : cameras_) {
-      const cv::Vec3d gain = gains[number];
-      cv::Vec3d product(0, 0, 0), square(0, 0, 0);
-      for (int y = 0; y < weight.rows; ++y)
-        for (int x = 0; x < weight.cols; ++x) {
-          const double own = sum.weight.at<float>(y, x), others = weight.at<float>(y, x) - own;
-          if (own < kSolidWeight || others < kSolidWeight) continue;
-          const cv::Vec3f &seen = sum.colour.at<cv::Vec3f>(y, x), &all = mean.at<cv::Vec3f>(y, x);
-          const double share = own * others / (own + others);
-          for (int k = 0; k < 3; ++k) {
-            const double mine = seen[k] / own, theirs = (all[k] - gain[k] * seen[k]) / others;
-            product[k] += share * mine * theirs;
-            square[k] += share * mine * mine;
-          }
+  std::vector<const Sum*> sums;
+  for (const auto& [number, sum] : cameras_) sums.push_back(&sum);
+  const int count = static_cast<int>(sums.size());
+  std::map<std::pair<int, int>, CommonTexels> pairs;
+  for (int y = 0; y < space_.size(); y += kGainStride)
+    for (int x = 0; x < space_.size(); x += kGainStride)
+      for (int a = 0; a < count; ++a) {
+        const float first = sums[as_size(a)]->weight.at<float>(y, x);
+        for (int b = a + 1; first >= kSolidWeight && b < count; ++b) {
+          const float second = sums[as_size(b)]->weight.at<float>(y, x);
+          if (second < kSolidWeight) continue;
+          CommonTexels& common = pairs[{a, b}];
+          const double share = first * second / (first + second);
+          common.weight += share;
+          common.first += share / first * cv::Vec3d(sums[as_size(a)]->colour.at<cv::Vec3f>(y, x));
+          common.second += share / second * cv::Vec3d(sums[as_size(b)]->colour.at<cv::Vec3f>(y, x));
         }
-      for (int k = 0; k < 3; ++k)
-        if (square[k] > 0.0 && product[k] > 0.0) gains[number][k] = product[k] / square[k];
-    }
-    normalise(gains);
+      }
+  std::map<int, cv::Vec3d> gains;
+  for (int channel = 0; channel < 3; ++channel) {
+    const Eigen::VectorXd found = solve_gains(count, pairs, channel);
+    int c = 0;
+    for (const auto& [number, sum] : cameras_) gains[number][channel] = std::exp(found[c++]);
   }
   return gains;
 }

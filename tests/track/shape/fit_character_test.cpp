@@ -36,7 +36,7 @@ class FilmedStranger : public ::testing::Test {
 
   std::unique_ptr<Footage> footage() const {
     return Footage::open_for(family_.character(family_.mean()), *folder_ / "fitted.character", *folder_ / "capture",
-                             128);
+                             TrackConfig().fit.outline_pixels);
   }
   static FitCharacterOptions few_frames() {
     FitCharacterOptions options;
@@ -44,8 +44,6 @@ class FilmedStranger : public ::testing::Test {
     options.shape.rounds = 2;
     options.bends = 1;
     options.texture_size = 256;
-    options.config.fit.outline_pixels = 128;
-    options.shape.fit.images = options.config.fit;
     return options;
   }
 

@@ -34,8 +34,8 @@ TEST_F(RealFit, AManIsMeasuredByHisKeypoints) {
   FitCharacterOptions options;
   options.frames = 8;
   options.texture_size = 0;
-  const auto footage =
-      Footage::open_for(family.character(family.mean()), folder / "man.character", folder / "capture.yaml", 128);
+  const auto footage = Footage::open_for(family.character(family.mean()), folder / "man.character",
+                                         folder / "capture.yaml", options.config.fit.outline_pixels);
   const FittedCharacter fitted = fit_character(family, *footage, options);
   RecordProperty("keypoint_error_px", std::to_string(fitted.poses.keypoint_error));
   EXPECT_EQ(fitted.poses.frames.size(), 8u);

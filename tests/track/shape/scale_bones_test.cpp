@@ -11,6 +11,8 @@
 namespace doppel::scale_bones_test {
 namespace {
 
+const int kPixels = TrackConfig().fit.outline_pixels;
+
 /// The capture names a character with other bone lengths than the person that was filmed.
 class StrangersCharacter : public TrackCapture {
  protected:
@@ -25,13 +27,13 @@ class StrangersCharacter : public TrackCapture {
 };
 
 TEST_F(StrangersCharacter, GetsTheLengthsOfThePerson) {
-  const auto footage = Footage::open(root(), 128);
+  const auto footage = Footage::open(root(), kPixels);
   const ScaledCharacter scaled = scale_bones(*footage, footage->sequences(), {}, 6);
   ASSERT_EQ(scaled.factors.size(), kFactors.size());
   for (std::size_t i = 0; i < kFactors.size(); ++i)
     EXPECT_NEAR(scaled.factors[i].second * kFactors[i], 1.0, 0.02) << scaled.factors[i].first;
 
-  const auto with_lengths = Footage::open_for(scaled.character, root() / "scaled.character", root(), 128);
+  const auto with_lengths = Footage::open_for(scaled.character, root() / "scaled.character", root(), kPixels);
   EXPECT_EQ(with_lengths->landmarks().size(), landmarks_.size());
   EXPECT_EQ(with_lengths->capture().character, (root() / "scaled.character").string());
   TrackOptions options;
@@ -43,8 +45,8 @@ TEST_F(StrangersCharacter, GetsTheLengthsOfThePerson) {
 
 TEST_F(StrangersCharacter, APreparedFolderIsRefused) {
   std::filesystem::create_directories(root() / "prepared/store");
-  const auto message =
-      support::message_of<UsageError>([&] { Footage::open_for(character_, "a.character", root() / "prepared", 128); });
+  const auto message = support::message_of<UsageError>(
+      [&] { Footage::open_for(character_, "a.character", root() / "prepared", kPixels); });
   EXPECT_THAT(message, ::testing::HasSubstr("give the capture itself"));
 }
 
