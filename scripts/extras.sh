@@ -122,9 +122,6 @@ texture() {
   pass=row texture_variants
 }
 
-# steps N: the share of N steps
-steps() { awk -v n="$1" -v share="${SHARE:-1}" 'BEGIN { printf "%d", n * share }'; }
-
 # hybrid_run NAME SEED [key=value ...]: trains the hybrid on three frames and evaluates it in the cameras $held_out
 held_out="${HELD_OUT:-6,7}"
 hybrid_run() {

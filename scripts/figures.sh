@@ -56,6 +56,8 @@ as_options() {
   for change in "$@"; do options+=(--set "$change"); done
 }
 
+# steps N: the share $SHARE (default 1) of N steps
+steps() { awk -v n="$1" -v share="${SHARE:-1}" 'BEGIN { printf "%d", n * share }'; }
 # side_by_side COMMAND ...: starts a command that runs beside others, at most $JOBS (default 2) at a time. Training and
 # evaluation use one thread each in these scripts, so that results do not depend on the number of cores.
 side_by_side() {

@@ -32,8 +32,7 @@ cloud() {
 }
 pictures() { echo "$(figure three.json "$1" PSNR 2) | $(figure three.json "$1" SSIM 4) | $(figure three.json "$1" seconds 2)"; }
 
-# steps N: the share of N steps; round FIELD REFINE VARIANCE: a round
-steps() { awk -v n="$1" -v share="${SHARE:-1}" 'BEGIN { printf "%d", n * share }'; }
+# round FIELD REFINE VARIANCE: a round
 round() { echo "{field: $(steps "$1"), refine: $(steps "$2"), variance: $3}"; }
 first=$(round 1500 300 0.01) next=$(round 700 200 0.1)
 side_by_side variant without radiance "radiance.rounds=[$(round 0 700 0.01)]" radiance.loss.chamfer=0
