@@ -13,9 +13,9 @@
 namespace doppel {
 namespace {
 
-constexpr int kPoses = 24;               // in which the distances of a rigid pair are compared
-constexpr double kFarthestBend = 1.2;    // radians from the rest pose, for DoFs without limits
-constexpr double kRigid = 0.02;          // largest relative change of the distance of a rigid pair
+constexpr int kPoses = 24;             // over which the distances of pairs are compared
+constexpr double kFarthestBend = 1.2;  // radians from the rest pose, for DoFs without limits
+constexpr double kSteady = 0.15;       // largest deviation over poses of the distance of a pair that counts, as a share
 constexpr double kShortestPair = 0.08;   // metres; the error of landmarks is too large for shorter pairs
 constexpr double kDistanceWeight = 1e5;  // per squared metre, beside 1 per squared deviation of a parameter
 
@@ -50,22 +50,23 @@ std::optional<double> median_distance(const std::array<int, 2>& pair, const std:
 
 }  // namespace
 
-std::vector<std::array<int, 2>> rigid_pairs(const Character& character, const std::vector<std::string>& landmarks,
-                                            double tolerance) {
+std::vector<SteadyPair> steady_pairs(const Character& character, const std::vector<std::string>& landmarks,
+                                     double tolerance) {
   const ShapedBody body(character, landmarks);
   const int count = static_cast<int>(landmarks.size());
-  std::vector<PosedBody> posed;
+  std::vector<PosedBody> posed{body.poses().pose(character.rest_dofs, false)};
   for (const std::vector<double>& dofs : various_poses(character)) posed.push_back(body.poses().pose(dofs, false));
-  std::vector<std::array<int, 2>> pairs;
+  std::vector<SteadyPair> pairs;
   for (int a = 0; a < count; ++a)
     for (int b = a + 1; b < count; ++b) {
       const auto distance = [&](const PosedBody& pose) {
         return (body.poses().landmark(pose, a) - body.poses().landmark(pose, b)).norm();
       };
-      const double first = distance(posed.front());
-      bool rigid = first >= kShortestPair;
-      for (const PosedBody& pose : posed) rigid = rigid && std::abs(distance(pose) - first) <= tolerance * first;
-      if (rigid) pairs.push_back({a, b});
+      const double rest = distance(posed.front());
+      double squares = 0.0;
+      for (const PosedBody& pose : posed) squares += std::pow(distance(pose) - rest, 2);
+      const double deviation = std::sqrt(squares / static_cast<double>(posed.size()));
+      if (rest >= kShortestPair && deviation <= tolerance * rest) pairs.push_back({{a, b}, deviation});
     }
   return pairs;
 }
@@ -75,8 +76,9 @@ std::vector<double> shape_from_landmarks(const ShapeFamily& family, const std::v
   std::vector<double> shape = family.mean();
   const Character usual = family.character(shape);
   std::vector<DistanceTerm::Pair> pairs;
-  for (const auto& pair : rigid_pairs(usual, landmarks, kRigid))
-    if (const auto distance = median_distance(pair, frames)) pairs.push_back({pair, *distance});
+  for (const SteadyPair& pair : steady_pairs(usual, landmarks, kSteady))
+    if (const auto distance = median_distance(pair.landmarks, frames))
+      pairs.push_back({pair.landmarks, *distance, 1.0 / (1.0 + kDistanceWeight * pair.deviation * pair.deviation)});
   const ShapeSource source(family, landmarks);
   const ShapeModel model(source, usual.rest_dofs);
   FitProblem<ShapeModel>::Terms terms;

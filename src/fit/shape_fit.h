@@ -28,14 +28,20 @@ std::vector<double> fit_shape(const ShapeFamily& family, const std::vector<std::
 /// Landmarks of a person in space, [M] world metres; nothing: not found.
 using SpaceLandmarks = std::vector<std::optional<Eigen::Vector3d>>;
 
-/// A first shape from landmarks in space, without poses. Some pairs of landmarks have the same distance in every pose,
-/// for example elbow and wrist. The body gets the person's median distances of these pairs.
+/// A first shape from landmarks in space, without poses. Some pairs of landmarks have nearly the same distance in every
+/// pose, for example elbow and wrist. The body gets the person's median distances of these pairs; a pair counts less
+/// the more poses change its distance.
 /// @param landmarks [M] names of markers @param frames [F] @return [P]
 std::vector<double> shape_from_landmarks(const ShapeFamily& family, const std::vector<std::string>& landmarks,
                                          const std::vector<SpaceLandmarks>& frames);
 
-/// The pairs of landmarks whose distance no pose changes by more than a share `tolerance` of it.
-std::vector<std::array<int, 2>> rigid_pairs(const Character& character, const std::vector<std::string>& landmarks,
-                                            double tolerance);
+/// Two landmarks whose distance poses change little.
+struct SteadyPair {
+  std::array<int, 2> landmarks{};
+  double deviation = 0.0;  ///< standard deviation of the distance over poses within the limits, metres
+};
+/// @param tolerance largest deviation, as a share of the distance in the rest pose
+std::vector<SteadyPair> steady_pairs(const Character& character, const std::vector<std::string>& landmarks,
+                                     double tolerance);
 
 }  // namespace doppel

@@ -64,7 +64,7 @@ TEST_F(SeenTube, JacobiansOfTheTermsAreThoseOfCentralDifferences) {
   support::check_term(contour, model_, shape_, 1e-5);
   ShapePriorTerm prior(2.0);
   support::check_term(prior, model_, shape_);
-  DistanceTerm distances({{{0, 3}, 0.2}, {{2, 5}, 0.4}}, 3.0);
+  DistanceTerm distances({{{0, 3}, 0.2}, {{2, 5}, 0.4, 0.5}}, 3.0);
   support::check_term(distances, model_, shape_, 1e-5);
 }
 

@@ -13,8 +13,9 @@ class DistanceTerm : public ShapeTerm {
   struct Pair {
     std::array<int, 2> landmarks;
     double distance = 0.0;  ///< metres
+    double weight = 1.0;
   };
-  /// @param weight per squared metre
+  /// @param weight per squared metre, times that of the pair
   DistanceTerm(std::vector<Pair> pairs, double weight) : pairs_(std::move(pairs)), weight_(weight) {}
 
   std::string name() const override { return "distances"; }

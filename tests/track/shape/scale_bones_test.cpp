@@ -31,7 +31,8 @@ TEST_F(StrangersCharacter, GetsTheLengthsOfThePerson) {
   const ScaledCharacter scaled = scale_bones(*footage, footage->sequences(), {}, 6);
   ASSERT_EQ(scaled.factors.size(), kFactors.size());
   for (std::size_t i = 0; i < kFactors.size(); ++i)
-    EXPECT_NEAR(scaled.factors[i].second * kFactors[i], 1.0, 0.02) << scaled.factors[i].first;
+    EXPECT_NEAR(scaled.factors[i].second * kFactors[i], 1.0, i == 2 ? 0.02 : 0.1)
+        << scaled.factors[i].first << "; a sliding joint lies between the first two";
 
   const auto with_lengths = Footage::open_for(scaled.character, root() / "scaled.character", root(), kPixels);
   EXPECT_EQ(with_lengths->landmarks().size(), landmarks_.size());
