@@ -1,5 +1,7 @@
 #include "character_fit.h"
 
+#include <fmt/core.h>
+
 #include <filesystem>
 #include <memory>
 #include <vector>
@@ -55,13 +57,17 @@ Json report_of(const fs::path& written, const ShapeFamily& family, const FittedC
   return report;
 }
 
-/// The capture with this character, beside the character.
-void write_fitted_capture(const fs::path& out, const fs::path& character, const Footage& footage) {
+/// The capture with this character, and the weight of the outlines for `doppel track`, beside the character.
+void write_fitted_capture(const fs::path& out, const fs::path& character, const Footage& footage, double outlines) {
   Capture capture = footage.capture();
   capture.character = fs::absolute(character).lexically_normal().string();
   for (SequenceEntry& entry : capture.sequences) entry.motion.clear();  // of another skeleton
   write_capture(out / "capture.yaml", capture,
                 {"Written by `doppel character fit`: the capture with the fitted character."});
+  write_atomically(out / "track.yaml",
+                   fmt::format("# Written by `doppel character fit`: the weight of the outlines to which the character "
+                               "was fitted.\nsilhouette: {{weight: {}}}\n",
+                               outlines));
 }
 
 int run_fit(FitOptions options, const CommonOptions& common) {
@@ -79,9 +85,10 @@ int run_fit(FitOptions options, const CommonOptions& common) {
     write_atomically(folder / "measures.json", measures_of(family, fitted.parameters).dump(2) + "\n");
     if (!fitted.sheet.empty()) write_image(folder / "fit.jpg", fitted.sheet);
   });
-  write_fitted_capture(out, written, *footage);
+  write_fitted_capture(out, written, *footage, options.fit.config.fit.silhouette_weight);
   print_report(report_of(written, family, fitted), common.json);
-  log::info("next: doppel track {} --out {}", out.string(), (out / "tracked").string());
+  log::info("next: doppel track {} --config {} --out {}", out.string(), (out / "track.yaml").string(),
+            (out / "tracked").string());
   return 0;
 }
 
@@ -120,7 +127,7 @@ Command add_character_fit(CLI::App& character) {
   app->footer(
       "Example:\n"
       "  doppel character fit recordings/anna --out recordings/anna/actor\n"
-      "  doppel track recordings/anna/actor --out recordings/anna/tracked\n"
+      "  doppel track recordings/anna/actor --config recordings/anna/actor/track.yaml --out recordings/anna/tracked\n"
       "  doppel prepare recordings/anna/tracked --out prepared/anna");
   return {app, [options](const CommonOptions& common) { return run_fit(*options, common); }};
 }

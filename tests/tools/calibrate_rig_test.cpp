@@ -7,10 +7,10 @@
 
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/capture/capture.h"
-#include "program.h"
 #include "rig/drawn_board.h"
 #include "rig/rig_error.h"
 #include "rig/walking_rig.h"
+#include "run_program.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::tools::calibrate_rig_test {
@@ -19,22 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::HasSubstr;
-
-struct Outcome {
-  int code;
-  std::string out, err;
-};
-
-Outcome run(std::vector<std::string> words) {
-  words.insert(words.begin(), "doppel");
-  std::vector<const char*> argv;
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  ::testing::internal::CaptureStdout();
-  ::testing::internal::CaptureStderr();
-  const int code = run_program(static_cast<int>(argv.size()), argv.data());
-  const std::string out = ::testing::internal::GetCapturedStdout();
-  return {code, out, ::testing::internal::GetCapturedStderr()};
-}
 
 /// The walker's points among those of BODY_25.
 constexpr std::array<int, support::kWalkerPoints> kInBody25{0, 1, 8, 5, 6, 7, 2, 3, 4, 12, 13, 14, 9, 10, 11};
@@ -76,7 +60,7 @@ TEST_F(CalibrateRig, SyncWritesOffsets) {
   options.frames = 120;
   options.offset = {0.0, 7.3, -4.4, 2.2};
   write(cameras, cameras, options);
-  const Outcome found = run({"calibrate", "sync", path("capture.yaml"), "--json"});
+  const Outcome found = run_words({"calibrate", "sync", path("capture.yaml"), "--json"});
   ASSERT_EQ(found.code, 0) << found.err;
   const json report = json::parse(found.out);
   EXPECT_EQ(report.at("sequence"), "take");
@@ -91,11 +75,11 @@ TEST_F(CalibrateRig, SyncWritesOffsets) {
   EXPECT_EQ(mended.sequences[0].first_frame, 5);
   EXPECT_EQ(mended.sequences[0].last_frame, 111);
 
-  const Outcome wrong = run({"calibrate", "sync", path("capture.yaml"), "--reference", "c9"});
+  const Outcome wrong = run_words({"calibrate", "sync", path("capture.yaml"), "--reference", "c9"});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("no camera c9"));
-  EXPECT_EQ(run({"calibrate", "sync", path("capture.yaml"), "--sequence", "other"}).code, 2);
-  const Outcome silent = run({"calibrate", "sync", path("capture.yaml"), "--audio"});
+  EXPECT_EQ(run_words({"calibrate", "sync", path("capture.yaml"), "--sequence", "other"}).code, 2);
+  const Outcome silent = run_words({"calibrate", "sync", path("capture.yaml"), "--audio"});
   EXPECT_EQ(silent.code, 1);
   EXPECT_THAT(silent.err, HasSubstr("no such file"));
 }
@@ -105,7 +89,7 @@ TEST_F(CalibrateRig, RefineWritesACalibration) {
   support::FilmOptions options;
   options.frames = 200;
   write(truth, support::disturbed(truth, 1.5, 0.04, 3), options);
-  const Outcome found = run({"calibrate", "refine", path("capture.yaml"), "--json"});
+  const Outcome found = run_words({"calibrate", "refine", path("capture.yaml"), "--json"});
   ASSERT_EQ(found.code, 0) << found.err;
   const json report = json::parse(found.out);
   EXPECT_LT(report.at("median_after_px"), 0.4 * report.at("median_before_px").get<double>());
@@ -113,7 +97,8 @@ TEST_F(CalibrateRig, RefineWritesACalibration) {
   const support::RigError error = support::error_of(read_calibration(path("cameras_refined.yml")), truth);
   EXPECT_LT(error.degrees, 0.1);
   EXPECT_LT(error.metres, 0.003);
-  const Outcome table = run({"calibrate", "refine", path("capture.yaml"), "--focal", "--out", path("other.toml")});
+  const Outcome table =
+      run_words({"calibrate", "refine", path("capture.yaml"), "--focal", "--out", path("other.toml")});
   ASSERT_EQ(table.code, 0) << table.err;
   EXPECT_THAT(table.out, HasSubstr("px after"));
   EXPECT_EQ(read_calibration(path("other.toml")).size(), truth.size());
@@ -139,8 +124,8 @@ TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
                   support::drawn_board(truth[c], pose, support::chessboard_paint(board), 3));
     }
   }
-  const Outcome found = run({"calibrate", "board", path("left"), path("right"), "--board", "chessboard:5x4:40mm",
-                             "--out", path("cameras.toml"), "--json"});
+  const Outcome found = run_words({"calibrate", "board", path("left"), path("right"), "--board", "chessboard:5x4:40mm",
+                                   "--out", path("cameras.toml"), "--json"});
   ASSERT_EQ(found.code, 0) << found.err;
   const json report = json::parse(found.out);
   const std::vector<Camera> cameras = read_calibration(path("cameras.toml"));
@@ -151,7 +136,8 @@ TEST_F(CalibrateRig, BoardCalibratesFromFoldersOfImages) {
     EXPECT_NEAR(cameras[c].K(0, 0) / truth[c].K(0, 0), 1.0, 0.01);
   }
   EXPECT_NEAR((cameras[0].centre() - cameras[1].centre()).norm(), 0.12, 0.003);
-  const Outcome wrong = run({"calibrate", "board", path("left"), "--board", "chessboard:5x4", "--out", path("c.toml")});
+  const Outcome wrong =
+      run_words({"calibrate", "board", path("left"), "--board", "chessboard:5x4", "--out", path("c.toml")});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_THAT(wrong.err, HasSubstr("is no board"));
 }

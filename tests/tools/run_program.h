@@ -15,9 +15,8 @@ struct Outcome {
   std::string out, err;
 };
 
-/// Runs a command of `doppel` in this process. @param arguments as in a shell, without the program's name
-inline Outcome run(const std::string& arguments) {
-  std::vector<std::string> words = CLI::detail::split_up(arguments);
+/// Runs a command of `doppel` in this process. @param words without the program's name
+inline Outcome run_words(std::vector<std::string> words) {
   words.insert(words.begin(), "doppel");
   std::vector<const char*> argv;
   for (const std::string& word : words) argv.push_back(word.c_str());
@@ -27,5 +26,7 @@ inline Outcome run(const std::string& arguments) {
   const std::string out = ::testing::internal::GetCapturedStdout();
   return {code, out, ::testing::internal::GetCapturedStderr()};
 }
+/// @param arguments as in a shell
+inline Outcome run(const std::string& arguments) { return run_words(CLI::detail::split_up(arguments)); }
 
 }  // namespace doppel::tools
