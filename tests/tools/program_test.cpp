@@ -375,8 +375,7 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_EQ(test["posenet"]["3DPCK"], test["defnet"]["3DPCK"]);  // of the poses, which DefNet leaves alone
   EXPECT_NE(test["posenet"]["AMVIoU"], test["defnet"]["AMVIoU"]);
   EXPECT_EQ(test["posenet"]["SVIoU"], test["posenet"]["cameras"]["0"]);
-  // H.264 encodes the videos differently in each run, and 200 steps amplify that: 43 and 74 %, 270 and 132 mm were
-  // seen.
+  // 300 steps amplify the rounding of the instruction set as a seed does: six seeds gave 61 to 74 % and 121 to 331 mm.
   EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 20.0);
   EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 500.0);
 
