@@ -1,4 +1,7 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -12,11 +15,13 @@
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
+#include "doppel/character/loop_motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
+#include "doppel/export/figure_writer.h"
 #include "doppel/export/film.h"
 #include "doppel/motion_import/read_motion_file.h"
 #include "doppel/rig_import/motions_json.h"
@@ -38,6 +43,11 @@ struct AnimateOptions {
   std::string camera = "orbit", calibration, capture, background, light;
   int size = 0;
   double turns_per_second = 0.1;
+  // The figure for other programs.
+  std::string names = "skeletool";
+  int morphs = 8;
+  double tolerance_mm = 0.1;
+  bool loop = false;
 
   bool wants(const char* format) const { return std::find(formats.begin(), formats.end(), format) != formats.end(); }
 };
@@ -246,9 +256,28 @@ void perform(const Performer& performer, const Motion& motion,
       [actor](const torch::Tensor& windows) { return actor->refined(windows); }, writers);
 }
 
+FigureOptions figure_options(const AnimateOptions& options, double fps) {
+  FigureOptions figure;
+  figure.glb = options.wants("glb");
+  figure.usda = options.wants("usda");
+  figure.pc2 = options.wants("pc2");
+  figure.mdd = options.wants("mdd");
+  figure.frames_per_second = fps;
+  figure.names = options.names == "mixamo" ? BoneNames::mixamo
+                 : options.names == "vrm"  ? BoneNames::vrm
+                                           : BoneNames::skeletool;
+  figure.morphs = options.morphs;
+  figure.tolerance = 0.001 * options.tolerance_mm;
+  return figure;
+}
+
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const Performer& performer, double fps) {
+                                                          const Performer& performer, double fps,
+                                                          FigureReport& figure) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
+  const FigureOptions files = figure_options(options, fps);
+  if (files.glb || files.usda || files.pc2 || files.mdd)
+    writers.push_back(make_figure_writer(options.out, character, files, figure));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("mp4") || options.wants("png")) {
@@ -287,14 +316,27 @@ double frame_rate(const AnimateOptions& options, const Performer& performer) {
   return trained.value_or(0.0);
 }
 
+/// Half a second.
+int blended_frames(double fps) { return std::max(1, static_cast<int>(std::lround(0.5 * fps))); }
+
+nlohmann::json figure_json(const FigureReport& figure) {
+  return {{"nodes", figure.nodes},
+          {"morphs", figure.morphs},
+          {"keys", figure.keys},
+          {"mean_error_mm", figure.mean_error_mm},
+          {"worst_error_mm", figure.worst_error_mm},
+          {"largest_dropped_weight", figure.largest_dropped_weight}};
+}
+
 int run(const AnimateOptions& options, const CommonOptions& common) {
   const Performer performer = make_performer(options);
   const Character& character = performer.character;
   nlohmann::json report;
   const MotionFromFile read = driven_motion(options, character, frame_rate(options, performer), report);
-  const Motion& motion = read.motion;
   const double fps = read.frames_per_second;
-  const auto writers = make_writers(options, character, performer, fps);
+  const Motion motion = options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(fps)) : read.motion;
+  FigureReport figure;
+  const auto writers = make_writers(options, character, performer, fps, figure);
   write_motions(options, character, motion, fps);
   perform(performer, motion, writers);
   report.update({{"frames", motion.num_frames()},
@@ -302,11 +344,17 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
                  {"vertices", character.num_vertices()},
                  {"formats", options.formats},
                  {"out", options.out}});
-  if (common.json)
+  if (options.wants("glb")) report["glb"] = figure_json(figure);
+  if (common.json) {
     std::cout << report << "\n";
-  else
-    std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
-              << options.out << "\n";
+    return 0;
+  }
+  std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
+            << options.out << "\n";
+  if (options.wants("glb"))
+    std::cout << fmt::format(
+        "animation.glb: {} bones, {} morph targets; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
+        figure.nodes, figure.morphs, figure.mean_error_mm, figure.worst_error_mm);
   return 0;
 }
 
@@ -346,6 +394,20 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
 }
 
+void add_figure_options(CLI::App& app, AnimateOptions& options) {
+  app.add_option("--names", options.names, "Names of the bones in a .glb: the character's own, Mixamo's or VRM's")
+      ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
+      ->capture_default_str();
+  app.add_option("--morphs", options.morphs,
+                 "Largest number of morph targets of a .glb that move in a frame; they hold the motion of the clothes")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes of a .glb may cause, mm")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_flag("--loop", options.loop, "Make the motion cyclic: its last half second is blended into the first");
+}
+
 }  // namespace
 
 Command add_animate(CLI::App& program) {
@@ -358,9 +420,10 @@ Command add_animate(CLI::App& program) {
       ->check(CLI::IsMember({"mesh", "radiance"}))
       ->capture_default_str();
   app->add_option("--run", options->run, "With --renderer radiance: the run that trained the radiance field");
-  app->add_option("--format", options->formats, "npy, obj, mp4, png, motion, bvh, or several with commas")
+  app->add_option("--format", options->formats,
+                  "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, or several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   app->add_option("--bone-rule", options->bone_rule,
@@ -368,6 +431,7 @@ Command add_animate(CLI::App& program) {
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
   add_image_options(*app, *options);
+  add_figure_options(*app, *options);
   app->footer(
       "Examples:\n"
       "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format npy,mp4 "
@@ -376,6 +440,9 @@ Command add_animate(CLI::App& program) {
       "--format mp4 --capture prepared --camera 3 --background capture --out dance\n"
       "  doppel animate --character actor/actor.character --motion walk.glb --animation Walk --format mp4 --out walk\n"
       "  doppel animate --character actor/actor.character --motion CMU/01/01_01_poses.npz --format motion --out amass\n"
+      "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format glb "
+      "--loop "
+      "--out game\n"
       "  doppel animate --run runs/hybrid --renderer radiance --motion walk.motion --format mp4 --out views");
   return {app, [options](const CommonOptions& common) { return run(*options, common); }};
 }

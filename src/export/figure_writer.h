@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "doppel/export/animation.h"
+#include "doppel/figure_export/figure.h"
+
+namespace doppel {
+
+/// How an animated figure is written for other programs.
+struct FigureOptions {
+  bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
+  double frames_per_second = 25.0;
+  BoneNames names = BoneNames::skeletool;
+  int morphs = 8;           ///< of the .glb: largest number of morph targets
+  double tolerance = 1e-4;  ///< of the .glb: error of interpolated keys, metres
+};
+
+/// What was lost on the way into the .glb file.
+struct FigureReport {
+  int nodes = 0, morphs = 0;
+  std::size_t keys = 0;                              ///< of all channels
+  double mean_error_mm = 0.0, worst_error_mm = 0.0;  ///< of the vertices, over all frames
+  double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
+};
+
+/// `folder/animation.glb`, `.usda` (with its texture), `.pc2` and `.mdd` (with `animation.obj`, whose vertices they
+/// move). Holds all frames in memory until `close`, 12 bytes per vertex and frame.
+/// @param report filled by `close`; must outlive the writer
+std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
+                                                   const FigureOptions& options, FigureReport& report);
+
+}  // namespace doppel

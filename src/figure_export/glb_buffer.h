@@ -1,0 +1,30 @@
+#pragma once
+
+#include <tiny_gltf.h>
+
+#include <span>
+#include <vector>
+
+namespace doppel {
+
+/// Appends arrays to the binary part of a glTF model. Each function returns the index of the new accessor.
+class GlbBuffer {
+ public:
+  explicit GlbBuffer(tinygltf::Model& model) : model_(model) { model.buffers.emplace_back(); }
+
+  /// @param width values per element: 1, 2, 3, 4 or 16
+  int floats(std::span<const float> values, int width, bool bounds, int target = 0);
+  int indices(std::span<const std::uint32_t> values);
+  /// Four node numbers per vertex.
+  int joints(std::span<const std::uint16_t> values);
+  /// The bytes of an image; returns the index of the buffer view.
+  int image(std::span<const unsigned char> bytes);
+
+ private:
+  int view(const void* data, std::size_t bytes, int target);
+  int accessor(int view, int component, int type, std::size_t count);
+
+  tinygltf::Model& model_;
+};
+
+}  // namespace doppel

@@ -1,0 +1,162 @@
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "doppel/core/as_size.h"
+#include "doppel/figure_export/figure_clip.h"
+
+namespace doppel {
+namespace {
+
+constexpr int kSnapshots = 512;
+/// Damping of the inverse of a blended matrix, which is nearly singular where a limb is twisted by half a turn.
+constexpr double kDamping = 1e-3;
+/// Components below this share of the largest are noise.
+constexpr double kLeastShare = 1e-9;
+/// A segment of the clip with a larger error is halved: metres.
+constexpr double kLargestError = 0.005;
+constexpr int kMostTargets = 256;
+
+Eigen::Vector3d vertex_of(const std::vector<float>& vertices, std::size_t v) {
+  return {vertices[3 * v], vertices[3 * v + 1], vertices[3 * v + 2]};
+}
+
+/// The displacements d of the rest vertices b with M (b + d) = v, in the least-squares sense: [3N].
+Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
+                                      const std::vector<float>& vertices) {
+  Eigen::VectorXf result(3 * static_cast<Eigen::Index>(blended.size()));
+  for (std::size_t v = 0; v < blended.size(); ++v) {
+    const Eigen::Matrix3d M = blended[v].linear();
+    const Eigen::Vector3d residual = vertex_of(vertices, v) - blended[v] * figure.rest_vertices[v];
+    const Eigen::Matrix3d normal = M.transpose() * M + kDamping * Eigen::Matrix3d::Identity();
+    result.segment<3>(3 * static_cast<Eigen::Index>(v)) = normal.ldlt().solve(M.transpose() * residual).cast<float>();
+  }
+  return result;
+}
+
+/// [3N, K] orthonormal components of the snapshots, by the eigenvectors of their inner products.
+Eigen::MatrixXf components_of(const Eigen::MatrixXf& snapshots, int count) {
+  const Eigen::MatrixXd gram = (snapshots.transpose() * snapshots).cast<double>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(gram);
+  const Eigen::Index last = gram.rows() - 1;
+  const double largest = std::max(solver.eigenvalues()(last), 0.0);
+  int used = 0;
+  while (used < count && used <= last && solver.eigenvalues()(last - used) > std::max(largest * kLeastShare, 1e-12))
+    ++used;
+  Eigen::MatrixXf components(snapshots.rows(), used);
+  for (int k = 0; k < used; ++k)
+    components.col(k) = (snapshots * solver.eigenvectors().col(last - k).cast<float>()).normalized();
+  return components;
+}
+
+/// The weights with the least squared distance between the blended vertices and those of the frame: [K].
+Eigen::VectorXd frame_weights(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
+                              const std::vector<float>& vertices, const Eigen::MatrixXf& components) {
+  Eigen::MatrixXd moved(components.rows(), components.cols());
+  Eigen::VectorXd residual(components.rows());
+  for (std::size_t v = 0; v < blended.size(); ++v) {
+    const auto row = 3 * static_cast<Eigen::Index>(v);
+    moved.middleRows<3>(row) = blended[v].linear() * components.middleRows<3>(row).cast<double>();
+    residual.segment<3>(row) = vertex_of(vertices, v) - blended[v] * figure.rest_vertices[v];
+  }
+  Eigen::MatrixXd normal = moved.transpose() * moved;
+  normal.diagonal().array() += 1e-9;
+  return normal.ldlt().solve(moved.transpose() * residual);
+}
+
+/// Targets of the frames [first, last), as components and weights.
+struct Segment {
+  int first, last;
+  Eigen::MatrixXf components;  ///< [3N, K]
+  Eigen::MatrixXd weights;     ///< [last - first, K]
+  double worst = 0.0;          ///< distance of a vertex, metres
+};
+
+class SegmentFit {
+ public:
+  SegmentFit(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip)
+      : figure_(figure), skeleton_(skeleton), clip_(clip) {}
+
+  Segment fit(int first, int last, int count) const {
+    const int frames = last - first, used = std::min(frames, kSnapshots);
+    Eigen::MatrixXf snapshots(3 * static_cast<Eigen::Index>(figure_.node.size()), used);
+    for (int i = 0; i < used; ++i) {
+      const int t = first + static_cast<int>(static_cast<long>(i) * frames / used);
+      snapshots.col(i) = unposed_displacements(figure_, blended(t), clip_.vertices[as_size(t)]);
+    }
+    Segment segment{first, last, components_of(snapshots, count), {}};
+    segment.weights.resize(frames, segment.components.cols());
+    for (int t = first; t < last; ++t) {
+      const Eigen::VectorXd weights =
+          frame_weights(figure_, blended(t), clip_.vertices[as_size(t)], segment.components);
+      segment.weights.row(t - first) = weights;
+      segment.worst = std::max(segment.worst, worst_distance(t, segment.components * weights.cast<float>()));
+    }
+    return segment;
+  }
+
+ private:
+  std::vector<Eigen::Affine3d> blended(int t) const {
+    return blend_transforms(figure_, pose_nodes(figure_, skeleton_, clip_.dofs[as_size(t)]));
+  }
+
+  double worst_distance(int t, const Eigen::VectorXf& displacement) const {
+    const std::vector<Eigen::Affine3d> matrices = blended(t);
+    double worst = 0.0;
+    for (std::size_t v = 0; v < matrices.size(); ++v) {
+      const Eigen::Vector3d moved =
+          matrices[v] *
+          (figure_.rest_vertices[v] + displacement.segment<3>(3 * static_cast<Eigen::Index>(v)).cast<double>());
+      worst = std::max(worst, (moved - vertex_of(clip_.vertices[as_size(t)], v)).norm());
+    }
+    return worst;
+  }
+
+  const Figure& figure_;
+  const Skeleton& skeleton_;
+  const FigureClip& clip_;
+};
+
+/// Adds the targets of a segment, scaled so that the largest weight is 1.
+void add_targets(const Segment& segment, MorphTargets& morphs) {
+  const Eigen::Index before = morphs.weights.cols(), added = segment.components.cols();
+  morphs.weights.conservativeResize(Eigen::NoChange, before + added);
+  morphs.weights.rightCols(added).setZero();
+  for (Eigen::Index k = 0; k < added; ++k) {
+    const double largest = std::max(segment.weights.col(k).cwiseAbs().maxCoeff(), 1e-12);
+    morphs.weights.col(before + k).segment(segment.first, segment.last - segment.first) =
+        segment.weights.col(k) / largest;
+    Eigen::MatrixX3f target(segment.components.rows() / 3, 3);
+    for (Eigen::Index v = 0; v < target.rows(); ++v)
+      target.row(v) = static_cast<float>(largest) * segment.components.col(k).segment<3>(3 * v).transpose();
+    morphs.targets.push_back(std::move(target));
+  }
+}
+
+}  // namespace
+
+MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip, int count) {
+  MorphTargets morphs;
+  morphs.weights.resize(clip.num_frames(), 0);
+  if (count == 0 || clip.num_frames() == 0) return morphs;
+  const SegmentFit fit(figure, skeleton, clip);
+  std::vector<std::pair<int, int>> open{{0, clip.num_frames()}};  // the last one is the earliest
+  while (!open.empty()) {
+    const auto [first, last] = open.back();
+    open.pop_back();
+    const Segment segment = fit.fit(first, last, count);
+    const int planned = morphs.count() + count * static_cast<int>(open.size() + 2);
+    if (segment.worst > kLargestError && last - first > count && planned <= kMostTargets) {
+      const int middle = (first + last) / 2;
+      open.emplace_back(middle, last);
+      open.emplace_back(first, middle);
+    } else {
+      add_targets(segment, morphs);
+    }
+  }
+  return morphs;
+}
+
+}  // namespace doppel

@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# An animation of the synthetic actor in a browser.   glb_test.sh DOPPEL; exit code 77: skipped, see check_glb.sh
+set -euo pipefail
+folder="$(mktemp -d)"
+trap 'rm -rf "$folder"' EXIT
+"$1" synth --preset tiny --out "$folder/capture" >/dev/null 2>&1
+"$1" animate --character "$folder"/capture/character/*.character --format npy,glb --loop --out "$folder/walk" \
+  --motion "$folder/capture/testing/skeletoolToGTPose/poseAngles.motion" >/dev/null 2>&1
+"$(dirname "$0")/../../scripts/check_glb.sh" "$folder/walk/animation.glb"
