@@ -9,13 +9,14 @@
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/error.h"
 #include "doppel/export/actor_file.h"
+#include "doppel/export/actor_weights.h"
 #include "doppel/export/pose_file.h"
 
 namespace doppel::tools {
 namespace {
 
 struct ExportArguments {
-  std::string run, capture, out;
+  std::string run, capture, out, format = "torchscript";
   bool geometry_only = false, pose_only = false;
 };
 
@@ -50,14 +51,18 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   if (arguments.pose_only)
     fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
   TrainedActor trained = TrainedActor::load(arguments.run, capture);
-  const std::filesystem::path out = out_path(arguments, "actor.pt");
+  const bool weights = arguments.format == "safetensors";
+  const std::filesystem::path out = out_path(arguments, weights ? "actor.safetensors" : "actor.pt");
   if (arguments.geometry_only) trained.texnet = nullptr;
   ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }, nullptr};
   if (trained.texnet)
     functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection) {
       return trained.texture(window, projection);
     };
-  write_actor(out, trained.character, describe(trained), functions, modules_of(trained));
+  if (weights)
+    write_actor_weights(out, trained.character, describe(trained), modules_of(trained));
+  else
+    write_actor(out, trained.character, describe(trained), functions, modules_of(trained));
   const auto bytes = std::filesystem::file_size(out);
   if (common.json)
     std::cout << nlohmann::ordered_json{{"actor", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
@@ -73,6 +78,9 @@ void export_pose(const ExportArguments& arguments, const std::optional<std::file
     fail<UsageError>(
         "--geometry-only: {} is a run of deepcap and has no TexNet to leave out; --pose-only leaves DefNet out",
         arguments.run);
+  if (arguments.format != "torchscript")
+    fail<UsageError>("--format {}: {} is a run of deepcap, which is exported as torchscript only", arguments.format,
+                     arguments.run);
   TrainedPose trained = TrainedPose::load(arguments.run, capture, /*with_defnet=*/!arguments.pose_only);
   const std::filesystem::path out = out_path(arguments, "pose.pt");
   write_pose_file(out, trained);
@@ -104,7 +112,13 @@ Command add_export(CLI::App& program) {
       program.add_subcommand("export", "Write a trained actor, or trained pose networks, as one TorchScript file");
   app->add_option("--run", arguments->run, "Folder of a run")->required();
   app->add_option("--capture", arguments->capture, "Prepared capture, if it was moved after training");
-  app->add_option("--out", arguments->out, "The file to write (default: RUN/actor.pt, or RUN/pose.pt)");
+  app->add_option("--out", arguments->out,
+                  "The file to write (default: RUN/actor.pt, RUN/actor.safetensors or RUN/pose.pt)");
+  app->add_option("--format", arguments->format,
+                  "torchscript: networks that run; safetensors: weights and character for a host of one's own, and a "
+                  ".json that describes them")
+      ->check(CLI::IsMember({"torchscript", "safetensors"}))
+      ->capture_default_str();
   app->add_flag("--geometry-only", arguments->geometry_only,
                 "Actor: leave TexNet out; the file is smaller and gives only vertices");
   app->add_flag("--pose-only", arguments->pose_only,
@@ -112,6 +126,7 @@ Command add_export(CLI::App& program) {
   app->footer(
       "Examples:\n"
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
+      "  doppel export --run runs/anna --format safetensors --out anna.safetensors\n"
       "  doppel export --run runs/anna-deepcap --out pose.pt       # image, keypoints -> pose, landmarks, vertices");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

@@ -14,29 +14,6 @@ constexpr double kActorTraceTolerance = 1e-5;  // metres: the accuracy that a ho
 // changes the colour by this much.
 constexpr double kColourTolerance = 1e-3;
 
-nlohmann::ordered_json metadata(const Character& character, const ActorDescription& d) {
-  nlohmann::ordered_json json = {
-      {"name", d.name},
-      {"input", "DoF window [batch, window, dofs], oldest frame first, in the units of the motion file"},
-      {"output", "posed vertices [batch, vertices, 3]"},
-      {"units", "metres"},
-      {"world", "right-handed, y up"},
-      {"window", d.past_frames + 1},
-      {"frames_per_second", d.frames_per_second},
-      {"num_vertices", character.num_vertices()},
-      {"num_dofs", character.num_dofs()},
-      {"dof_names", d.dof_names},
-      {"joint_names", d.joint_names},
-      {"fingerprint", d.fingerprint},
-  };
-  if (d.texture_size > 0)
-    json["texture"] = {
-        {"size", d.texture_size},
-        {"method", "textured(window, projection [batch, 3, 4], pixels from world metres) -> (vertices, texture)"},
-        {"output", "RGB [batch, size, size, 3], 0..1, row 0 at v = 1"}};
-  return json;
-}
-
 /// Random poses around the pose in which all DoFs are 0. @return [batch, window, D]
 torch::Tensor random_windows(const ActorDescription& description, int num_dofs, int batch, std::uint64_t seed) {
   return 0.3 * torch::randn({batch, description.past_frames + 1, num_dofs}, at::detail::createCPUGenerator(seed));
@@ -76,7 +53,7 @@ void write_actor(const std::filesystem::path& path, const Character& character, 
   ScriptFileWriter file(ScriptKind::actor, modules);
   add_geometry(file, description, character.num_dofs(), functions.geometry);
   if (functions.texture) add_texture(file, description, character.num_dofs(), functions);
-  file.save(path, character, metadata(character, description));
+  file.save(path, character, actor_metadata(character, description));
 }
 
 ActorFile ActorFile::load(const std::filesystem::path& path) {

@@ -10,21 +10,10 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/export/actor_metadata.h"
 #include "doppel/export/script_file.h"
 
 namespace doppel {
-
-/// The metadata of an exported actor.
-struct ActorDescription {
-  std::string name;
-  int past_frames = 2;                   ///< F: the actor takes F + 1 frames of motion, oldest first
-  std::vector<std::string> dof_names;    ///< [D] the columns of its input
-  std::vector<std::string> joint_names;  ///< [J]
-  int num_vertices = 0;
-  double frames_per_second = 25.0;  ///< of the training motion: the motion window contains velocities
-  std::string fingerprint;          ///< of the character (Character::fingerprint)
-  int texture_size = 0;             ///< T: texels along a side of the dynamic texture; 0: no dynamic texture
-};
 
 /// The function in an actor file: motion window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
 using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;

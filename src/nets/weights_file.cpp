@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/nets/weights_pickle.h"
 
@@ -251,6 +252,37 @@ NamedWeights read_safetensors(const std::filesystem::path& path) {
     weights.emplace_back(entry.name, tensor);
   }
   return weights;
+}
+
+void write_safetensors(const std::filesystem::path& path, const NamedWeights& weights,
+                       const std::map<std::string, std::string>& metadata) {
+  nlohmann::ordered_json header = nlohmann::ordered_json::object();
+  if (!metadata.empty()) header["__metadata__"] = metadata;
+  std::size_t end = 0;
+  for (const auto& [name, tensor] : weights) {
+    if (header.contains(name)) fail("{}: two tensors are called '{}'", path.string(), name);
+    const auto type = std::find_if(kNumberTypes.begin(), kNumberTypes.end(),
+                                   [&](const NumberType& known) { return known.type == tensor.scalar_type(); });
+    if (type == kNumberTypes.end())
+      fail("{}: safetensors cannot hold '{}' of type {}", path.string(), name, c10::toString(tensor.scalar_type()));
+    const std::size_t begin = end;
+    end += tensor.nbytes();
+    header[name] = {{"dtype", type->safetensors}, {"shape", tensor.sizes().vec()}, {"data_offsets", {begin, end}}};
+  }
+  std::string text = header.dump();
+  text.resize((text.size() + kLengthBytes - 1) / kLengthBytes * kLengthBytes, ' ');  // the numbers are aligned
+  write_atomically(path, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary, std::ios::binary);
+    const std::uint64_t length = text.size();
+    out.write(reinterpret_cast<const char*>(&length), kLengthBytes);
+    out << text;
+    for (const auto& [name, tensor] : weights) {
+      const Tensor contiguous = tensor.detach().contiguous();
+      out.write(static_cast<const char*>(contiguous.data_ptr()), static_cast<std::streamsize>(contiguous.nbytes()));
+    }
+    out.close();
+    if (!out) fail("{}: writing failed; is the disk full?", path.string());
+  });
 }
 
 NamedWeights read_weights(const std::filesystem::path& path) {

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,6 +28,13 @@ NamedWeights read_torch_weights(const std::filesystem::path& path);
 /// Reads a safetensors file.
 /// @throws FileError: damaged or truncated, tensors that overlap or leave gaps, an unknown type
 NamedWeights read_safetensors(const std::filesystem::path& path);
+
+/// Writes a safetensors file, atomically.
+/// @param weights on the CPU; names must differ
+/// @param metadata texts by name, for `__metadata__` of the header
+/// @throws Error for a type that the format does not have, a name that occurs twice, or a full disk
+void write_safetensors(const std::filesystem::path& path, const NamedWeights& weights,
+                       const std::map<std::string, std::string>& metadata = {});
 
 /// Copies weights into the parameters and buffers of a module, converted to their types. File and module must have the
 /// same names with the same shapes; only batch counters may be missing, because old files do not contain them.

@@ -82,6 +82,20 @@ TEST_F(WeightsFile, ReadsSafetensors) {
   expect_truncation_is_told();
 }
 
+TEST_F(WeightsFile, WrittenSafetensorsAreReadBack) {
+  NamedWeights weights = some_weights();
+  weights.emplace_back("transposed", torch::arange(6, torch::kInt32).view({2, 3}).t());
+  weights.emplace_back("nothing", torch::zeros({0, 3}));
+  write_safetensors(file(), weights, {{"about", "a \"test\""}});
+  expect_same(read_weights(file()), weights);
+  const std::string bytes = read_file(file());
+  EXPECT_EQ(static_cast<unsigned char>(bytes[0]) % 8, 0);  // the header's length
+  EXPECT_NE(bytes.find(R"("__metadata__":{"about":"a \"test\""})"), std::string::npos);
+  weights.emplace_back("nothing", torch::zeros({1}));
+  EXPECT_THROW(write_safetensors(file(), weights), Error);
+  EXPECT_EQ(read_file(file()), bytes);
+}
+
 TEST_F(WeightsFile, ReadsViewsOfOneStorage) {
   // Two tensors share numbers; one is transposed and starts in the middle; a parameter wraps a tensor.
   Pickle pickle;

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
@@ -12,6 +14,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
+#include "doppel/nets/weights_file.h"
 #include "run_program.h"
 #include "support/temporary_folder.h"
 
@@ -414,6 +417,21 @@ TEST_F(ProgramRecovers, ACaptureWithoutAMotionIsEvaluatedAsFarAsImagesTell) {
     EXPECT_EQ(refused.code, 1) << subject;
     EXPECT_NE(refused.err.find("without a motion"), std::string::npos) << refused.err;
   }
+}
+
+TEST_F(ProgramRecovers, WeightsAreExportedForAHostOfOnesOwn) {
+  step("export --run " + at("run") + " --format safetensors --out " + at("weights/actor.safetensors"));
+  const auto about = nlohmann::json::parse(read_file(at("weights/actor.json")));
+  std::map<std::string, torch::Tensor> found;
+  for (const auto& [name, tensor] : read_weights(at("weights/actor.safetensors"))) found[name] = tensor;
+  for (const auto& [name, what] : about["tensors"].items()) EXPECT_EQ(found.count(name), 1U) << name;
+  const std::int64_t vertices = about["num_vertices"];
+  EXPECT_EQ(found.at("template.vertices").sizes(), torch::IntArrayRef({vertices, 3}));
+  EXPECT_NEAR(found.at("skin.weights").sum().item<double>(), static_cast<double>(vertices), 1e-2);
+  EXPECT_EQ(found.at("skin.offsets")[vertices].item<std::int64_t>(), found.at("skin.bones").numel());
+  const auto of_egnet = [](const auto& entry) { return entry.first.rfind("egnet.", 0) == 0; };
+  EXPECT_GT(std::count_if(found.begin(), found.end(), of_egnet), 10);
+  EXPECT_EQ(run("export --run " + at("run") + " --format onnx").code, 2);
 }
 
 TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
