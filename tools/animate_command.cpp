@@ -23,6 +23,7 @@
 #include "doppel/export/animation.h"
 #include "doppel/export/figure_writer.h"
 #include "doppel/export/film.h"
+#include "doppel/export/texture_writer.h"
 #include "doppel/motion_import/read_motion_file.h"
 #include "doppel/rig_import/motions_json.h"
 
@@ -280,6 +281,11 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
     writers.push_back(make_figure_writer(options.out, character, files, figure));
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
+  if (options.wants("texture")) {
+    if (!performer.file) fail<UsageError>("--format texture needs --model FILE: an actor with a dynamic texture");
+    writers.push_back(
+        make_texture_writer(options.out, *performer.file, camera_path(options, character, fps, read_studio(options))));
+  }
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, fps, studio);
@@ -316,8 +322,10 @@ double frame_rate(const AnimateOptions& options, const Performer& performer) {
   return trained.value_or(0.0);
 }
 
-/// Half a second.
-int blended_frames(double fps) { return std::max(1, static_cast<int>(std::lround(0.5 * fps))); }
+/// Half a second, but at most a quarter of the motion.
+int blended_frames(const Motion& motion, double fps) {
+  return std::max(1, std::min(static_cast<int>(std::lround(0.5 * fps)), motion.num_frames() / 4));
+}
 
 nlohmann::json figure_json(const FigureReport& figure) {
   return {{"nodes", figure.nodes},
@@ -334,7 +342,8 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   nlohmann::json report;
   const MotionFromFile read = driven_motion(options, character, frame_rate(options, performer), report);
   const double fps = read.frames_per_second;
-  const Motion motion = options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(fps)) : read.motion;
+  const Motion motion =
+      options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, fps)) : read.motion;
   FigureReport figure;
   const auto writers = make_writers(options, character, performer, fps, figure);
   write_motions(options, character, motion, fps);
@@ -405,7 +414,9 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes of a .glb may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_flag("--loop", options.loop, "Make the motion cyclic: its last half second is blended into the first");
+  app.add_flag("--loop", options.loop,
+               "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
+               "first");
 }
 
 }  // namespace
@@ -421,9 +432,9 @@ Command add_animate(CLI::App& program) {
       ->capture_default_str();
   app->add_option("--run", options->run, "With --renderer radiance: the run that trained the radiance field");
   app->add_option("--format", options->formats,
-                  "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, or several with commas")
+                  "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, or several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd"}))
+      ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
   app->add_option("--bone-rule", options->bone_rule,

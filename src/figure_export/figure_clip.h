@@ -19,15 +19,15 @@ struct FigureClip {
 /// k) targets[k]. The targets hold the motion of the clothes, and what dual quaternions do better than a linear blend.
 struct MorphTargets {
   std::vector<Eigen::MatrixX3f> targets;  ///< [K] of [N, 3], metres
-  Eigen::MatrixXd weights;                ///< [T, K], at most 1 in magnitude
+  Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
 
   int count() const { return static_cast<int>(targets.size()); }
 };
 
-/// The principal components of the frames' displacements in the rest pose, largest first, and for each frame the
-/// weights with the least squared distance from its vertices. Where a vertex would be more than 5 mm off, the clip is
-/// halved, and each half gets targets of its own; up to 256 targets are made. The components are those of at most 512
-/// frames of a part, spread evenly.
+/// The mean and the principal components of the frames' displacements in the rest pose, largest first, and for each
+/// frame the weights with the least squared distance from its vertices. Where a vertex would be more than 5 mm off, the
+/// clip is halved, and each half gets targets of its own; up to 256 targets are made. The components are those of at
+/// most 512 frames of a part, spread evenly.
 /// @param count largest number of targets with a weight in any frame; fewer are made where fewer components are there
 MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip, int count);
 

@@ -53,22 +53,25 @@ Eigen::MatrixXf components_of(const Eigen::MatrixXf& snapshots, int count) {
 
 /// The weights with the least squared distance between the blended vertices and those of the frame: [K].
 Eigen::VectorXd frame_weights(const Figure& figure, const std::vector<Eigen::Affine3d>& blended,
-                              const std::vector<float>& vertices, const Eigen::MatrixXf& components) {
+                              const std::vector<float>& vertices, const Eigen::VectorXf& mean,
+                              const Eigen::MatrixXf& components) {
   Eigen::MatrixXd moved(components.rows(), components.cols());
   Eigen::VectorXd residual(components.rows());
   for (std::size_t v = 0; v < blended.size(); ++v) {
     const auto row = 3 * static_cast<Eigen::Index>(v);
     moved.middleRows<3>(row) = blended[v].linear() * components.middleRows<3>(row).cast<double>();
-    residual.segment<3>(row) = vertex_of(vertices, v) - blended[v] * figure.rest_vertices[v];
+    residual.segment<3>(row) =
+        vertex_of(vertices, v) - blended[v] * (figure.rest_vertices[v] + mean.segment<3>(row).cast<double>());
   }
   Eigen::MatrixXd normal = moved.transpose() * moved;
   normal.diagonal().array() += 1e-9;
   return normal.ldlt().solve(moved.transpose() * residual);
 }
 
-/// Targets of the frames [first, last), as components and weights.
+/// The displacements of the frames [first, last): mean + components * weights.
 struct Segment {
   int first, last;
+  Eigen::VectorXf mean;        ///< [3N]
   Eigen::MatrixXf components;  ///< [3N, K]
   Eigen::MatrixXd weights;     ///< [last - first, K]
   double worst = 0.0;          ///< distance of a vertex, metres
@@ -86,13 +89,15 @@ class SegmentFit {
       const int t = first + static_cast<int>(static_cast<long>(i) * frames / used);
       snapshots.col(i) = unposed_displacements(figure_, blended(t), clip_.vertices[as_size(t)]);
     }
-    Segment segment{first, last, components_of(snapshots, count), {}};
+    const Eigen::VectorXf mean = snapshots.rowwise().mean();
+    snapshots.colwise() -= mean;
+    Segment segment{first, last, mean, components_of(snapshots, count - 1), {}};
     segment.weights.resize(frames, segment.components.cols());
     for (int t = first; t < last; ++t) {
       const Eigen::VectorXd weights =
-          frame_weights(figure_, blended(t), clip_.vertices[as_size(t)], segment.components);
+          frame_weights(figure_, blended(t), clip_.vertices[as_size(t)], mean, segment.components);
       segment.weights.row(t - first) = weights;
-      segment.worst = std::max(segment.worst, worst_distance(t, segment.components * weights.cast<float>()));
+      segment.worst = std::max(segment.worst, worst_distance(t, mean + segment.components * weights.cast<float>()));
     }
     return segment;
   }
@@ -119,20 +124,29 @@ class SegmentFit {
   const FigureClip& clip_;
 };
 
-/// Adds the targets of a segment, scaled so that the largest weight is 1.
+Eigen::MatrixX3f rows_of(const Eigen::VectorXf& values) {
+  Eigen::MatrixX3f rows(values.size() / 3, 3);
+  for (Eigen::Index v = 0; v < rows.rows(); ++v) rows.row(v) = values.segment<3>(3 * v).transpose();
+  return rows;
+}
+
+/// Adds the targets of a segment. Their weights are 0 to 1, because programs clamp others: the smallest weight of each
+/// component goes into the mean, which becomes a target with weight 1.
 void add_targets(const Segment& segment, MorphTargets& morphs) {
-  const Eigen::Index before = morphs.weights.cols(), added = segment.components.cols();
+  const Eigen::Index before = morphs.weights.cols(), added = segment.components.cols() + 1;
+  const Eigen::Index first = segment.first, frames = segment.last - segment.first;
   morphs.weights.conservativeResize(Eigen::NoChange, before + added);
   morphs.weights.rightCols(added).setZero();
-  for (Eigen::Index k = 0; k < added; ++k) {
-    const double largest = std::max(segment.weights.col(k).cwiseAbs().maxCoeff(), 1e-12);
-    morphs.weights.col(before + k).segment(segment.first, segment.last - segment.first) =
-        segment.weights.col(k) / largest;
-    Eigen::MatrixX3f target(segment.components.rows() / 3, 3);
-    for (Eigen::Index v = 0; v < target.rows(); ++v)
-      target.row(v) = static_cast<float>(largest) * segment.components.col(k).segment<3>(3 * v).transpose();
-    morphs.targets.push_back(std::move(target));
+  Eigen::VectorXf constant = segment.mean;
+  for (Eigen::Index k = 0; k + 1 < added; ++k) {
+    const double least = segment.weights.col(k).minCoeff(), most = segment.weights.col(k).maxCoeff();
+    const double range = std::max(most - least, 1e-12);
+    constant += static_cast<float>(least) * segment.components.col(k);
+    morphs.weights.col(before + k).segment(first, frames) = (segment.weights.col(k).array() - least) / range;
+    morphs.targets.push_back(rows_of(static_cast<float>(range) * segment.components.col(k)));
   }
+  morphs.weights.col(before + added - 1).segment(first, frames).setOnes();
+  morphs.targets.push_back(rows_of(constant));
 }
 
 }  // namespace

@@ -84,6 +84,8 @@ TEST(WriteGlb, TheFileMovesAsTheClipByTheEquationsOfTheSpecification) {
   EXPECT_GT(error_of_file(GltfPose(folder / "b.glb"), clip).mean, 10.0);
   for (Eigen::Index t = 0; t < made.morphs.weights.rows(); ++t)
     EXPECT_LE((made.morphs.weights.row(t).array() != 0.0).count(), 8);
+  EXPECT_GE(made.morphs.weights.minCoeff(), 0.0);  // Blender clamps weights below 0
+  EXPECT_LE(made.morphs.weights.maxCoeff(), 1.0 + 1e-12);
 }
 
 TEST(WriteGlb, OurReaderMovesTheSkinAsWeDo) {

@@ -347,6 +347,22 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   EXPECT_EQ(run("compare " + at("run") + " --split train").code, 2);
   EXPECT_EQ(run("compare " + at("prepared")).code, 1);
 
+  // Files for other programs: the figure and its dynamic texture.
+  step("export --run " + at("chain") + " --out " + at("chain/actor.pt"));
+  const std::string play = "animate --character " + character_file(at("capture/character"), ".character") +
+                           " --motion " + at("capture/testing/skeletoolToGTPose/poseAngles.motion") + " --loop --json ";
+  const Outcome figure =
+      run(play + "--model " + at("chain/actor.pt") + " --format glb,usda,pc2,mdd,texture --out " + at("figure"));
+  ASSERT_EQ(figure.code, 0) << figure.err;
+  const nlohmann::json glb = nlohmann::json::parse(figure.out)["glb"];
+  EXPECT_LT(glb["mean_error_mm"].get<double>(), 2.0);
+  EXPECT_LT(glb["worst_error_mm"].get<double>(), 8.0);
+  for (const char* name : {"animation.glb", "animation.usda", "animation.png", "animation.pc2", "animation.mdd",
+                           "animation.obj", "texture_000000.png"})
+    EXPECT_TRUE(std::filesystem::exists(at(std::string("figure/") + name))) << name;
+  EXPECT_NE(cv::norm(cv::imread(at("figure/texture_000000.png")), cv::imread(at("figure/texture_000005.png"))), 0.0);
+  EXPECT_EQ(run(play + "--format texture --out " + at("none")).code, 2);
+
   // On top of it, a radiance field around the mesh.
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/hybrid.yaml --set capture=" + at("prepared") + " --set ddc=" +
        at("chain") + " --set 'radiance.data.frames=[5]' --set 'nerf.data.frames=[5]' --out " + at("hybrid"));
@@ -441,7 +457,7 @@ TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
   const Outcome outcome = run("export --pose-only --json --run " + at("defnet") + " --out " + at("skinned.pt"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const nlohmann::json report = nlohmann::json::parse(outcome.out);
-  EXPECT_EQ(report["steps"], nlohmann::json({{"posenet", 200}}));
+  EXPECT_EQ(report["steps"], nlohmann::json({{"posenet", 300}}));
   EXPECT_LT(report["bytes"].get<std::size_t>(), std::filesystem::file_size(at("defnet/pose.pt")));
 
   const Outcome refused = run("export --geometry-only --run " + at("defnet"));
