@@ -13,7 +13,7 @@ struct FigureOptions {
   bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
-  int morphs = 8;           ///< of the .glb: largest number of morph targets
+  int morphs = 8;           ///< of the .glb: largest number of morph targets that are active in a frame
   double tolerance = 1e-4;  ///< of the .glb: error of interpolated keys, metres
 };
 
