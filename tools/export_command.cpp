@@ -10,6 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/export/actor_file.h"
 #include "doppel/export/actor_weights.h"
+#include "doppel/export/onnx_file.h"
 #include "doppel/export/pose_file.h"
 
 namespace doppel::tools {
@@ -41,8 +42,10 @@ std::vector<std::pair<std::string, torch::nn::Module*>> modules_of(TrainedActor&
   return modules;
 }
 
+std::string extension_of(const std::string& format) { return format == "torchscript" ? "pt" : format; }
+
 /// The output file; its default is in the run folder.
-std::filesystem::path out_path(const ExportArguments& arguments, const char* name) {
+std::filesystem::path out_path(const ExportArguments& arguments, const std::string& name) {
   return arguments.out.empty() ? std::filesystem::path(arguments.run) / name : std::filesystem::path(arguments.out);
 }
 
@@ -51,16 +54,17 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   if (arguments.pose_only)
     fail<UsageError>("--pose-only: {} has no DefNet to leave out; the option is for runs of deepcap", arguments.run);
   TrainedActor trained = TrainedActor::load(arguments.run, capture);
-  const bool weights = arguments.format == "safetensors";
-  const std::filesystem::path out = out_path(arguments, weights ? "actor.safetensors" : "actor.pt");
+  const std::filesystem::path out = out_path(arguments, "actor." + extension_of(arguments.format));
   if (arguments.geometry_only) trained.texnet = nullptr;
   ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }, nullptr};
   if (trained.texnet)
     functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection) {
       return trained.texture(window, projection);
     };
-  if (weights)
+  if (arguments.format == "safetensors")
     write_actor_weights(out, trained.character, describe(trained), modules_of(trained));
+  else if (arguments.format == "onnx")
+    write_actor_onnx(out, trained.character, describe(trained), functions, modules_of(trained));
   else
     write_actor(out, trained.character, describe(trained), functions, modules_of(trained));
   const auto bytes = std::filesystem::file_size(out);
@@ -78,12 +82,15 @@ void export_pose(const ExportArguments& arguments, const std::optional<std::file
     fail<UsageError>(
         "--geometry-only: {} is a run of deepcap and has no TexNet to leave out; --pose-only leaves DefNet out",
         arguments.run);
-  if (arguments.format != "torchscript")
-    fail<UsageError>("--format {}: {} is a run of deepcap, which is exported as torchscript only", arguments.format,
+  if (arguments.format == "safetensors")
+    fail<UsageError>("--format safetensors: {} is a run of deepcap, which is exported as torchscript or onnx",
                      arguments.run);
   TrainedPose trained = TrainedPose::load(arguments.run, capture, /*with_defnet=*/!arguments.pose_only);
-  const std::filesystem::path out = out_path(arguments, "pose.pt");
-  write_pose_file(out, trained);
+  const std::filesystem::path out = out_path(arguments, "pose." + extension_of(arguments.format));
+  if (arguments.format == "onnx")
+    write_pose_onnx(out, trained);
+  else
+    write_pose_file(out, trained);
   const auto bytes = std::filesystem::file_size(out);
   if (common.json)
     std::cout << nlohmann::ordered_json{{"pose", out.string()}, {"bytes", bytes}, {"steps", trained.steps}} << "\n";
@@ -113,11 +120,12 @@ Command add_export(CLI::App& program) {
   app->add_option("--run", arguments->run, "Folder of a run")->required();
   app->add_option("--capture", arguments->capture, "Prepared capture, if it was moved after training");
   app->add_option("--out", arguments->out,
-                  "The file to write (default: RUN/actor.pt, RUN/actor.safetensors or RUN/pose.pt)");
+                  "The file to write (default: actor.pt, actor.onnx, actor.safetensors, pose.pt or pose.onnx in RUN)");
   app->add_option("--format", arguments->format,
-                  "torchscript: networks that run; safetensors: weights and character for a host of one's own, and a "
-                  ".json that describes them")
-      ->check(CLI::IsMember({"torchscript", "safetensors"}))
+                  "torchscript: networks for LibTorch and PyTorch; onnx: networks for ONNX Runtime, in programs and "
+                  "browsers; safetensors: weights and character for a host of one's own, and a .json that describes "
+                  "them")
+      ->check(CLI::IsMember({"torchscript", "onnx", "safetensors"}))
       ->capture_default_str();
   app->add_flag("--geometry-only", arguments->geometry_only,
                 "Actor: leave TexNet out; the file is smaller and gives only vertices");
@@ -126,6 +134,7 @@ Command add_export(CLI::App& program) {
   app->footer(
       "Examples:\n"
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
+      "  doppel export --run runs/anna --format onnx --out anna.onnx\n"
       "  doppel export --run runs/anna --format safetensors --out anna.safetensors\n"
       "  doppel export --run runs/anna-deepcap --out pose.pt       # image, keypoints -> pose, landmarks, vertices");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};

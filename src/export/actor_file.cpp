@@ -3,57 +3,13 @@
 #include <fmt/ranges.h>
 
 #include "doppel/core/error.h"
+#include "doppel/export/actor_trace.h"
 
 namespace doppel {
-namespace {
-
-using torch::jit::Stack;
-
-constexpr double kActorTraceTolerance = 1e-5;  // metres: the accuracy that a host can rely on
-// For colours 0..1, a quarter of an 8-bit step: if a vertex of a small face is off by kActorTraceTolerance, its normal
-// changes the colour by this much.
-constexpr double kColourTolerance = 1e-3;
-
-/// Random poses around the pose in which all DoFs are 0. @return [batch, window, D]
-torch::Tensor random_windows(const ActorDescription& description, int num_dofs, int batch, std::uint64_t seed) {
-  return 0.3 * torch::randn({batch, description.past_frames + 1, num_dofs}, at::detail::createCPUGenerator(seed));
-}
-
-/// Cameras some metres away that point roughly at the origin. @return [batch,3,4]
-torch::Tensor random_projections(int batch, std::uint64_t seed) {
-  torch::Tensor projection = 0.1 * torch::randn({batch, 3, 4}, at::detail::createCPUGenerator(seed));
-  projection +=
-      torch::tensor({500.0f, 0.0f, 256.0f, 900.0f, 0.0f, 500.0f, 256.0f, 700.0f, 0.0f, 0.0f, 1.0f, 3.0f}).view({3, 4});
-  return projection;
-}
-
-void add_geometry(ScriptFileWriter& file, const ActorDescription& description, int num_dofs,
-                  const ActorFunction& geometry) {
-  const auto function = [&](const Stack& inputs) -> Stack { return {geometry(inputs.at(0).toTensor())}; };
-  file.add("forward", {random_windows(description, num_dofs, 1, 1)}, function);
-  file.check("forward", {random_windows(description, num_dofs, 3, 2)}, function, {kActorTraceTolerance});
-}
-
-void add_texture(ScriptFileWriter& file, const ActorDescription& description, int num_dofs,
-                 const ActorFunctions& functions) {
-  const auto function = [&](const Stack& inputs) -> Stack {
-    const torch::Tensor window = inputs.at(0).toTensor();
-    const torch::Tensor texture = functions.texture(window, inputs.at(1).toTensor());
-    return {functions.geometry(window), texture};
-  };
-  file.add("textured", {random_windows(description, num_dofs, 1, 3), random_projections(1, 3)}, function);
-  file.check("textured", {random_windows(description, num_dofs, 2, 4), random_projections(2, 4)}, function,
-             {kActorTraceTolerance, kColourTolerance});
-}
-
-}  // namespace
 
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
                  const ActorFunctions& functions, const ScriptModules& modules) {
-  ScriptFileWriter file(ScriptKind::actor, modules);
-  add_geometry(file, description, character.num_dofs(), functions.geometry);
-  if (functions.texture) add_texture(file, description, character.num_dofs(), functions);
-  file.save(path, character, actor_metadata(character, description));
+  traced_actor(description, functions, modules).save(path, character, actor_metadata(character, description));
 }
 
 ActorFile ActorFile::load(const std::filesystem::path& path) {

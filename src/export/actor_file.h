@@ -4,28 +4,16 @@
 #include <torch/types.h>
 
 #include <filesystem>
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "doppel/character/character.h"
 #include "doppel/export/actor_metadata.h"
+#include "doppel/export/actor_trace.h"
 #include "doppel/export/script_file.h"
 
 namespace doppel {
-
-/// The function in an actor file: motion window [B,F+1,D], oldest first -> posed vertices [B,N,3], world metres.
-using ActorFunction = std::function<torch::Tensor(const torch::Tensor&)>;
-
-/// The second function, for an actor with a dynamic texture: motion window [B,F+1,D] and the camera's projection
-/// [B,3,4] (pixels from world metres) -> RGB texture [B,T,T,3], 0..1, row 0 at v = 1.
-using TextureFunction = std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&)>;
-
-struct ActorFunctions {
-  ActorFunction geometry;
-  TextureFunction texture;  ///< may be empty
-};
 
 /// Writes one TorchScript file that runs without Doppel: it contains plain aten operations, and parameters stay
 /// parameters. `torch::jit::load` and Python's `torch.jit.load` can read the file.
@@ -36,13 +24,9 @@ struct ActorFunctions {
 /// The module's method `forward` is the geometry. With a texture, there is a second method,
 /// `textured(window, projection) -> (vertices, texture)`.
 ///
-/// @param functions the actor. While they are traced, the layers switch to their references (layers/reference_scope.h).
-/// They are traced on random input of one batch size; then trace and function are compared on another batch size, which
-/// detects sizes that the trace has fixed
 /// @param modules the modules that the functions use; their parameters and buffers are saved in the file under their
 /// names
-/// @throws Error when a traced function differs from the given function by more than 1e-5 m (1e-3 in colours 0..1) on
-/// other input, or contains an operation that is not aten's
+/// @throws Error as traced_actor
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
                  const ActorFunctions& functions, const ScriptModules& modules);
 

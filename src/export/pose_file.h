@@ -7,22 +7,10 @@
 #include <vector>
 
 #include "doppel/actor/trained_pose.h"
+#include "doppel/export/pose_trace.h"
 #include "doppel/export/script_file.h"
 
 namespace doppel {
-
-/// The metadata of a pose file. Letters: B batch, S side of the images, D DoFs, M landmarks, N vertices.
-struct PoseFileDescription {
-  std::string name;                         ///< of the character
-  int input_size = 0;                       ///< S
-  bool deformed = false;                    ///< DefNet deforms the surface; false: the surface is skinned
-  double confidence_threshold = 0.4;        ///< keypoints with lower confidence do not count
-  std::vector<std::string> dof_names;       ///< [D] columns of the poses, as in a motion file
-  std::vector<std::string> joint_names;     ///< [J]
-  std::vector<std::string> landmark_names;  ///< [M] rows of keypoints and landmarks
-  int num_vertices = 0;
-  std::string fingerprint;  ///< of the character (Character::fingerprint)
-};
 
 /// The camera of each sample. Pixels are those of the whole image without lens distortion, as for the keypoints; the
 /// centre of the first pixel is (0.5, 0.5).

@@ -62,8 +62,17 @@ std::string index_bytes(const Rows& rows) {
   return npy_bytes(rows.data(), "<i4", {static_cast<std::int64_t>(rows.size()), 3});
 }
 
-torch::jit::ExtraFilesMap mesh_files(const TriangleMesh& mesh) {
-  torch::jit::ExtraFilesMap files;
+/// The largest difference; infinite between tensors of different shapes or types.
+double difference(const torch::Tensor& found, const torch::Tensor& expected) {
+  if (!found.sizes().equals(expected.sizes()) || found.scalar_type() != expected.scalar_type())
+    return std::numeric_limits<double>::infinity();
+  return (found.to(torch::kFloat64) - expected.to(torch::kFloat64)).abs().max().item<double>();
+}
+
+}  // namespace
+
+std::unordered_map<std::string, std::string> mesh_files(const TriangleMesh& mesh) {
+  std::unordered_map<std::string, std::string> files;
   files["faces.npy"] = index_bytes(mesh.faces);
   if (mesh.uvs.empty()) return files;
   std::vector<float> uvs;
@@ -76,20 +85,12 @@ torch::jit::ExtraFilesMap mesh_files(const TriangleMesh& mesh) {
   return files;
 }
 
-/// The largest difference; infinite between tensors of different shapes or types.
-double difference(const torch::Tensor& found, const torch::Tensor& expected) {
-  if (!found.sizes().equals(expected.sizes()) || found.scalar_type() != expected.scalar_type())
-    return std::numeric_limits<double>::infinity();
-  return (found.to(torch::kFloat64) - expected.to(torch::kFloat64)).abs().max().item<double>();
-}
-
-}  // namespace
-
 ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules)
     : kind_(kind),
       module_(std::string("__torch__.doppel.") + words_of(kind).type, std::make_shared<torch::jit::CompilationUnit>()) {
   for (const auto& [name, module] : modules)
     module_.register_module(name, mirror(*module, name, module_._ivalue()->compilation_unit()));
+  module_.eval();
 }
 
 void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
@@ -125,7 +126,6 @@ void ScriptFileWriter::save(const std::filesystem::path& path, const Character& 
   all.update(metadata);
   torch::jit::ExtraFilesMap files = mesh_files(character.mesh);
   files["metadata.json"] = all.dump(1);
-  module_.eval();
   write_atomically(path, [&](const std::filesystem::path& temporary) { module_.save(temporary.string(), files); });
 }
 

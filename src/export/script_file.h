@@ -10,6 +10,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -44,6 +45,9 @@ class ScriptFileWriter {
   void check(const std::string& name, const torch::jit::Stack& unseen, const Function& function,
              const std::vector<double>& tolerances) const;
 
+  /// What was added, in evaluation mode.
+  const torch::jit::script::Module& module() const { return module_; }
+
   /// Writes the file atomically. It contains `metadata.json` with the kind, the version and `metadata`; `faces.npy`
   /// [F,3] int32 and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
   void save(const std::filesystem::path& path, const Character& character, const nlohmann::ordered_json& metadata);
@@ -52,6 +56,10 @@ class ScriptFileWriter {
   ScriptKind kind_;
   torch::jit::script::Module module_;
 };
+
+/// The template's topology as the bytes of .npy files, by name: `faces.npy` and, where it has them, `uvs.npy`,
+/// `face_uvs.npy`.
+std::unordered_map<std::string, std::string> mesh_files(const TriangleMesh& mesh);
 
 /// A file that was read.
 struct ScriptFile {

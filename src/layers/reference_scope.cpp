@@ -10,6 +10,8 @@ thread_local bool reference_only = false;
 ReferenceScope::ReferenceScope() : before_(reference_only) { reference_only = true; }
 ReferenceScope::~ReferenceScope() { reference_only = before_; }
 
+bool in_reference_scope() { return reference_only; }
+
 bool takes_kernel(const torch::Tensor& input) {
   return input.scalar_type() == torch::kFloat32 && input.device().is_cpu() && !reference_only &&
          !torch::jit::tracer::isTracing();

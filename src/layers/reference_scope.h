@@ -16,6 +16,9 @@ class ReferenceScope {
   bool before_;
 };
 
+/// Whether a ReferenceScope is alive on this thread.
+bool in_reference_scope();
+
 /// Whether a layer called with `input` runs its kernel: float32 on the CPU, no ReferenceScope, and not inside a
 /// torch::jit trace, which has to hold plain tensor operations only.
 bool takes_kernel(const torch::Tensor& input);

@@ -2,6 +2,7 @@
 #include <torch/types.h>
 
 #include "doppel/layers/graph_convolution/graph_convolution.h"
+#include "doppel/layers/reference_scope.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {
@@ -14,6 +15,10 @@ namespace {
 Tensor on_device_of(const Tensor& index, const Tensor& like) {
   return index.device() == like.device() ? index : index.to(like.device());
 }
+
+/// Traces for LibTorch take one fused sum of rows. A trace inside a ReferenceScope keeps to the plain definition, whose
+/// operations other runtimes have too.
+bool traces_sums_of_rows() { return torch::jit::tracer::isTracing() && !in_reference_scope(); }
 
 /// out[i] = the sum over the entries of bag i, from offsets[i] on, of weights[e] table[items[e]]. torch computes it in
 /// one pass at memory bandwidth. It has no second derivative.
@@ -38,14 +43,14 @@ Tensor apply_kernels_by_rows(const Tensor& features, const Tensor& kernels) {
 /// z_l = K_l f_l for every node: [B,K,Hin] -> [K,B,Hout].
 Tensor apply_kernels(const Tensor& features, const Tensor& kernels) {
   // A traced model runs without the kernel, and torch multiplies thousands of small matrices one by one.
-  if (torch::jit::tracer::isTracing()) return apply_kernels_by_rows(features, kernels);
+  if (traces_sums_of_rows()) return apply_kernels_by_rows(features, kernels);
   return at::bmm(features.transpose(0, 1), kernels);
 }
 
 /// sum_l a_kl z_l of rows z [K,X].
 Tensor mix_neighbours(const Tensor& z, const RingWeights& ring) {
   const bool single = z.scalar_type() == at::kFloat;
-  if (torch::jit::tracer::isTracing()) {
+  if (traces_sums_of_rows()) {
     const Tensor weights = constant_like(single ? ring.entry_weights_float : ring.entry_weights, z);
     return sums_of_rows(z, on_device_of(ring.entries, z), on_device_of(ring.entry_offsets, z), weights);
   }
