@@ -7,10 +7,6 @@ set -euo pipefail
 files=()
 for file in "$@"; do files+=("$(realpath "$file")"); done
 cd "$(dirname "$0")/../tests/web"
-for program in node npm chromium; do
-  command -v "$program" >/dev/null || { echo "check_glb.sh: $program is not installed; skipped" >&2; exit 77; }
-done
-if [ ! -d node_modules/three ]; then
-  npm ci --no-audit --no-fund --loglevel=error >&2 || { echo "check_glb.sh: npm ci failed; skipped" >&2; exit 77; }
-fi
+command -v chromium >/dev/null || { echo "check_glb.sh: chromium is not installed; skipped" >&2; exit 77; }
+./modules.sh
 CHROMIUM="$(command -v chromium)" exec node check_glb.mjs "${files[@]}"

@@ -34,6 +34,8 @@ class GraphConverter {
       set(node->output(), constant_of(torch::jit::toIValue(node->output()).value()));
     else if (node->kind() == torch::jit::prim::ListConstruct)
       make_list(node);
+    else if (node->kind() == torch::jit::prim::ListUnpack)
+      unpack_list(node);
     else
       run(node);
     release_inputs(node);
@@ -77,6 +79,37 @@ class GraphConverter {
     set(node->output(), std::move(list));
   }
 
+  void unpack_list(const Node* node) {
+    const OnnxValue list = get(node->input());
+    for (std::size_t o = 0; o < node->outputs().size(); ++o)
+      set(node->outputs()[o], list.constant ? constant_of(list.samples.front().toListRef()[o]) : list.items.at(o));
+  }
+
+  /// The parts of a tensor, one after the other along a dimension: unbind, chunk, split.
+  OnnxValue parts_of(const Node* node, const std::vector<Stack>& results) {
+    const bool unbinds = node->kind() == torch::jit::aten::unbind;
+    const OnnxValue& whole = get(node->input(0));
+    std::int64_t dimension = get(node->input(unbinds ? 1 : 2)).samples.front().toInt(), begin = 0;
+    if (dimension < 0) dimension += static_cast<std::int64_t>(whole.sizes.size());
+    OnnxValue list;
+    for (std::size_t item = 0; item < results[0][0].toListRef().size(); ++item) {
+      OnnxValue part;
+      for (const Stack& result : results) part.samples.push_back(result[0].toListRef()[item]);
+      describe(part, part.samples);
+      if (!unbinds && part.sizes.at(dimension) < 0)
+        fail("writing ONNX: {} cuts along the batch, which has no conversion", node->kind().toQualString());
+      const std::int64_t end = begin + (unbinds ? 1 : part.sizes.at(dimension));
+      part.name = unbinds ? onnx_.add("Gather", {whole.name, onnx_.constant(torch::scalar_tensor(begin, torch::kInt64))},
+                                      {{"axis", dimension}})
+                          : onnx_.add("Slice", {whole.name, onnx_.integers({begin}), onnx_.integers({end}),
+                                                onnx_.integers({dimension})});
+      begin = end;
+      list.items.push_back(std::move(part));
+    }
+    for (const Stack& result : results) list.samples.push_back(result[0]);
+    return list;
+  }
+
   static const IValue& sample_of(const OnnxValue& value, std::size_t s) {
     return value.constant ? value.samples.front() : value.samples.at(s);
   }
@@ -97,6 +130,10 @@ class GraphConverter {
     const bool constant = constant_inputs(node);
     std::vector<Stack> results;
     for (std::size_t s = 0; s < (constant ? 1 : num_samples_); ++s) results.push_back(evaluate(node, s));
+    if (!constant && results[0][0].isTensorList()) {
+      set(node->output(), parts_of(node, results));
+      return;
+    }
     for (std::size_t o = 0; o < node->outputs().size(); ++o) {
       if (constant || !results[0][o].isTensor()) {
         set(node->outputs()[o], constant_of(same_in_all(node, results, o)));

@@ -13,6 +13,7 @@
 #include "doppel/export/animation.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/egnet.h"
+#include "export/dressed_actor.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"
 
@@ -129,35 +130,8 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
   EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
 }
 
-/// An actor with all networks, untrained, TexNet at its smallest and under light.
-TrainedActor dressed_actor() {
-  TrainedActor actor;
-  actor.character = make_test_character();
-  actor.surface = CharacterSurface(actor.character);
-  actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
-  actor.egnet = EgNet(actor.character, EgNetConfig::preset("paper"));
-  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::preset("paper"));
-  TexNetConfig config = TexNetConfig::preset("paper");
-  config.size = 256;
-  config.levels = 4;
-  config.unet.width = 0.1;
-  config.residual = config.lit = config.surface_normals = true;
-  actor.static_texture = torch::full({1, 256, 256, 3}, 0.5);
-  actor.lighting = Lighting(1, std::vector<int>{0});
-  actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
-  actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
-  torch::NoGradGuard no_grad;
-  auto generator = at::detail::createCPUGenerator(7);
-  for (torch::nn::Module* module : std::initializer_list<torch::nn::Module*>{actor.egnet.get(), actor.deltanet.get()}) {
-    for (torch::Tensor& p : module->parameters()) p.copy_(0.1 * torch::randn(p.sizes(), generator));
-    module->eval();
-  }
-  actor.texnet->eval();
-  return actor;
-}
-
 TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
-  TrainedActor actor = dressed_actor();
+  TrainedActor actor = support::dressed_actor();
   TexNetConfig config = actor.texnet->config();
   ASSERT_TRUE(config.surface_normals);
   const torch::Tensor window =
@@ -176,13 +150,8 @@ TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
 
 TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
   const TemporaryFolder folder;
-  TrainedActor actor = dressed_actor();
-  ActorDescription description;
-  description.name = "dressed";
-  description.past_frames = actor.past_frames();
-  for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
-  description.num_vertices = actor.character.num_vertices();
-  description.texture_size = 256;
+  TrainedActor actor = support::dressed_actor();
+  const ActorDescription description = support::description_of(actor);
   const auto path = folder / "actor.pt";
   write_actor(path, actor.character, description,
               {[&](const torch::Tensor& window) { return actor.fine(window); },

@@ -12,9 +12,9 @@
 #include "doppel/core/error.h"
 #include "doppel/data/person_crop.h"
 #include "doppel/export/actor_file.h"
+#include "export/untrained_pose.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "support/test_character.h"
 
 namespace doppel::pose_file_test {
 namespace {
@@ -24,28 +24,7 @@ using support::TemporaryFolder;
 using ::testing::HasSubstr;
 using torch::Tensor;
 
-constexpr int kInput = 70;
-
-/// Networks that nobody trained, with outputs large enough to see.
-TrainedPose make_trained(bool with_defnet) {
-  TrainedPose trained;
-  trained.character = make_test_character();
-  trained.landmarks = trained.character.skeleton.markers;
-  trained.pose.emplace(trained.character.skeleton, std::vector<std::string>{}, trained.character.rest_dofs);
-  trained.landmark_layer = Landmarks(trained.character.skeleton, trained.landmarks);
-  trained.surface = CharacterSurface(trained.character);
-  PoseNetConfig config;
-  config.kind = ResNetKind::resnet18;
-  config.input_size = kInput;
-  config.head_scale = 0.02;
-  trained.posenet = PoseNet(*trained.pose, config);
-  trained.posenet->eval();
-  if (!with_defnet) return trained;
-  config.head_scale = 0.002;
-  trained.defnet = DefNet(trained.character.num_nodes(), config, at::detail::createCPUGenerator(4));
-  trained.defnet->eval();
-  return trained;
-}
+constexpr int kInput = support::kPoseInput;
 
 /// What a camera three metres away, which is turned a little, sees of points about the origin.
 struct Seen {
@@ -92,7 +71,7 @@ Tensor random_images(std::int64_t batch, int side = kInput) {
 TEST(PoseFileAgrees, WithTheLibraryOnUnseenImagesAndBatches) {
   for (const bool with_defnet : {true, false}) {
     const TemporaryFolder folder;
-    TrainedPose trained = make_trained(with_defnet);
+    TrainedPose trained = support::untrained_pose(with_defnet);
     write_pose_file(folder / "pose.pt", trained);
     const PoseFile file = PoseFile::load(folder / "pose.pt");
     EXPECT_EQ(file.description().deformed, with_defnet);
@@ -120,7 +99,7 @@ TEST(PoseFileAgrees, WithTheLibraryOnUnseenImagesAndBatches) {
 
 TEST(PoseFileAgrees, DefNetBendsAndPoseNetAloneSkins) {
   const TemporaryFolder folder;
-  TrainedPose trained = make_trained(true);
+  TrainedPose trained = support::untrained_pose(true);
   write_pose_file(folder / "bent.pt", trained);
   trained.defnet = nullptr;
   write_pose_file(folder / "skinned.pt", trained);
@@ -135,7 +114,7 @@ TEST(PoseFileAgrees, DefNetBendsAndPoseNetAloneSkins) {
 
 TEST(PoseFileAgrees, NobodySeenIsMarkedAndFinite) {
   const TemporaryFolder folder;
-  TrainedPose trained = make_trained(true);
+  TrainedPose trained = support::untrained_pose(true);
   write_pose_file(folder / "pose.pt", trained);
   Seen seen(2, static_cast<std::int64_t>(trained.landmarks.size()));
   seen.keypoints.select(-1, 2)[0] = 0.1;                              // unsure, all of them
@@ -150,7 +129,7 @@ TEST(PoseFileAgrees, NobodySeenIsMarkedAndFinite) {
 
 TEST(PoseFileRejects, WhatIsNotAPoseFileAndOtherShapes) {
   const TemporaryFolder folder;
-  TrainedPose trained = make_trained(false);
+  TrainedPose trained = support::untrained_pose(false);
   write_pose_file(folder / "pose.pt", trained);
   EXPECT_THAT(message_of<FileError>([&] { ActorFile::load(folder / "pose.pt"); }),
               HasSubstr("is a pose file, which takes images"));
@@ -252,7 +231,7 @@ void expect_captured(const TemporaryFolder& folder, const std::string& host, con
 
 TEST(PoseFileAgrees, WithThePythonAndTheCppHost) {
   const TemporaryFolder folder;
-  TrainedPose trained = make_trained(true);
+  TrainedPose trained = support::untrained_pose(true);
   write_pose_file(folder / "pose.pt", trained);
   const PoseFile file = PoseFile::load(folder / "pose.pt");
   const HostInput input(trained, file, folder);

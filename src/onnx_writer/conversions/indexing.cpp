@@ -89,8 +89,7 @@ std::string index_copy(const OnnxOperation& o) {
   torch::Tensor rows = torch::arange(targets, torch::kInt64);
   const torch::Tensor index = o.constant(2).toTensor().to(torch::kInt64);
   rows.index_copy_(0, index, torch::arange(targets, targets + index.size(0), torch::kInt64));
-  const std::string both =
-      o.graph.add("Concat", {o.tensor(0), o.tensor(3, o.result_type())}, {{"axis", dimension}});
+  const std::string both = o.graph.add("Concat", {o.tensor(0), o.tensor(3, o.result_type())}, {{"axis", dimension}});
   return o.graph.add("Gather", {both, o.graph.constant(rows)}, {{"axis", dimension}});
 }
 

@@ -11,16 +11,20 @@ std::vector<std::int64_t> twice(const std::vector<std::int64_t>& values) {
   return all;
 }
 
+/// Height and width; a single number counts for both.
+std::vector<std::int64_t> pair(const OnnxOperation& o, std::size_t i) {
+  const std::vector<std::int64_t> values = o.integers(i);
+  return values.size() == 1 ? twice(values) : values;
+}
+
 /// _convolution(input, weight, bias, stride, padding, dilation, transposed, output_padding, groups, ...)
 std::string convolution(const OnnxOperation& o) {
-  OnnxAttributes attributes{{"strides", o.integers(3)},
-                            {"pads", twice(o.integers(4))},
-                            {"dilations", o.integers(5)},
-                            {"group", o.integer(8)}};
+  OnnxAttributes attributes{
+      {"strides", pair(o, 3)}, {"pads", twice(pair(o, 4))}, {"dilations", pair(o, 5)}, {"group", o.integer(8)}};
   std::vector<std::string> inputs{o.tensor(0), o.tensor(1)};
   if (!o.is_none(2)) inputs.push_back(o.tensor(2));
   if (!o.flag(6)) return o.graph.add("Conv", inputs, attributes);
-  attributes.emplace_back("output_padding", o.integers(7));
+  attributes.emplace_back("output_padding", pair(o, 7));
   return o.graph.add("ConvTranspose", inputs, attributes);
 }
 
@@ -58,13 +62,17 @@ std::string nearest(const OnnxOperation& o) { return upsample(o, "nearest", fals
 
 /// max_pool2d(input, kernel, stride, padding, dilation, ceil_mode)
 std::string max_pool(const OnnxOperation& o) {
-  const std::vector<std::int64_t> kernel = o.integers(1), stride = o.integers(2);
+  const std::vector<std::int64_t> kernel = pair(o, 1);
   return o.graph.add("MaxPool", {o.tensor(0)},
                      {{"kernel_shape", kernel},
-                      {"strides", stride.empty() ? kernel : stride},
-                      {"pads", twice(o.integers(3))},
-                      {"dilations", o.integers(4)},
+                      {"strides", o.integers(2).empty() ? kernel : pair(o, 2)},
+                      {"pads", twice(pair(o, 3))},
+                      {"dilations", pair(o, 4)},
                       {"ceil_mode", std::int64_t{o.flag(5)}}});
+}
+
+std::string pixel_shuffle(const OnnxOperation& o) {
+  return o.graph.add("DepthToSpace", {o.tensor(0)}, {{"blocksize", o.integer(1)}, {"mode", std::string("CRD")}});
 }
 
 std::string global_average(const OnnxOperation& o) {
@@ -75,10 +83,13 @@ std::string global_average(const OnnxOperation& o) {
 }  // namespace
 
 const OnnxConversionTable& network_conversions() {
-  static const OnnxConversionTable table{
-      {"aten::_convolution", convolution},     {"aten::batch_norm", batch_norm},
-      {"aten::upsample_bilinear2d", bilinear}, {"aten::upsample_nearest2d", nearest},
-      {"aten::max_pool2d", max_pool},          {"aten::adaptive_avg_pool2d", global_average}};
+  static const OnnxConversionTable table{{"aten::_convolution", convolution},
+                                         {"aten::batch_norm", batch_norm},
+                                         {"aten::upsample_bilinear2d", bilinear},
+                                         {"aten::upsample_nearest2d", nearest},
+                                         {"aten::max_pool2d", max_pool},
+                                         {"aten::pixel_shuffle", pixel_shuffle},
+                                         {"aten::adaptive_avg_pool2d", global_average}};
   return table;
 }
 

@@ -80,12 +80,16 @@ std::string softmax(const OnnxOperation& o) {
 }  // namespace
 
 const OnnxConversionTable& reduction_conversions() {
-  static const OnnxConversionTable table{{"aten::sum", sum_over},  {"aten::mean", mean_over},
-                                         {"aten::norm", norm},     {"aten::linalg_vector_norm", vector_norm},
-                                         {"aten::argmax", argmax}, {"aten::amax", amax},
+  static const OnnxConversionTable table{{"aten::sum", sum_over},
+                                         {"aten::mean", mean_over},
+                                         {"aten::norm", norm},
+                                         {"aten::linalg_vector_norm", vector_norm},
+                                         {"aten::argmax", argmax},
+                                         {"aten::amax", amax},
                                          {"aten::all", of_truths<&kReduceMin>},
                                          {"aten::any", of_truths<&kReduceMax>},
-                                         {"aten::cumsum", cumsum}, {"aten::softmax", softmax}};
+                                         {"aten::cumsum", cumsum},
+                                         {"aten::softmax", softmax}};
   return table;
 }
 
