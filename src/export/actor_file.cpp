@@ -16,6 +16,7 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
   ScriptFile file = load_script_file(path, ScriptKind::actor);
   ActorFile actor;
   actor.module_ = file.module;
+  actor.fused_ = file.fused;
   try {
     ActorDescription& d = actor.description_;
     d.name = file.metadata.at("name");
@@ -39,10 +40,14 @@ void ActorFile::check_window(const torch::Tensor& window) const {
          description_.past_frames + 1, dofs, fmt::to_string(fmt::join(window.sizes().vec(), " x ")));
 }
 
+torch::jit::script::Module& ActorFile::module_for(const torch::Tensor& window) const {
+  return fused_ && window.size(0) == 1 ? *fused_ : module_;
+}
+
 torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
   check_window(window);
   torch::NoGradGuard no_grad;
-  return module_.forward({window}).toTensor();
+  return module_for(window).forward({window}).toTensor();
 }
 
 std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
@@ -56,7 +61,7 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
     fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
   torch::NoGradGuard no_grad;
-  const auto result = module_.get_method("textured")({window, projection}).toTuple();
+  const auto result = module_for(window).get_method("textured")({window, projection}).toTuple();
   return {result->elements()[0].toTensor(), result->elements()[1].toTensor()};
 }
 

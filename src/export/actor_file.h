@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,7 +46,9 @@ class ActorFile {
 
  private:
   void check_window(const torch::Tensor& window) const;
+  torch::jit::script::Module& module_for(const torch::Tensor& window) const;
   mutable torch::jit::script::Module module_;
+  mutable std::optional<torch::jit::script::Module> fused_;
   ActorDescription description_;
 };
 

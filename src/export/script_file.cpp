@@ -3,15 +3,19 @@
 #include <torch/csrc/jit/frontend/tracer.h>
 
 #include <limits>
+#include <sstream>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 namespace {
 
 using torch::jit::Stack;
+
+constexpr const char* kFusedFile = "fused.pt";  // the same methods with Doppel's ops, without parameters
 
 struct KindWords {
   const char* type;      ///< of the TorchScript module
@@ -85,30 +89,32 @@ std::unordered_map<std::string, std::string> mesh_files(const TriangleMesh& mesh
   return files;
 }
 
-ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules)
-    : kind_(kind),
-      module_(std::string("__torch__.doppel.") + words_of(kind).type, std::make_shared<torch::jit::CompilationUnit>()) {
+namespace {
+
+torch::jit::script::Module module_of(ScriptKind kind, const ScriptModules& modules) {
+  torch::jit::script::Module all(std::string("__torch__.doppel.") + words_of(kind).type,
+                                 std::make_shared<torch::jit::CompilationUnit>());
   for (const auto& [name, module] : modules)
-    module_.register_module(name, mirror(*module, name, module_._ivalue()->compilation_unit()));
-  module_.eval();
+    all.register_module(name, mirror(*module, name, all._ivalue()->compilation_unit()));
+  all.eval();
+  return all;
 }
 
-void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
+void add_trace(torch::jit::script::Module& module, const std::string& name, const Stack& inputs,
+               const ScriptFileWriter::Function& function) {
   const torch::NoGradGuard no_grad;
   const auto [state, outputs] = torch::jit::tracer::trace(
       inputs, [&](const Stack& given) { return packed(function(given)); },
       [](const torch::autograd::Variable&) { return std::string(); }, /*strict=*/true, /*force_outplace=*/false,
-      &module_);
-  const auto full_name = c10::QualifiedName(*module_.type()->name(), name);
-  module_.type()->addMethod(module_._ivalue()->compilation_unit()->create_function(full_name, state->graph));
-  check_operations(state->graph->block());
+      &module);
+  const auto full_name = c10::QualifiedName(*module.type()->name(), name);
+  module.type()->addMethod(module._ivalue()->compilation_unit()->create_function(full_name, state->graph));
 }
 
-void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const Function& function,
-                             const std::vector<double>& tolerances) const {
+void check_method(torch::jit::script::Module& module, const std::string& name, const Stack& unseen,
+                  const Stack& expected, const std::vector<double>& tolerances) {
   const torch::NoGradGuard no_grad;
-  const Stack expected = function(unseen);
-  const torch::jit::IValue found = module_.get_method(name)(unseen);
+  const torch::jit::IValue found = module.get_method(name)(unseen);
   for (std::size_t i = 0; i < expected.size(); ++i) {
     const torch::Tensor result = expected.size() == 1 ? found.toTensor() : found.toTuple()->elements()[i].toTensor();
     const double found_difference = difference(result, expected[i].toTensor());
@@ -120,14 +126,77 @@ void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const
   }
 }
 
+/// Parameters and buffers of `to` become those of `from`, which has the same tree of modules.
+void share_tensors(torch::jit::script::Module& to, const torch::jit::script::Module& from) {
+  for (const auto& value : from.named_attributes(/*recurse=*/false))
+    if (value.value.isTensor()) to.setattr(value.name, value.value);
+  for (const auto& child : from.named_children()) {
+    torch::jit::script::Module inner = to.attr(child.name).toModule();
+    share_tensors(inner, child.value);
+  }
+}
+
+void drop_tensors(torch::jit::script::Module& module) {
+  for (const auto& value : module.named_attributes(/*recurse=*/false))
+    if (value.value.isTensor()) module.setattr(value.name, torch::empty({0}, value.value.toTensor().options()));
+  for (const auto& child : module.named_children()) {
+    torch::jit::script::Module inner = child.value;
+    drop_tensors(inner);
+  }
+}
+
+}  // namespace
+
+ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules)
+    : kind_(kind), module_(module_of(kind, modules)), fused_(module_of(kind, modules)) {}
+
+void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
+  add_trace(module_, name, inputs, function);
+  check_operations(module_.get_method(name).graph()->block());
+  const KernelTraceScope kernels;
+  add_trace(fused_, name, inputs, function);
+}
+
+void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const Function& function,
+                             const std::vector<double>& tolerances) {
+  const torch::NoGradGuard no_grad;
+  const Stack expected = function(unseen);
+  check_method(module_, name, unseen, expected, tolerances);
+  Stack first, expected_first;
+  for (const torch::jit::IValue& input : unseen) first.emplace_back(input.toTensor().narrow(0, 0, 1));
+  for (const torch::jit::IValue& result : expected) expected_first.emplace_back(result.toTensor().narrow(0, 0, 1));
+  check_method(fused_, name, first, expected_first, tolerances);
+}
+
 void ScriptFileWriter::save(const std::filesystem::path& path, const Character& character,
                             const nlohmann::ordered_json& metadata) {
   nlohmann::ordered_json all{{words_of(kind_).key, kScriptVersion}};
   all.update(metadata);
   torch::jit::ExtraFilesMap files = mesh_files(character.mesh);
   files["metadata.json"] = all.dump(1);
+  drop_tensors(fused_);
+  std::ostringstream fused;
+  fused_.save(fused);
+  files[kFusedFile] = fused.str();
   write_atomically(path, [&](const std::filesystem::path& temporary) { module_.save(temporary.string(), files); });
 }
+
+namespace {
+
+torch::jit::script::Module load_fused(const std::filesystem::path& path, const std::string& bytes,
+                                      const torch::jit::script::Module& module) {
+  try {
+    std::istringstream stream(bytes);
+    torch::jit::script::Module fused = torch::jit::load(stream);
+    share_tensors(fused, module);
+    fused.eval();
+    return fused;
+  } catch (const std::exception&) {
+    fail_at({path.string()}, "its part {} is damaged; export the run again", kFusedFile);
+  }
+}
+
+}  // namespace
 
 ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) {
   const FileLocation where{path.string()};
@@ -135,7 +204,7 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
   if (!std::filesystem::is_regular_file(path))
     fail_at(where, "is not a file; `doppel export` writes {}s from runs", words.name);
   ScriptFile file;
-  torch::jit::ExtraFilesMap extra{{"metadata.json", ""}};
+  torch::jit::ExtraFilesMap extra{{"metadata.json", ""}, {kFusedFile, ""}};
   try {
     file.module = torch::jit::load(path.string(), c10::nullopt, extra);
   } catch (const std::exception&) {
@@ -151,6 +220,7 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, kind, e);
   }
+  if (!extra.at(kFusedFile).empty()) file.fused = load_fused(path, extra.at(kFusedFile), file.module);
   file.module.eval();
   return file;
 }

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -43,7 +44,7 @@ class ScriptFileWriter {
   /// @param tolerances largest allowed difference of each result
   /// @throws Error naming the method and the index of a result that differs more
   void check(const std::string& name, const torch::jit::Stack& unseen, const Function& function,
-             const std::vector<double>& tolerances) const;
+             const std::vector<double>& tolerances);
 
   /// What was added, in evaluation mode.
   const torch::jit::script::Module& module() const { return module_; }
@@ -54,7 +55,8 @@ class ScriptFileWriter {
 
  private:
   ScriptKind kind_;
-  torch::jit::script::Module module_;
+  torch::jit::script::Module module_;  ///< plain aten operations
+  torch::jit::script::Module fused_;   ///< the same methods with Doppel's ops, for a batch of one
 };
 
 /// The template's topology as the bytes of .npy files, by name: `faces.npy` and, where it has them, `uvs.npy`,
@@ -63,7 +65,9 @@ std::unordered_map<std::string, std::string> mesh_files(const TriangleMesh& mesh
 
 /// A file that was read.
 struct ScriptFile {
-  torch::jit::script::Module module;  ///< in evaluation mode
+  torch::jit::script::Module module;  ///< in evaluation mode; any batch size
+  /// The same methods on Doppel's kernels, for a batch of one: several times faster. Shares the parameters.
+  std::optional<torch::jit::script::Module> fused;
   nlohmann::json metadata;
 };
 /// @throws FileError when it is not a file of this kind and version; for a file of the other kind, the message says so

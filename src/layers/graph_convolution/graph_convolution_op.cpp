@@ -1,5 +1,6 @@
 #include <ATen/Parallel.h>
 #include <torch/autograd.h>
+#include <torch/csrc/jit/frontend/tracer.h>
 #include <torch/types.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/layers/graph_convolution/graph_convolution_kernel.h"
+#include "doppel/layers/op_handle.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/reference_scope.h"
 
@@ -260,22 +262,27 @@ void for_each_piece(Pass pass, const kernels::GraphConvolutionParams& p, int64_t
 }
 
 /// sum_l elu(f_l) K_l: [K,B,Hin], [K,Hin,Hout] -> [B,Hout].
+Tensor dense_sum_cpu(const Tensor& features, const Tensor& kernels) {
+  kernels::GraphConvolutionParams p = dense_params(features, kernels);
+  const int64_t blocks = (p.nodes + kernels::kGraphDenseBlock - 1) / kernels::kGraphDenseBlock;
+  const int64_t width = kernels::graph_convolution_width(), out = (p.outputs + width - 1) / width * width;
+  const Tensor sums = at::empty({blocks, p.batch, out}, features.options());
+  p.packed = sums.data_ptr<float>();
+  for_each_piece(kernels::graph_dense_sum, p, blocks);
+  // Added block by block, because at::sum may split its work by the number of threads.
+  Tensor total = sums[0].clone();
+  for (int64_t block = 1; block < blocks; ++block)
+    for (int64_t i = 0; i < p.batch * out; ++i) total.data_ptr<float>()[i] += p.packed[block * p.batch * out + i];
+  return total.narrow(1, 0, p.outputs);
+}
+
+/// dense_sum_cpu with gradients.
 class DenseSumFunction : public torch::autograd::Function<DenseSumFunction> {
  public:
   static Tensor forward(AutogradContext* context, const Tensor& features, const Tensor& kernels) {
     at::AutoDispatchBelowADInplaceOrView below_autograd;
     context->save_for_backward({features, kernels});
-    kernels::GraphConvolutionParams p = dense_params(features, kernels);
-    const int64_t blocks = (p.nodes + kernels::kGraphDenseBlock - 1) / kernels::kGraphDenseBlock;
-    const int64_t width = kernels::graph_convolution_width(), out = (p.outputs + width - 1) / width * width;
-    const Tensor sums = at::empty({blocks, p.batch, out}, features.options());
-    p.packed = sums.data_ptr<float>();
-    for_each_piece(kernels::graph_dense_sum, p, blocks);
-    // Added block by block, because at::sum may split its work by the number of threads.
-    Tensor total = sums[0].clone();
-    for (int64_t block = 1; block < blocks; ++block)
-      for (int64_t i = 0; i < p.batch * out; ++i) total.data_ptr<float>()[i] += p.packed[block * p.batch * out + i];
-    return total.narrow(1, 0, p.outputs);
+    return dense_sum_cpu(features, kernels);
   }
 
   static variable_list backward(AutogradContext* context, variable_list grad_outputs) {
@@ -291,8 +298,55 @@ class DenseSumFunction : public torch::autograd::Function<DenseSumFunction> {
   }
 };
 
+ConvolutionSetting op_setting(at::TensorList ring, bool node_major) {
+  if (ring.size() != 6)
+    fail<UsageError>("graph_convolution: ring must hold the 6 tensors of RingWeights::packed(), received {}",
+                     ring.size());
+  ConvolutionSetting setting;
+  setting.ring = ring.vec();
+  setting.node_major = node_major;
+  return setting;
+}
+
+/// @param norm weight, bias, running mean and variance; empty: none
+Tensor unit_cpu(const Tensor& features, const Tensor& kernels, const Tensor& bias, at::TensorList ring,
+                at::TensorList norm, const OptionalTensor& skip, bool elu, double epsilon, bool node_major) {
+  ConvolutionSetting setting = op_setting(ring, node_major);
+  check_arguments(features, kernels, bias, ring[0].size(0), node_major);
+  if (!norm.empty() && norm.size() != 4)
+    fail<UsageError>("graph_convolution_unit: norm must hold 4 tensors or none, received {}", norm.size());
+  setting.elu = elu;
+  setting.epsilon = epsilon;
+  Tensor weight, offset;
+  if (!norm.empty()) {
+    weight = norm[0].contiguous();
+    offset = norm[1].contiguous();
+    setting.running_mean = norm[2];
+    setting.running_var = norm[3];
+  }
+  return convolution_cpu(features.contiguous(), kernels.contiguous(), bias.contiguous(),
+                         skip ? skip->contiguous() : Tensor(), weight, offset, setting)
+      .output;
+}
+
+/// The convolution as an op of a trace: for inference, and so without gradients.
+Tensor traced_unit(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor& kernels, const Tensor& bias,
+                   const RingWeights& ring, const Tensor& skip, bool node_major) {
+  static const auto op = find_op<decltype(unit_cpu)>("doppel::graph_convolution_unit");
+  std::vector<Tensor> statistics;
+  if (norm.defined()) statistics = {norm.weight, norm.bias, norm.running_mean, norm.running_var};
+  return op.call(features, kernels, bias, ring.packed(), statistics, optional_of(skip), elu, norm.epsilon, node_major);
+}
+
+Tensor dense_sum(const Tensor& features, const Tensor& kernels) {
+  if (!torch::jit::tracer::isTracing()) return DenseSumFunction::apply(features, kernels);
+  static const auto op = find_op<decltype(dense_sum_cpu)>("doppel::graph_dense_sum");
+  return op.call(features, kernels);
+}
+
 Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor& kernels, const Tensor& bias,
            const RingWeights& ring, const Tensor& skip, bool node_major) {
+  if (torch::jit::tracer::isTracing()) return traced_unit(features, norm, elu, kernels, bias, ring, skip, node_major);
   ConvolutionSetting setting;
   setting.ring = ring.packed();
   setting.running_mean = norm.running_mean;
@@ -309,16 +363,6 @@ Tensor run(const Tensor& features, const NodeNorm& norm, bool elu, const Tensor&
 }
 
 // ---- dispatcher ----
-
-ConvolutionSetting op_setting(at::TensorList ring, bool node_major) {
-  if (ring.size() != 6)
-    fail<UsageError>("graph_convolution: ring must hold the 6 tensors of RingWeights::packed(), received {}",
-                     ring.size());
-  ConvolutionSetting setting;
-  setting.ring = ring.vec();
-  setting.node_major = node_major;
-  return setting;
-}
 
 Tensor op_forward(const Tensor& features, const Tensor& kernels, const Tensor& bias, at::TensorList ring,
                   bool node_major) {
@@ -348,8 +392,14 @@ TORCH_LIBRARY_FRAGMENT(doppel, m) {
   m.def(
       "graph_convolution_backward(Tensor grad_output, Tensor features, Tensor kernels, Tensor[] ring, bool node_major) "
       "-> (Tensor, Tensor, Tensor)");
+  m.def(
+      "graph_convolution_unit(Tensor features, Tensor kernels, Tensor bias, Tensor[] ring, Tensor[] norm, "
+      "Tensor? skip, bool elu, float epsilon, bool node_major) -> Tensor");
+  m.def("graph_dense_sum(Tensor features, Tensor kernels) -> Tensor");
 }
 TORCH_LIBRARY_IMPL(doppel, CPU, m) {
+  m.impl("graph_convolution_unit", unit_cpu);
+  m.impl("graph_dense_sum", dense_sum_cpu);
   m.impl("graph_convolution", op_forward);
   m.impl("graph_convolution_backward", op_backward);
 }
@@ -375,7 +425,7 @@ Tensor elu_dense_broadcast_node_major(const Tensor& features, const Tensor& kern
   check_arguments(features, kernels, bias, kernels.size(0), true);
   if (!takes_kernel(features) || features.numel() == 0)
     return features + dense_broadcast(at::elu(features.transpose(0, 1)), kernels, bias, scale).transpose(0, 1);
-  const Tensor sum = DenseSumFunction::apply(features.contiguous(), kernels.contiguous());
+  const Tensor sum = dense_sum(features.contiguous(), kernels.contiguous());
   return features + (bias.unsqueeze(1) + sum * scale);
 }
 
