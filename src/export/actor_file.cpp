@@ -2,7 +2,11 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/npy.h"
 #include "doppel/export/actor_trace.h"
 
 namespace doppel {
@@ -11,6 +15,30 @@ void write_actor(const std::filesystem::path& path, const Character& character, 
                  const ActorFunctions& functions, const ScriptModules& modules) {
   traced_actor(description, functions, modules).save(path, character, actor_metadata(character, description));
 }
+
+namespace {
+
+template <typename T>
+std::vector<T> array_of(const ScriptFile& file, const std::string& name, const std::filesystem::path& path) {
+  const auto found = file.mesh.find(name);
+  return found == file.mesh.end() ? std::vector<T>() : parse_npy(found->second, {path.string() + ": " + name}).as<T>();
+}
+
+/// @throws FileError when the arrays do not fit together
+ActorTopology topology_of(const ScriptFile& file, const std::filesystem::path& path, std::int32_t num_vertices) {
+  ActorTopology topology{array_of<std::int32_t>(file, "faces.npy", path), array_of<float>(file, "uvs.npy", path),
+                         array_of<std::int32_t>(file, "face_uvs.npy", path)};
+  const auto within = [](const std::vector<std::int32_t>& items, std::size_t end) {
+    return std::all_of(items.begin(), items.end(), [end](std::int32_t i) { return i >= 0 && as_size(i) < end; });
+  };
+  if (topology.faces.size() % 3 != 0 || !within(topology.faces, as_size(num_vertices)) ||
+      !within(topology.face_uvs, topology.uvs.size() / 2) ||
+      (!topology.face_uvs.empty() && topology.face_uvs.size() != topology.faces.size()))
+    fail_at({path.string()}, "its faces name vertices or UVs that do not exist; export the run again");
+  return topology;
+}
+
+}  // namespace
 
 ActorFile ActorFile::load(const std::filesystem::path& path) {
   ScriptFile file = load_script_file(path, ScriptKind::actor);
@@ -30,6 +58,7 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::actor, e);
   }
+  actor.topology_ = topology_of(file, path, actor.description_.num_vertices);
   return actor;
 }
 

@@ -31,6 +31,13 @@ namespace doppel {
 void write_actor(const std::filesystem::path& path, const Character& character, const ActorDescription& description,
                  const ActorFunctions& functions, const ScriptModules& modules);
 
+/// The template's faces and UVs.
+struct ActorTopology {
+  std::vector<std::int32_t> faces;     ///< [F,3]
+  std::vector<float> uvs;              ///< [U,2]; empty: the template has no UVs
+  std::vector<std::int32_t> face_uvs;  ///< [F,3]; empty without UVs
+};
+
 /// An actor file that was read.
 class ActorFile {
  public:
@@ -38,6 +45,7 @@ class ActorFile {
   static ActorFile load(const std::filesystem::path& path);
 
   const ActorDescription& description() const { return description_; }
+  const ActorTopology& topology() const { return topology_; }
   /// [B,F+1,D] -> [B,N,3] @throws Error for another shape
   torch::Tensor forward(const torch::Tensor& window) const;
   /// Vertices [B,N,3] and dynamic texture [B,T,T,3] for one camera. @param projection [B,3,4]
@@ -50,6 +58,7 @@ class ActorFile {
   mutable torch::jit::script::Module module_;
   mutable std::optional<torch::jit::script::Module> fused_;
   ActorDescription description_;
+  ActorTopology topology_;
 };
 
 }  // namespace doppel

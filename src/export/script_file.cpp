@@ -204,7 +204,8 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
   if (!std::filesystem::is_regular_file(path))
     fail_at(where, "is not a file; `doppel export` writes {}s from runs", words.name);
   ScriptFile file;
-  torch::jit::ExtraFilesMap extra{{"metadata.json", ""}, {kFusedFile, ""}};
+  torch::jit::ExtraFilesMap extra{
+      {"metadata.json", ""}, {kFusedFile, ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
   try {
     file.module = torch::jit::load(path.string(), c10::nullopt, extra);
   } catch (const std::exception&) {
@@ -221,6 +222,8 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
     fail_metadata(path, kind, e);
   }
   if (!extra.at(kFusedFile).empty()) file.fused = load_fused(path, extra.at(kFusedFile), file.module);
+  for (const char* name : {"faces.npy", "uvs.npy", "face_uvs.npy"})
+    if (!extra.at(name).empty()) file.mesh[name] = extra.at(name);
   file.module.eval();
   return file;
 }

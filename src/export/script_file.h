@@ -69,6 +69,7 @@ struct ScriptFile {
   /// The same methods on Doppel's kernels, for a batch of one: several times faster. Shares the parameters.
   std::optional<torch::jit::script::Module> fused;
   nlohmann::json metadata;
+  std::unordered_map<std::string, std::string> mesh;  ///< as mesh_files
 };
 /// @throws FileError when it is not a file of this kind and version; for a file of the other kind, the message says so
 ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind);

@@ -1,0 +1,159 @@
+/// The C API of include/doppel/actor.h on ActorFile.
+
+#include "doppel/actor.h"
+
+#include <ATen/Parallel.h>
+
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/export/actor_file.h"
+
+struct doppel_actor {
+  explicit doppel_actor(doppel::ActorFile opened) : file(std::move(opened)) {}
+
+  doppel::ActorFile file;
+  torch::Tensor window;    ///< [1,F+1,D], oldest first
+  torch::Tensor next;      ///< scratch of the same size
+  torch::Tensor vertices;  ///< [1,N,3]; undefined before the first pose
+  torch::Tensor texture;   ///< [1,T,T,3]
+  torch::Tensor projection = torch::empty({1, 3, 4});
+  std::vector<float> normals;  ///< [N,3]
+  bool normals_known = false;
+};
+
+namespace {
+
+thread_local std::string last_error;
+
+/// Runs `body`. An exception becomes the error of this thread and the result `failed`.
+template <typename Result, typename Body>
+Result guarded(Result failed, const Body& body) {
+  try {
+    const torch::NoGradGuard no_grad;
+    return body();
+  } catch (const std::exception& e) {
+    last_error = e.what();
+  } catch (...) {
+    last_error = "an unknown error";
+  }
+  return failed;
+}
+
+const doppel::ActorDescription& description(const doppel_actor* actor) { return actor->file.description(); }
+
+/// Moves the window by one pose; before the first pose, all rows are that pose.
+void next_window(doppel_actor& actor, const float* dofs) {
+  const std::int64_t rows = actor.window.size(1), columns = actor.window.size(2);
+  const bool first = !actor.vertices.defined();
+  float* out = actor.next.data_ptr<float>();
+  for (std::int64_t row = 0; row < rows; ++row) {
+    const bool newest = first || row == rows - 1;
+    const float* from = newest ? dofs : actor.window.data_ptr<float>() + (row + 1) * columns;
+    std::memcpy(out + row * columns, from, doppel::as_size(columns) * sizeof(float));
+  }
+}
+
+/// Area-weighted: the cross product of two edges of a face has twice its area as length.
+void compute_normals(doppel_actor& actor) {
+  const float* v = actor.vertices.data_ptr<float>();
+  const std::vector<std::int32_t>& faces = actor.file.topology().faces;
+  std::fill(actor.normals.begin(), actor.normals.end(), 0.0f);
+  for (std::size_t f = 0; f < faces.size(); f += 3) {
+    const float *a = v + 3 * faces[f], *b = v + 3 * faces[f + 1], *c = v + 3 * faces[f + 2];
+    const float e[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, g[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+    const float n[3] = {e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]};
+    for (std::size_t corner = 0; corner < 3; ++corner)
+      for (std::size_t i = 0; i < 3; ++i) actor.normals[3 * doppel::as_size(faces[f + corner]) + i] += n[i];
+  }
+  for (std::size_t i = 0; i < actor.normals.size(); i += 3) {
+    float* n = &actor.normals[i];
+    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    for (int k = 0; k < 3 && length > 0; ++k) n[k] /= length;
+  }
+}
+
+}  // namespace
+
+const char* doppel_last_error(void) { return last_error.c_str(); }
+
+doppel_actor* doppel_actor_open(const char* path) {
+  return guarded<doppel_actor*>(nullptr, [&] {
+    auto actor = std::make_unique<doppel_actor>(doppel::ActorFile::load(path));
+    const doppel::ActorDescription& d = description(actor.get());
+    actor->window = torch::zeros({1, d.past_frames + 1, static_cast<std::int64_t>(d.dof_names.size())});
+    actor->next = torch::zeros_like(actor->window);
+    actor->normals.resize(3 * doppel::as_size(d.num_vertices));
+    return actor.release();
+  });
+}
+
+void doppel_actor_close(doppel_actor* actor) { delete actor; }
+void doppel_set_threads(int threads) { at::set_num_threads(std::max(1, threads)); }
+
+int doppel_actor_num_dofs(const doppel_actor* actor) { return static_cast<int>(description(actor).dof_names.size()); }
+int doppel_actor_num_vertices(const doppel_actor* actor) { return description(actor).num_vertices; }
+int doppel_actor_num_faces(const doppel_actor* actor) {
+  return static_cast<int>(actor->file.topology().faces.size() / 3);
+}
+int doppel_actor_num_uvs(const doppel_actor* actor) { return static_cast<int>(actor->file.topology().uvs.size() / 2); }
+int doppel_actor_texture_size(const doppel_actor* actor) { return description(actor).texture_size; }
+int doppel_actor_window(const doppel_actor* actor) { return description(actor).past_frames + 1; }
+double doppel_actor_frames_per_second(const doppel_actor* actor) { return description(actor).frames_per_second; }
+
+const char* doppel_actor_dof_name(const doppel_actor* actor, int dof) {
+  if (dof < 0 || dof >= doppel_actor_num_dofs(actor)) return nullptr;
+  return description(actor).dof_names[doppel::as_size(dof)].c_str();
+}
+
+const int32_t* doppel_actor_faces(const doppel_actor* actor) { return actor->file.topology().faces.data(); }
+const float* doppel_actor_uvs(const doppel_actor* actor) { return actor->file.topology().uvs.data(); }
+const int32_t* doppel_actor_face_uvs(const doppel_actor* actor) { return actor->file.topology().face_uvs.data(); }
+
+int doppel_actor_push_pose(doppel_actor* actor, const float* dofs, int count) {
+  return guarded(-1, [&] {
+    if (count != doppel_actor_num_dofs(actor))
+      doppel::fail("posing the actor {}: a pose has {} DoFs, found {}", description(actor).name,
+                   doppel_actor_num_dofs(actor), count);
+    for (int i = 0; i < count; ++i)
+      if (!std::isfinite(dofs[i]))
+        doppel::fail("posing the actor {}: DoF {} ({}) is not finite", description(actor).name, i,
+                     doppel_actor_dof_name(actor, i));
+    next_window(*actor, dofs);
+    actor->vertices = actor->file.forward(actor->next).contiguous();
+    std::swap(actor->window, actor->next);
+    actor->normals_known = false;
+    return 0;
+  });
+}
+
+void doppel_actor_reset(doppel_actor* actor) { actor->vertices = torch::Tensor(); }
+
+const float* doppel_actor_vertices(const doppel_actor* actor) {
+  return guarded<const float*>(nullptr, [&]() -> const float* {
+    if (!actor->vertices.defined())
+      doppel::fail("vertices of the actor {}: push a pose first", description(actor).name);
+    return actor->vertices.data_ptr<float>();
+  });
+}
+
+const float* doppel_actor_normals(doppel_actor* actor) {
+  if (doppel_actor_vertices(actor) == nullptr) return nullptr;
+  if (!actor->normals_known) compute_normals(*actor);
+  actor->normals_known = true;
+  return actor->normals.data();
+}
+
+const float* doppel_actor_texture(doppel_actor* actor, const float projection[12]) {
+  if (doppel_actor_vertices(actor) == nullptr) return nullptr;
+  return guarded<const float*>(nullptr, [&]() -> const float* {
+    std::memcpy(actor->projection.data_ptr<float>(), projection, 12 * sizeof(float));
+    actor->texture = actor->file.textured(actor->window, actor->projection).second.contiguous();
+    return actor->texture.data_ptr<float>();
+  });
+}
