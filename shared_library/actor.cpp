@@ -13,6 +13,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/export/actor_file.h"
+#include "doppel/losses/silhouette.h"
 
 struct doppel_actor {
   explicit doppel_actor(doppel::ActorFile opened) : file(std::move(opened)) {}
@@ -23,8 +24,8 @@ struct doppel_actor {
   torch::Tensor vertices;  ///< [1,N,3]; undefined before the first pose
   torch::Tensor texture;   ///< [1,T,T,3]
   torch::Tensor projection = torch::empty({1, 3, 4});
-  std::vector<float> normals;  ///< [N,3]
-  bool normals_known = false;
+  torch::Tensor faces;    ///< int32 [F,3]
+  torch::Tensor normals;  ///< [1,N,3]; undefined before they are asked for
 };
 
 namespace {
@@ -59,25 +60,6 @@ void next_window(doppel_actor& actor, const float* dofs) {
   }
 }
 
-/// Area-weighted: the cross product of two edges of a face has twice its area as length.
-void compute_normals(doppel_actor& actor) {
-  const float* v = actor.vertices.data_ptr<float>();
-  const std::vector<std::int32_t>& faces = actor.file.topology().faces;
-  std::fill(actor.normals.begin(), actor.normals.end(), 0.0f);
-  for (std::size_t f = 0; f < faces.size(); f += 3) {
-    const float *a = v + 3 * faces[f], *b = v + 3 * faces[f + 1], *c = v + 3 * faces[f + 2];
-    const float e[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, g[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-    const float n[3] = {e[1] * g[2] - e[2] * g[1], e[2] * g[0] - e[0] * g[2], e[0] * g[1] - e[1] * g[0]};
-    for (std::size_t corner = 0; corner < 3; ++corner)
-      for (std::size_t i = 0; i < 3; ++i) actor.normals[3 * doppel::as_size(faces[f + corner]) + i] += n[i];
-  }
-  for (std::size_t i = 0; i < actor.normals.size(); i += 3) {
-    float* n = &actor.normals[i];
-    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    for (int k = 0; k < 3 && length > 0; ++k) n[k] /= length;
-  }
-}
-
 }  // namespace
 
 const char* doppel_last_error(void) { return last_error.c_str(); }
@@ -88,7 +70,7 @@ doppel_actor* doppel_actor_open(const char* path) {
     const doppel::ActorDescription& d = description(actor.get());
     actor->window = torch::zeros({1, d.past_frames + 1, static_cast<std::int64_t>(d.dof_names.size())});
     actor->next = torch::zeros_like(actor->window);
-    actor->normals.resize(3 * doppel::as_size(d.num_vertices));
+    actor->faces = torch::tensor(actor->file.topology().faces, torch::kInt32).view({-1, 3});
     return actor.release();
   });
 }
@@ -127,7 +109,7 @@ int doppel_actor_push_pose(doppel_actor* actor, const float* dofs, int count) {
     next_window(*actor, dofs);
     actor->vertices = actor->file.forward(actor->next).contiguous();
     std::swap(actor->window, actor->next);
-    actor->normals_known = false;
+    actor->normals = torch::Tensor();
     return 0;
   });
 }
@@ -144,9 +126,11 @@ const float* doppel_actor_vertices(const doppel_actor* actor) {
 
 const float* doppel_actor_normals(doppel_actor* actor) {
   if (doppel_actor_vertices(actor) == nullptr) return nullptr;
-  if (!actor->normals_known) compute_normals(*actor);
-  actor->normals_known = true;
-  return actor->normals.data();
+  return guarded<const float*>(nullptr, [&]() -> const float* {
+    if (!actor->normals.defined())
+      actor->normals = doppel::silhouette_normals(actor->vertices, actor->faces).contiguous();
+    return actor->normals.data_ptr<float>();
+  });
 }
 
 const float* doppel_actor_texture(doppel_actor* actor, const float projection[12]) {

@@ -130,6 +130,40 @@ TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
   EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
 }
 
+/// Runs a host of the C API on an actor and a motion. @return the vertices that it wrote
+std::vector<float> played_by(const std::string& host, const TemporaryFolder& folder) {
+  const std::string command = host + " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() +
+                              "' '" + (folder / "host.f32").string() + "' >/dev/null";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  const std::string raw = read_file(folder / "host.f32");
+  std::vector<float> vertices(raw.size() / sizeof(float));
+  std::memcpy(vertices.data(), raw.data(), raw.size());
+  return vertices;
+}
+
+TEST(ActorHostAgrees, InCAndInPythonWithoutPyTorch) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const Motion motion = test_motion(actor.character.num_dofs(), 9);
+  write_motion(folder / "m.motion", motion, true);
+  std::vector<float> ours;
+  const torch::NoGradGuard no_grad;
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    const torch::Tensor frame = actor.forward(motion_window(motion, f, actor.description.past_frames).unsqueeze(0));
+    ours.insert(ours.end(), frame.data_ptr<float>(), frame.data_ptr<float>() + frame.numel());
+  }
+  EXPECT_LT(largest_difference(ours, played_by(PLAY_ACTOR_C, folder)), 1e-5);
+  EXPECT_LT(largest_difference(ours, played_by("/usr/bin/python3 " ACTOR_CTYPES " " DOPPEL_LIBRARY, folder)), 1e-5);
+}
+
+TEST(ActorHostBehaves, NormalsWindowErrorsAndMemory) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  EXPECT_EQ(std::system((std::string(HOST_CHECK) + " '" + (folder / "actor.pt").string() + "'").c_str()), 0);
+}
+
 TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
   TrainedActor actor = support::dressed_actor();
   TexNetConfig config = actor.texnet->config();
