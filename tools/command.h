@@ -34,6 +34,7 @@ Command add_evaluate(CLI::App& program);
 Command add_compare(CLI::App& program);
 Command add_animate(CLI::App& program);
 Command add_export(CLI::App& program);
+Command add_view(CLI::App& program);
 Command add_info(CLI::App& program);
 
 }  // namespace doppel::tools

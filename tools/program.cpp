@@ -16,9 +16,10 @@ namespace {
 
 std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
   std::vector<Command> commands{
-      add_synth(program),    add_calibrate(program), add_capture(program), add_character(program), add_prepare(program),
-      add_detect(program),   add_doctor(program),    add_track(program),   add_train(program),     add_adapt(program),
-      add_evaluate(program), add_compare(program),   add_animate(program), add_export(program),    add_info(program)};
+      add_synth(program),   add_calibrate(program), add_capture(program),  add_character(program),
+      add_prepare(program), add_detect(program),    add_doctor(program),   add_track(program),
+      add_train(program),   add_adapt(program),     add_evaluate(program), add_compare(program),
+      add_animate(program), add_export(program),    add_view(program),     add_info(program)};
   for (Command& command : commands) {
     command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
         ->capture_default_str();

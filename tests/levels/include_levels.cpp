@@ -18,7 +18,7 @@ const std::map<std::string, int> kLevels = {
     {"keypoints", 3},     {"rig", 3},         {"rigging", 3}, {"layers", 3}, {"render", 3},     {"body", 4},
     {"motion_import", 4}, {"detect", 4},      {"capture", 4}, {"losses", 4}, {"nets", 4},       {"autorig", 5},
     {"energy", 5},        {"synth", 5},       {"doctor", 5},  {"data", 5},   {"fit", 6},        {"actor", 6},
-    {"eval", 7},          {"train", 8},       {"track", 8},   {"export", 8}, {"tools", 9}};
+    {"eval", 7},          {"train", 8},       {"track", 8},   {"export", 8}, {"view", 9},       {"tools", 10}};
 
 constexpr int kMaxFiles = 70;
 constexpr long kMaxLines = 7000;

@@ -1,0 +1,122 @@
+#include "doppel/view/view_subject.h"
+
+#include <algorithm>
+
+#include "doppel/actor/run_stages.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/capture/capture.h"
+#include "doppel/core/error.h"
+#include "doppel/data/dataset.h"
+#include "doppel/export/actor_file.h"
+#include "doppel/layers/surface.h"
+#include "doppel/motion_import/read_motion_file.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+
+ViewStage skinning_stage(const Character& character) {
+  return {"skinning", 0, [surface = CharacterSurface(character)](const torch::Tensor& window) mutable {
+            return surface->skinned(window.select(1, window.size(1) - 1));
+          }};
+}
+
+ViewSubject of_character(const fs::path& path) {
+  ViewSubject subject;
+  subject.character = load_character(path);
+  subject.stages = {skinning_stage(subject.character)};
+  return subject;
+}
+
+/// The motion of a dataset: of its test sequences, else of the first sequence that has one.
+void take_motion(ViewSubject& subject, const Dataset& dataset) {
+  subject.frames_per_second = dataset.fps();
+  const DatasetSequence* chosen = nullptr;
+  for (const DatasetSequence& sequence : dataset.sequences())
+    if (sequence.has_motion() && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
+      chosen = &sequence;
+  if (chosen) subject.motion = chosen->motion;
+}
+
+ViewSubject of_run(const fs::path& run) {
+  auto trained = std::make_shared<TrainedActor>(TrainedActor::load(run));
+  ViewSubject subject;
+  subject.character = trained->character;
+  subject.stages = {
+      skinning_stage(subject.character),
+      {"egnet", trained->past_frames(), [trained](const torch::Tensor& w) { return trained->coarse(w); }}};
+  if (trained->deltanet)
+    subject.stages.push_back(
+        {"deltanet", trained->past_frames(), [trained](const torch::Tensor& w) { return trained->fine(w); }});
+  take_motion(subject, trained->subject.open_dataset());
+  return subject;
+}
+
+ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
+  if (character.empty())
+    fail<UsageError>("viewing {}: an actor file holds no skeleton; name its character with --character FILE",
+                     path.string());
+  ViewSubject subject = of_character(character);
+  const auto file = std::make_shared<ActorFile>(ActorFile::load(path));
+  const ActorDescription& d = file->description();
+  if (static_cast<int>(d.dof_names.size()) != subject.character.num_dofs() ||
+      d.num_vertices != subject.character.num_vertices())
+    fail<UsageError>("viewing {}: the actor has {} DoFs and {} vertices, the character {} has {} and {}", path.string(),
+                     d.dof_names.size(), d.num_vertices, character.string(), subject.character.num_dofs(),
+                     subject.character.num_vertices());
+  subject.frames_per_second = d.frames_per_second;
+  subject.stages.push_back({"actor", d.past_frames, [file](const torch::Tensor& w) { return file->forward(w); }});
+  return subject;
+}
+
+ViewSubject of_prepared(const fs::path& folder) {
+  const Dataset dataset = Dataset::open(folder);
+  ViewSubject subject = of_character(dataset.character_path());
+  take_motion(subject, dataset);
+  return subject;
+}
+
+ViewSubject of_capture(const fs::path& file) {
+  const Capture capture = read_capture(file);
+  ViewSubject subject = of_character(capture.character_path());
+  subject.frames_per_second = capture.fps;
+  for (const SequenceEntry& sequence : capture.sequences)
+    if (!sequence.motion.empty() && subject.motion.num_frames() == 0)
+      subject.motion = read_motion(capture.resolve(sequence.motion), subject.character.num_dofs());
+  return subject;
+}
+
+bool is_prepared(const fs::path& folder) { return fs::exists(folder / "store"); }
+
+ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
+  const std::string extension = target.extension().string();
+  if (extension == ".character") return of_character(target);
+  if (extension == ".pt") return of_actor_file(target, options.character);
+  if (is_prepared(target)) return of_prepared(target);
+  if (fs::exists(target / "config.yaml")) {
+    if (captures_poses(target))
+      fail<UsageError>("viewing {}: a run of posenet or deepcap has no actor; track with it, then view the character",
+                       target.string());
+    return of_run(target);
+  }
+  if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(target);
+  fail<UsageError>(
+      "viewing {}: neither a run, an actor file (.pt), a .character file, a capture.yaml nor a prepared capture",
+      target.string());
+}
+
+}  // namespace
+
+ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options) {
+  ViewSubject subject = open_target(target, options);
+  if (!options.motion.empty()) {
+    MotionFileOptions wanted;
+    wanted.frames_per_second = subject.frames_per_second;
+    subject.motion = read_motion_file(options.motion, subject.character, wanted).motion;
+  }
+  if (subject.motion.num_frames() == 0) subject.motion = {{subject.character.rest_dofs}, {0}};
+  return subject;
+}
+
+}  // namespace doppel

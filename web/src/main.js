@@ -1,0 +1,121 @@
+import './style.css';
+import { open } from './source.js';
+import { Picture } from './scene.js';
+
+const element = (id) => document.getElementById(id);
+const complain = (error) => { element('message').textContent = String(error.message ?? error); element('message').hidden = false; };
+
+// One request at a time; of those that come meanwhile, the newest is kept.
+function newestOnly(work) {
+  let busy = false, waiting = null;
+  return async function ask(...args) {
+    if (busy) { waiting = args; return; }
+    busy = true;
+    try { await work(...args); element('message').hidden = true; } catch (error) { complain(error); }
+    busy = false;
+    if (waiting) { const next = waiting; waiting = null; ask(...next); }
+  };
+}
+
+function app(source) {
+  const { about } = source, picture = new Picture(element('stage'), source);
+  const state = { frame: 0, playing: false, edited: null, stage: about.stages.at(-1), speed: 1 };
+  const dofs = () => state.edited ?? source.dofsOf(state.frame);
+
+  const draw = newestOnly(async () => {
+    const { frame, stage, edited } = state;
+    state.geometry = edited ? await source.pose(edited, stage) : await source.frame(frame, stage);
+    picture.show(state.geometry);
+    if (!state.framed) { picture.frameAll(); state.framed = true; }
+    state.drawn = (state.drawn ?? 0) + 1;
+  });
+
+  const sliders = about.dofs.map((dof, d) => {
+    const row = document.createElement('label'), name = document.createElement('span');
+    const slider = document.createElement('input'), value = document.createElement('output');
+    const [low, high] = dof.limits ?? [-Math.PI, Math.PI];
+    row.className = 'dof';
+    name.textContent = name.title = dof.name;
+    Object.assign(slider, { type: 'range', min: low, max: high, step: (high - low) / 500 });
+    slider.dataset.dof = dof.name;
+    slider.addEventListener('input', () => { const pose = dofs().slice(); pose[d] = Number(slider.value); edit(pose); });
+    row.append(name, slider, value);
+    element('dofs').append(row);
+    return { row, slider, value };
+  });
+
+  function showNumbers() {
+    dofs().forEach((value, d) => {
+      sliders[d].slider.value = value;
+      sliders[d].value.textContent = value.toFixed(2);
+    });
+    element('scrub').value = state.frame;
+    element('frame').textContent = `${state.frame} / ${about.frames - 1}`;
+    element('play').textContent = state.playing ? '❚❚' : '▶';
+    element('follow').hidden = !state.edited;
+    for (const button of element('stages').children) button.setAttribute('aria-checked', button.textContent === state.stage);
+  }
+  const update = () => { showNumbers(); draw(); };
+  const edit = (pose) => { state.playing = false; state.edited = pose; update(); };
+  const goTo = (frame) => { state.edited = null; state.frame = Math.max(0, Math.min(about.frames - 1, frame)); update(); };
+  const play = (on) => { state.playing = on && about.frames > 1; if (on) state.edited = null; state.since = null; showNumbers(); };
+
+  const drag = newestOnly(async (joint, target) => {
+    state.reached = await source.reach(Float32Array.from(dofs()), joint, target);
+    edit(state.reached.dofs);
+  });
+  picture.onDrag(drag, () => {});
+
+  for (const stage of about.stages) {
+    const button = document.createElement('button');
+    button.textContent = stage;
+    button.setAttribute('role', 'radio');
+    button.addEventListener('click', () => { state.stage = stage; update(); });
+    element('stages').append(button);
+  }
+  element('name').textContent = document.title = about.name;
+  element('facts').textContent = `${about.vertices} vertices, ${about.dofs.length} DoFs, ${about.frames} frames`;
+  element('scrub').max = about.frames - 1;
+  element('scrub').addEventListener('input', (event) => { play(false); goTo(Number(event.target.value)); });
+  element('play').addEventListener('click', () => play(!state.playing));
+  element('speed').addEventListener('change', (event) => { state.speed = Number(event.target.value); state.since = null; });
+  element('light').addEventListener('input', (event) => picture.turnLight(Number(event.target.value)));
+  element('texture').addEventListener('change', (event) => picture.useTexture(event.target.checked).catch(complain));
+  element('handles').addEventListener('change', (event) => { picture.handles.visible = event.target.checked; });
+  element('rest').addEventListener('click', () => edit(Float32Array.from(about.rest)));
+  element('follow').addEventListener('click', () => goTo(state.frame));
+  element('menu').addEventListener('click', () => element('panel').classList.toggle('hidden'));
+  element('find').addEventListener('input', (event) => {
+    const wanted = event.target.value.toLowerCase();
+    about.dofs.forEach((dof, d) => { sliders[d].row.hidden = !dof.name.toLowerCase().includes(wanted); });
+  });
+  if (window.matchMedia('(max-width: 640px)').matches) element('panel').classList.add('hidden');
+  if (!about.textured) element('texture').parentElement.hidden = true;
+
+  window.addEventListener('keydown', (event) => {
+    if (event.target.matches('input[type=search], select')) return;
+    const actions = {
+      ' ': () => play(!state.playing), ArrowLeft: () => goTo(state.frame - 1), ArrowRight: () => goTo(state.frame + 1),
+      r: () => edit(Float32Array.from(about.rest)), h: () => element('panel').classList.toggle('hidden'),
+    };
+    if (!actions[event.key] || event.ctrlKey || event.metaKey) return;
+    if (event.target.matches('input[type=range]') && event.key.startsWith('Arrow')) return;
+    event.preventDefault();
+    actions[event.key]();
+  });
+
+  requestAnimationFrame(function tick(now) {
+    if (state.playing) {
+      state.since ??= { now, frame: state.frame };
+      const passed = ((now - state.since.now) / 1000) * about.frames_per_second * state.speed;
+      const frame = (state.since.frame + Math.floor(passed)) % about.frames;
+      if (frame !== state.frame) goTo(frame);
+    }
+    requestAnimationFrame(tick);
+  });
+  picture.useTexture(true).catch(complain);
+  update();
+  window.doppel = { state, picture, source, goTo, edit };  // for tests and for the console
+}
+
+open().then(app).catch(complain);
