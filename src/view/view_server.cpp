@@ -22,8 +22,8 @@ namespace doppel {
 namespace {
 
 constexpr std::size_t kLargestRequest = 1 << 20;
-constexpr int kSecondsToWait = 5;
-constexpr const char* kCookie = "doppel_view";
+constexpr int kSecondsToWait = 5, kSecondsKeptAlive = 2;
+constexpr std::size_t kConnections = 32;  // a browser opens six
 // Scripts, pictures and data from this server alone. The page sets styles of its own elements.
 constexpr const char* kPolicy =
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'";
@@ -78,6 +78,9 @@ struct ViewServer::State {
     if (!subject.character.mesh.texture.empty() && cv::imencode(".jpg", subject.character.mesh.texture, jpeg))
       texture.assign(jpeg.begin(), jpeg.end());
   }
+
+  /// Browsers share cookies between ports, so each server has a name of its own.
+  std::string cookie() const { return fmt::format("doppel_view_{}", port); }
 
   nlohmann::json description() const {
     const Skeleton& skeleton = subject.character.skeleton;
@@ -151,7 +154,7 @@ struct ViewServer::State {
     const std::string host = request.get_header_value("Host"), colon = ":" + std::to_string(port);
     if (host != "127.0.0.1" + colon && host != "localhost" + colon) return false;
     if (request.get_param_value("token") == token) return true;
-    return request.get_header_value("Cookie").find(kCookie + ("=" + token)) != std::string::npos;
+    return request.get_header_value("Cookie").find(cookie() + "=" + token) != std::string::npos;
   }
 
   void answer(const char* path, bool post, std::function<std::string(const httplib::Request&)> body,
@@ -176,7 +179,7 @@ struct ViewServer::State {
   void add_page() {
     for (const ViewPageFile& file : kViewPage) {
       const auto handler = [this, &file](const httplib::Request&, httplib::Response& response) {
-        response.set_header("Set-Cookie", fmt::format("{}={}; HttpOnly; SameSite=Strict; Path=/", kCookie, token));
+        response.set_header("Set-Cookie", fmt::format("{}={}; HttpOnly; SameSite=Strict; Path=/", cookie(), token));
         response.set_content(file.content.data(), file.content.size(), std::string(file.type).c_str());
       };
       server.Get(std::string(file.path), handler);
@@ -198,10 +201,16 @@ struct ViewServer::State {
   }
 
   void set_up() {
+    // The library's default lets a second program share the port.
+    server.set_socket_options([](socket_t socket) {
+      const int yes = 1;
+      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    });
     server.set_payload_max_length(kLargestRequest);
     server.set_read_timeout(kSecondsToWait);
     server.set_write_timeout(kSecondsToWait);
-    server.new_task_queue = [] { return new httplib::ThreadPool(4); };
+    server.set_keep_alive_timeout(kSecondsKeptAlive);
+    server.new_task_queue = [] { return new httplib::ThreadPool(kConnections); };
     server.set_default_headers({{"Content-Security-Policy", kPolicy},
                                 {"X-Content-Type-Options", "nosniff"},
                                 {"Referrer-Policy", "no-referrer"},

@@ -47,7 +47,9 @@ export class Picture {
     const { mesh } = this.source, geometry = new BufferGeometry();
     geometry.setIndex(new BufferAttribute(mesh.corners, 1));
     this.positions = new BufferAttribute(new Float32Array(3 * mesh.source.length), 3);
+    this.normals = new BufferAttribute(new Float32Array(3 * mesh.source.length), 3);
     geometry.setAttribute('position', this.positions);
+    geometry.setAttribute('normal', this.normals);
     geometry.setAttribute('uv', new BufferAttribute(mesh.uvs, 2));
     this.material = new MeshStandardMaterial({ color: 0xb8b4ae, roughness: 0.9 });
     this.body = new Mesh(geometry, this.material);
@@ -71,16 +73,30 @@ export class Picture {
   }
 
   show({ vertices, joints }) {
-    const { source } = this.source.mesh, out = this.positions.array;
-    for (let i = 0; i < source.length; ++i) out.set(vertices.subarray(3 * source[i], 3 * source[i] + 3), 3 * i);
-    this.positions.needsUpdate = true;
-    this.body.geometry.computeVertexNormals();
+    const { source } = this.source.mesh, normals = this.vertexNormals(vertices);
+    for (const [attribute, values] of [[this.positions, vertices], [this.normals, normals]]) {
+      for (let i = 0; i < source.length; ++i) attribute.array.set(values.subarray(3 * source[i], 3 * source[i] + 3), 3 * i);
+      attribute.needsUpdate = true;
+    }
     this.joints = joints;
     const at = new Matrix4();
     for (let j = 0; j < this.source.about.joints.length; ++j)
       this.handles.setMatrixAt(j, at.makeTranslation(joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]));
     this.handles.instanceMatrix.needsUpdate = true;
     this.handles.computeBoundingSphere();
+  }
+
+  // Area-weighted normals of the template's vertices, smooth across the seams of the texture; the shader normalises.
+  vertexNormals(vertices) {
+    const { corners, source } = this.source.mesh, normals = new Float32Array(vertices.length);
+    const [a, b, c, n] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
+    for (let f = 0; f < corners.length; f += 3) {
+      const face = [source[corners[f]], source[corners[f + 1]], source[corners[f + 2]]];
+      [a, b, c].forEach((point, k) => point.fromArray(vertices, 3 * face[k]));
+      n.crossVectors(b.sub(a), c.sub(a));
+      for (const v of face) { normals[3 * v] += n.x; normals[3 * v + 1] += n.y; normals[3 * v + 2] += n.z; }
+    }
+    return normals;
   }
 
   // Points the camera at the mesh.

@@ -1,0 +1,117 @@
+#include "doppel/view/view_server.h"
+
+#include <gtest/gtest.h>
+#include <httplib.h>
+
+#include <chrono>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "doppel/layers/surface.h"
+#include "support/test_character.h"
+
+namespace doppel::view_server_test {
+namespace {
+
+/// A server of the test character with one frame, in a thread of its own.
+class ViewServerTest : public testing::Test {
+ protected:
+  ViewServerTest() : server_(subject(), 0), thread_([this] { server_.serve(); }) {
+    const std::string url = server_.url();
+    const std::size_t colon = url.rfind(':'), slash = url.find('/', colon);
+    port_ = std::stoi(url.substr(colon + 1, slash - colon - 1));
+    query_ = url.substr(url.find("token="));
+    while (!client().Get("/")) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  ~ViewServerTest() override {
+    server_.stop();
+    thread_.join();
+  }
+
+  static ViewSubject subject() {
+    ViewSubject result;
+    result.character = make_test_character();
+    result.motion = {{result.character.rest_dofs}, {0}};
+    result.stages = {
+        {"skinning", 0, [surface = CharacterSurface(result.character)](const torch::Tensor& window) mutable {
+           return surface->skinned(window.select(1, window.size(1) - 1));
+         }}};
+    return result;
+  }
+  httplib::Client client() const {
+    httplib::Client result("127.0.0.1", port_);
+    result.set_read_timeout(20);
+    return result;
+  }
+  int status(const std::string& path) const { return client().Get(path)->status; }
+  std::string with_token(const std::string& path) const {
+    return path + (path.find('?') == std::string::npos ? "?" : "&") + query_;
+  }
+
+  ViewServer server_;
+  std::thread thread_;
+  int port_ = 0;
+  std::string query_;
+};
+
+TEST_F(ViewServerTest, RefusesRequestsWithoutTheToken) {
+  for (const char* path : {"/", "/api/description", "/api/description?token=", "/api/description?token=0", "/none.js"})
+    EXPECT_EQ(status(path), 403) << path;
+  EXPECT_EQ(status(with_token("/api/description")), 200);
+}
+
+TEST_F(ViewServerTest, RefusesAnotherHost) {
+  const auto answer = client().Get(with_token("/api/description"), {{"Host", "example.org"}});
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 403);
+}
+
+TEST_F(ViewServerTest, LeadsToNoFile) {
+  for (const char* path : {"/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/assets/..%2f..%2fetc/passwd"})
+    EXPECT_EQ(status(with_token(path)), 404) << path;
+}
+
+TEST_F(ViewServerTest, RefusesALargeBodyAndStillServes) {
+  const auto answer = client().Post(with_token("/api/pose?stage=skinning"), std::string(3 << 20, 'x'), "text/plain");
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 413);
+  EXPECT_EQ(status(with_token("/api/description")), 200);
+}
+
+TEST_F(ViewServerTest, AnswersWhileOtherConnectionsStandStill) {
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<std::unique_ptr<httplib::Client>> idle;
+  for (int i = 0; i < 6; ++i) {  // as many as a browser opens
+    idle.push_back(std::make_unique<httplib::Client>("127.0.0.1", port_));
+    idle.back()->set_keep_alive(true);
+    idle.back()->set_read_timeout(20);
+    ASSERT_TRUE(idle.back()->Get(with_token("/api/description")));
+  }
+  EXPECT_EQ(status(with_token("/api/description")), 200);
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 1.0);
+}
+
+TEST_F(ViewServerTest, FrameIsTheSkinnedSurfaceAndTheJoints) {
+  const Character character = make_test_character();
+  const auto answer = client().Get(with_token("/api/frame?i=0&stage=skinning"));
+  ASSERT_EQ(answer->status, 200);
+  const std::size_t vertices = 3 * static_cast<std::size_t>(character.num_vertices());
+  ASSERT_EQ(answer->body.size(), 4 * (vertices + 3 * character.skeleton.joints.size()));
+  CharacterSurface surface(character);
+  const torch::Tensor rest = torch::tensor(character.rest_dofs, torch::kFloat32).unsqueeze(0);
+  const torch::Tensor expected = surface->skinned(rest).detach().contiguous();
+  std::vector<float> found(vertices);
+  std::memcpy(found.data(), answer->body.data(), 4 * vertices);
+  for (std::size_t i = 0; i < vertices; ++i) ASSERT_NEAR(found[i], expected.data_ptr<float>()[i], 1e-6);
+}
+
+TEST_F(ViewServerTest, RefusesFramesStagesAndPosesThatDoNotExist) {
+  for (const char* path : {"/api/frame?i=1&stage=skinning", "/api/frame?i=-1&stage=skinning", "/api/frame?i=0&stage=no",
+                           "/api/frame?i=x&stage=skinning", "/api/frame"})
+    EXPECT_EQ(status(with_token(path)), 400) << path;
+  EXPECT_EQ(client().Post(with_token("/api/pose?stage=skinning"), "abc", "text/plain")->status, 400);
+}
+
+}  // namespace
+}  // namespace doppel::view_server_test
