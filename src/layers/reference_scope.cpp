@@ -6,7 +6,7 @@ namespace doppel {
 namespace {
 thread_local bool reference_only = false;
 thread_local bool traces_kernels = false;
-}
+}  // namespace
 
 ReferenceScope::ReferenceScope() : before_(reference_only) { reference_only = true; }
 ReferenceScope::~ReferenceScope() { reference_only = before_; }
