@@ -21,6 +21,7 @@
 #include "doppel/track/points/track_points.h"
 #include "doppel/track/shape/scale_bones.h"
 #include "doppel/track/track_capture.h"
+#include "doppel/vmc/vmc_sender.h"
 
 namespace doppel::tools {
 
@@ -37,6 +38,7 @@ constexpr char kTrackExample[] =
     "  doppel track recordings/street --method deepcap --run runs/anna-street\n"
     "  doppel track recordings/desk --method livecap --source 0 --empty-frames 25 --preview\n"
     "  doppel track recordings/street --method livecap --source street.mp4 --detect\n"
+    "  doppel track recordings/desk --method livecap --source 0 --detect --send vmc://127.0.0.1:39539\n"
     "CAPTURE needs a calibration, a character and keypoints; masks make the pose follow the outline\n"
     "(docs/tracking.md). multiview needs at least two cameras. points needs no character. Sequences need no motion.\n"
     "The capture.yaml in the output folder names the tracked motions.";
@@ -48,7 +50,7 @@ struct TrackArguments {
   bool surface = false;
   int sheet_frames = TrackOptions().sheet_frames;
   DeepcapOptions deepcap;  ///< options of deepcap alone
-  std::string source, preview, texture;
+  std::string source, preview, texture, send;
   SourceOptions playing;
   int empty_frames = 0;
   std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
@@ -168,6 +170,11 @@ TrackReport track_source(const TrackArguments& arguments) {
   options.method = arguments.method;
   options.filter = !deepcap && config.filter;
   options.smoothing = deepcap ? 0.0 : config.smoothing;
+  std::optional<VmcSender> sender;
+  if (!arguments.send.empty()) {
+    sender.emplace(arguments.send, view.character());
+    options.on_pose = [&](const auto& dofs, double seconds, bool tracked) { sender->send(dofs, seconds, tracked); };
+  }
   return track_live(*source, view, *tracker, options, preview.get());
 }
 
@@ -252,8 +259,8 @@ void check(const TrackArguments& arguments) {
     fail<UsageError>(
         "--run belongs to --method deepcap, or to livecap with --source, where its PoseNet predicts 3D joints");
   if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 ||
-                            !arguments.detect.empty()))
-    fail<UsageError>("--empty-frames, --live, --repeat and --detect belong to --source");
+                            !arguments.detect.empty() || !arguments.send.empty()))
+    fail<UsageError>("--empty-frames, --live, --repeat, --detect and --send belong to --source");
   if (deepcap && !arguments.live() && !arguments.preview.empty())
     fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
   if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
@@ -336,6 +343,8 @@ Command add_track(CLI::App& program) {
       ->check(CLI::Range(0, 1000));
   app->add_flag("--live", arguments->playing.live,
                 "Play a file as the source at its own rate; images that come too fast are dropped");
+  app->add_option("--send", arguments->send,
+                  "With --source: send each pose to an avatar program by the VMC protocol, e.g. vmc://127.0.0.1:39539");
   app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();

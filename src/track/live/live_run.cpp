@@ -163,6 +163,9 @@ class LiveRun {
     timings_.surface.add(found.surface_seconds);
     note_state(image.number, live_state(found.pose.state));
     write_vertices(found);
+    if (options_.on_pose)
+      options_.on_pose(found.pose.dofs, std::chrono::duration<double>(now - timings_.first).count(),
+                       found.pose.state != FrameState::lost);
     TrackedFrame kept;
     kept.dofs = found.pose.dofs;
     kept.state = found.pose.state;

@@ -2,7 +2,9 @@
 
 /// Tracking of live images (4.7.3).
 
+#include <functional>
 #include <string>
+#include <vector>
 
 #include "doppel/track/frame_tracker.h"
 #include "doppel/track/live/frame_source.h"
@@ -17,7 +19,10 @@ struct LiveRunOptions : TrackTask {
   std::string method = "livecap";
   bool filter = false;     ///< average the written vertices with those of the frames before and after (4.8)
   double smoothing = 0.0;  ///< sigma of the Gaussian over the written poses, frames; 0: none
-  double silence = 1.0;    ///< seconds without an image after which the state is `lost`
+  /// Called with each result on the thread of the fit: the DoFs, the seconds since the first result, and whether the
+  /// person is tracked. May be empty.
+  std::function<void(const std::vector<double>&, double, bool)> on_pose;
+  double silence = 1.0;  ///< seconds without an image after which the state is `lost`
 };
 
 /// The state of a live run.

@@ -50,6 +50,27 @@ TEST_F(LiveCapture, TracksAFolderOfImagesAndDropsNone) {
   EXPECT_EQ(nlohmann::ordered_json::parse(read_file(root() / "out/track.json")), report);
 }
 
+TEST_F(LiveCapture, EachPoseIsHandedOnAsItIsWritten) {
+  LiveView seen = view();
+  const auto source = open_source((root() / "film").string());
+  const auto solver = livecap_tracker(seen, config());
+  LiveRunOptions with = options("handed");
+  std::vector<std::vector<double>> poses;
+  std::vector<bool> tracked;
+  with.on_pose = [&](const std::vector<double>& dofs, double seconds, bool seen_now) {
+    EXPECT_GE(seconds, 0.0);
+    poses.push_back(dofs);
+    tracked.push_back(seen_now);
+  };
+  track_live(*source, seen, *solver, with);
+  const Motion motion = read_motion(root() / "handed/live.motion", character_.num_dofs());
+  ASSERT_EQ(poses.size(), motion.frames.size());
+  for (std::size_t f = 0; f < poses.size(); ++f)
+    for (std::size_t d = 0; d < poses[f].size(); ++d) EXPECT_NEAR(poses[f][d], motion.frames[f][d], 1e-6);
+  EXPECT_FALSE(tracked[3]) << "nobody was detected in this one";
+  EXPECT_TRUE(tracked[2] && tracked[4]);
+}
+
 TEST_F(LiveCapture, SameFilesWithAnyNumberOfThreads) {
   const int before = at::get_num_threads();
   for (const int threads : {1, 4}) {
