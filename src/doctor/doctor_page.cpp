@@ -182,10 +182,11 @@ std::string plan_html(const Examination& examination) {
 }  // namespace
 
 std::string doctor_page(const Examination& examination) {
-  const std::string body =
-      fmt::format("<p><b>{}</b> {}</p>", to_string(examination.verdict()), verdict_sentence(examination.verdict())) +
-      findings_table(examination) + cameras_table(examination) + samples_html(examination) + plan_html(examination) +
-      charts_html(examination);
+  const std::string body = html_verdict(verdict_sentence(examination.verdict())) +
+                           html_cards({{"verdict", to_string(examination.verdict()), ""},
+                                       {"findings", std::to_string(examination.findings.size()), ""}}) +
+                           findings_table(examination) + cameras_table(examination) + samples_html(examination) +
+                           plan_html(examination) + charts_html(examination);
   return html_page("Examination of " + examination.capture, body);
 }
 

@@ -1,7 +1,11 @@
 #include "doppel/track/track_curves.h"
 
+#include <fmt/format.h>
+
 #include <vector>
 
+#include "doppel/core/atomic_file.h"
+#include "doppel/html/embedded_image.h"
 #include "doppel/html/html_page.h"
 #include "doppel/html/svg_chart.h"
 
@@ -47,13 +51,38 @@ std::string charts_of(const SequenceReport& report) {
                {curve("pose", first, vertices.skinned), curve("surface", first, vertices.tracked)});
 }
 
+std::string verdict_of(const SequenceReport& report) {
+  const std::size_t frames = report.tracked.frames.size(), lost = report.lost_frames().size();
+  std::vector<HtmlCard> cards{
+      {"frames", std::to_string(frames), lost == 0 ? "none lost" : fmt::format("{} lost", lost)}};
+  cards.push_back({"from the keypoints", fmt::format("{:.1f} px", report.keypoint_error()), "mean over the frames"});
+  if (report.livecap) {
+    const LivecapSummary overlap = summarise_livecap(report);
+    cards.push_back({"overlap with the masks", fmt::format("{:.3f}", overlap.overlap), "IoU of the surface"});
+  }
+  if (report.frames_per_second() > 0)
+    cards.push_back({"speed", fmt::format("{:.1f} / s", report.frames_per_second()), "frames fitted"});
+  const std::string sentence =
+      lost == 0 ? fmt::format("All {} frames were tracked.", frames)
+                : fmt::format("{} of {} frames were tracked; {} were lost and bridged.", frames - lost, frames, lost);
+  return html_verdict(sentence) + html_cards(cards);
+}
+
+std::string sheet_of(const std::filesystem::path& sheet) {
+  if (!std::filesystem::exists(sheet)) return "";
+  return embedded_image(read_file(sheet), "image/jpeg",
+                        "fits: the mask's outline green, the surface's red, landmarks yellow, keypoints blue");
+}
+
 }  // namespace
 
-std::string track_curves(const TrackReport& report) {
+std::string track_curves(const std::filesystem::path& out, const TrackReport& report) {
   std::string body;
-  for (const SequenceReport& sequence : report.sequences)
-    body += "<h2>" + escape_html(sequence.tracked.sequence.name) + "</h2><div class=\"charts\">" + charts_of(sequence) +
-            "</div>";
+  for (const SequenceReport& sequence : report.sequences) {
+    const std::string& name = sequence.tracked.sequence.name;
+    body += "<h2>" + escape_html(name) + "</h2>" + verdict_of(sequence) + sheet_of(out / (name + ".jpg")) +
+            "<div class=\"charts\">" + charts_of(sequence) + "</div>";
+  }
   return html_page("Tracking", body);
 }
 

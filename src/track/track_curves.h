@@ -1,13 +1,15 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "doppel/track/track_report.h"
 
 namespace doppel {
 
-/// An HTML page of curves over the frames of every sequence: overlap with the mask, distance from keypoints, and, where
-/// the capture has ground truth, distances from its joints and vertices.
-std::string track_curves(const TrackReport& report);
+/// An HTML page of every sequence: the result in a sentence and a few figures, the sheet of fits (`SEQUENCE.jpg` in
+/// `out`, where it exists), and curves over the frames: overlap with the mask, distance from keypoints, and, where the
+/// capture has ground truth, distances from its joints and vertices.
+std::string track_curves(const std::filesystem::path& out, const TrackReport& report);
 
 }  // namespace doppel

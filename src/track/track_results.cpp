@@ -35,7 +35,7 @@ Capture tracked_capture(const Footage& footage, const fs::path& out, const Track
 void write_results(const Footage& footage, const fs::path& out, const TrackReport& report) {
   write_capture(out / "capture.yaml", tracked_capture(footage, out, report));
   write_atomically(out / "track.json", to_json(report).dump(1) + "\n");
-  write_atomically(out / "track.html", track_curves(report));
+  write_atomically(out / "track.html", track_curves(out, report));
 }
 
 }  // namespace doppel

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/progress.h"
@@ -107,14 +108,70 @@ std::string evaluation_table(const nlohmann::json& split) {
   return out + "</table>";
 }
 
+/// A figure of a method of a split, or nothing.
+std::optional<double> figure(const nlohmann::json& split, const std::string& method, const char* name) {
+  const auto result = split.find(method);
+  if (result == split.end() || !result->is_object() || !result->contains(name) || !result->at(name).is_number())
+    return std::nullopt;
+  return result->at(name).get<double>();
+}
+
+/// The method with the largest value of a figure; empty without one.
+std::string best_method(const nlohmann::json& split, const char* name) {
+  std::string best;
+  for (const auto& [method, result] : split.items())
+    if (const auto value = figure(split, method, name); value && (best.empty() || *value > *figure(split, best, name)))
+      best = method;
+  return best;
+}
+
+/// The evaluation in a sentence and in a few figures.
+std::string verdict(const std::string& name, const nlohmann::json& split) {
+  std::vector<HtmlCard> cards;
+  std::string sentence;
+  const auto skinned = figure(split, "skinning", "AMVIoU");
+  if (const std::string best = best_method(split, "AMVIoU"); !best.empty()) {
+    const double value = *figure(split, best, "AMVIoU");
+    sentence =
+        fmt::format("On the {} frames, the surface of {} covers {:.1f} % of what surface and mask cover together", name,
+                    best, 100.0 * value);
+    cards.push_back({"AMVIoU", fmt::format("{:.4f}", value), best});
+    if (skinned && best != "skinning") {
+      sentence += fmt::format("; skinning alone covers {:.1f} %", 100.0 * *skinned);
+      cards.push_back({"over skinning", fmt::format("{:+.4f}", value - *skinned), "AMVIoU"});
+    }
+    sentence += ".";
+    if (const auto error = figure(split, best, "vertex_error_mm"))
+      cards.push_back({"vertex error", fmt::format("{:.1f} mm", *error), "against the truth"});
+  }
+  if (const std::string best = best_method(split, "PSNR"); !best.empty())
+    cards.push_back({"PSNR", fmt::format("{:.1f} dB", *figure(split, best, "PSNR")), best});
+  return (sentence.empty() ? "" : html_verdict(sentence)) + html_cards(cards);
+}
+
+/// evaluation.json of a run; null without a readable one.
+nlohmann::json read_evaluation(const RunFolder& run) {
+  if (!fs::exists(run.evaluation())) return nullptr;
+  auto json = nlohmann::json::parse(read_file(run.evaluation()), nullptr, false);
+  return json.is_object() && json.contains("splits") && json.at("splits").is_object() ? json : nlohmann::json();
+}
+
+std::string verdicts(const RunFolder& run) {
+  const nlohmann::json json = read_evaluation(run);
+  if (json.is_null()) return html_verdict("This run was not evaluated yet.");
+  std::string out;
+  for (const auto& [name, split] : json.at("splits").items()) out += verdict(name, split);
+  return out;
+}
+
 std::string evaluation(const RunFolder& run) {
-  if (!fs::exists(run.evaluation())) return "";
-  const auto json = nlohmann::json::parse(read_file(run.evaluation()), nullptr, false);
-  if (json.is_discarded() || !json.is_object() || !json.contains("splits")) return "";
+  const nlohmann::json json = read_evaluation(run);
+  if (json.is_null()) return "";
   std::string out = "<h2>Evaluation</h2>";
   for (const auto& [name, split] : json.at("splits").items())
     out += "<h3>" + escape_html(name) + "</h3>" + evaluation_table(split);
-  if (json.contains("protocol")) out += "<pre>" + escape_html(json.at("protocol").dump(2)) + "</pre>";
+  if (json.contains("protocol"))
+    out += html_details("Protocol", "<pre>" + escape_html(json.at("protocol").dump(2)) + "</pre>");
   return out;
 }
 
@@ -144,27 +201,28 @@ std::string summary(const std::vector<MetricsRecord>& records) {
 /// The training part of a run's report: curves, times, images.
 std::string training(const RunFolder& run) {
   const auto records = read_metrics(run.metrics());
-  return summary(records) + "<h2>Curves</h2>" + charts(records, read_metrics(run.validation())) + step_times(records) +
-         images(run);
+  return summary(records) + images(run) + "<h2>Curves</h2>" + charts(records, read_metrics(run.validation())) +
+         step_times(records);
 }
 
 /// Writes a whole page around `body` to the run's report.
 void write_page(const RunFolder& run, const std::string& body) {
   const std::string name = fs::absolute(run.path()).lexically_normal().filename().string();
   std::string page = body;
-  if (fs::exists(run.config())) page += "<h2>Configuration</h2><pre>" + escape_html(read_file(run.config())) + "</pre>";
-  write_atomically(run.report(), html_page("Run " + name, page));
+  if (fs::exists(run.config()))
+    page += html_details("Configuration", "<pre>" + escape_html(read_file(run.config())) + "</pre>");
+  write_atomically(run.report(), html_page(name, page));
 }
 
 }  // namespace
 
-void write_report(const RunFolder& run) { write_page(run, evaluation(run) + training(run)); }
+void write_report(const RunFolder& run) { write_page(run, verdicts(run) + training(run) + evaluation(run)); }
 
 void write_report(const RunFolder& run, const std::vector<ReportSection>& sections) {
-  std::string body = evaluation(run);
+  std::string body = verdicts(run);
   for (const ReportSection& section : sections)
     body += "<h1>" + escape_html(section.title) + "</h1>" + training(section.run);
-  write_page(run, body);
+  write_page(run, body + evaluation(run));
 }
 
 }  // namespace doppel

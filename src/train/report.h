@@ -7,8 +7,9 @@
 
 namespace doppel {
 
-/// Writes `report.html` from the files of the run folder: curves (metrics.jsonl), times of the parts of a step, the
-/// evaluation table (evaluation.json), images, configuration. The file refers to no others. Safe to call at any time.
+/// Writes `report.html` from the files of the run folder: the result in a sentence and a few figures (evaluation.json),
+/// images, curves (metrics.jsonl), times of the parts of a step, the evaluation table, and folded protocol and
+/// configuration. The file refers to no others. Safe to call at any time.
 void write_report(const RunFolder& run);
 
 /// A run folder that the report of another run includes.
