@@ -22,7 +22,7 @@ using ::testing::Not;
 /// Every element that is opened is closed, in order.
 ::testing::AssertionResult well_formed(const std::string& html) {
   static const std::regex tag("<(/?)([a-zA-Z0-9]+)((?:\"[^\"]*\"|[^\">])*)>");
-  const std::set<std::string> empty = {"meta", "img", "br"};
+  const std::set<std::string> empty = {"meta", "img", "br", "link"};
   std::vector<std::string> open;
   for (std::sregex_iterator it(html.begin(), html.end(), tag), end; it != end; ++it) {
     const std::string name = (*it)[2], rest = (*it)[3];
