@@ -99,10 +99,11 @@ class GraphConverter {
       if (!unbinds && part.sizes.at(dimension) < 0)
         fail("writing ONNX: {} cuts along the batch, which has no conversion", node->kind().toQualString());
       const std::int64_t end = begin + (unbinds ? 1 : part.sizes.at(dimension));
-      part.name = unbinds ? onnx_.add("Gather", {whole.name, onnx_.constant(torch::scalar_tensor(begin, torch::kInt64))},
-                                      {{"axis", dimension}})
-                          : onnx_.add("Slice", {whole.name, onnx_.integers({begin}), onnx_.integers({end}),
-                                                onnx_.integers({dimension})});
+      part.name = unbinds
+                      ? onnx_.add("Gather", {whole.name, onnx_.constant(torch::scalar_tensor(begin, torch::kInt64))},
+                                  {{"axis", dimension}})
+                      : onnx_.add("Slice", {whole.name, onnx_.integers({begin}), onnx_.integers({end}),
+                                            onnx_.integers({dimension})});
       begin = end;
       list.items.push_back(std::move(part));
     }

@@ -132,12 +132,11 @@ std::string verdict(const std::string& name, const nlohmann::json& split) {
   const auto skinned = figure(split, "skinning", "AMVIoU");
   if (const std::string best = best_method(split, "AMVIoU"); !best.empty()) {
     const double value = *figure(split, best, "AMVIoU");
-    sentence =
-        fmt::format("On the {} frames, the surface of {} covers {:.1f} % of what surface and mask cover together", name,
-                    best, 100.0 * value);
+    sentence = fmt::format("On the {} frames, the surface of {} overlaps the masks by {:.1f} % (IoU)", name, best,
+                           100.0 * value);
     cards.push_back({"AMVIoU", fmt::format("{:.4f}", value), best});
     if (skinned && best != "skinning") {
-      sentence += fmt::format("; skinning alone covers {:.1f} %", 100.0 * *skinned);
+      sentence += fmt::format("; skinning alone by {:.1f} %", 100.0 * *skinned);
       cards.push_back({"over skinning", fmt::format("{:+.4f}", value - *skinned), "AMVIoU"});
     }
     sentence += ".";

@@ -3,8 +3,8 @@
 #include <cstdlib>
 
 #include "doppel/core/npy.h"
-#include "doppel/export/pose_trace.h"
 #include "doppel/export/onnx_file.h"
+#include "doppel/export/pose_trace.h"
 #include "export/dressed_actor.h"
 #include "export/untrained_pose.h"
 #include "support/temporary_folder.h"

@@ -64,8 +64,8 @@ TEST(ReportReference, HoldsCurvesTimesTableAndImages) {
   EXPECT_THAT(html, HasSubstr("0.9712"));
   EXPECT_THAT(html, HasSubstr("<td>backward</td><td>30.00</td><td>75 %</td>"));
   EXPECT_THAT(html, HasSubstr("base64,TWFu"));
-  EXPECT_THAT(html, HasSubstr("the surface of egnet covers 97.1 %"));
-  EXPECT_THAT(html, HasSubstr("skinning alone covers 90.4 %"));
+  EXPECT_THAT(html, HasSubstr("the surface of egnet overlaps the masks by 97.1 %"));
+  EXPECT_THAT(html, HasSubstr("skinning alone by 90.4 %"));
   EXPECT_LT(html.find("class=\"verdict\""), html.find("<h2>Curves"));
   EXPECT_THAT(html, HasSubstr("<details><summary>Protocol"));
   EXPECT_THAT(html, HasSubstr("mask green"));
