@@ -81,9 +81,11 @@ ViewSubject of_capture(const fs::path& file) {
   const Capture capture = read_capture(file);
   ViewSubject subject = of_character(capture.character_path());
   subject.frames_per_second = capture.fps;
+  const SequenceEntry* chosen = nullptr;
   for (const SequenceEntry& sequence : capture.sequences)
-    if (!sequence.motion.empty() && subject.motion.num_frames() == 0)
-      subject.motion = read_motion(capture.resolve(sequence.motion), subject.character.num_dofs());
+    if (!sequence.motion.empty() && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
+      chosen = &sequence;
+  if (chosen) subject.motion = read_motion(capture.resolve(chosen->motion), subject.character.num_dofs());
   return subject;
 }
 
