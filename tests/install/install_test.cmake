@@ -19,3 +19,11 @@ run(${SCRATCH}/build/consumer)
 if(NOT output MATCHES "the arm's end moved")
   message(FATAL_ERROR "the consumer printed: ${output}")
 endif()
+
+# The examples for programmers, as they would build them.
+run(${CMAKE_COMMAND} -S ${EXAMPLES} -B ${SCRATCH}/examples -G ${GENERATOR} -DCMAKE_BUILD_TYPE=${BUILD_TYPE}
+    "-DCMAKE_PREFIX_PATH=${SCRATCH}/prefix;${PREFIX_PATH}" -DCMAKE_CXX_FLAGS=${flags})
+run(${CMAKE_COMMAND} --build ${SCRATCH}/examples)
+foreach(example fit_silhouette texture_from_views pose_from_keypoints)
+  run(${SCRATCH}/examples/${example})
+endforeach()
