@@ -43,8 +43,6 @@ ActorTopology topology_of(const ScriptFile& file, const std::filesystem::path& p
 ActorFile ActorFile::load(const std::filesystem::path& path) {
   ScriptFile file = load_script_file(path, ScriptKind::actor);
   ActorFile actor;
-  actor.module_ = file.module;
-  actor.fused_ = file.fused;
   try {
     ActorDescription& d = actor.description_;
     d.name = file.metadata.at("name");
@@ -59,6 +57,7 @@ ActorFile ActorFile::load(const std::filesystem::path& path) {
     fail_metadata(path, ScriptKind::actor, e);
   }
   actor.topology_ = topology_of(file, path, actor.description_.num_vertices);
+  actor.file_ = std::move(file);
   return actor;
 }
 
@@ -69,14 +68,10 @@ void ActorFile::check_window(const torch::Tensor& window) const {
          description_.past_frames + 1, dofs, fmt::to_string(fmt::join(window.sizes().vec(), " x ")));
 }
 
-torch::jit::script::Module& ActorFile::module_for(const torch::Tensor& window) const {
-  return fused_ && window.size(0) == 1 ? *fused_ : module_;
-}
-
 torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
   check_window(window);
   torch::NoGradGuard no_grad;
-  return module_for(window).forward({window}).toTensor();
+  return file_.for_batch(window.size(0)).forward({window}).toTensor();
 }
 
 std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
@@ -90,7 +85,7 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
     fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
   torch::NoGradGuard no_grad;
-  const auto result = module_for(window).get_method("textured")({window, projection}).toTuple();
+  const auto result = file_.for_batch(window.size(0)).get_method("textured")({window, projection}).toTuple();
   return {result->elements()[0].toTensor(), result->elements()[1].toTensor()};
 }
 

@@ -4,7 +4,6 @@
 #include <torch/types.h>
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,9 +53,7 @@ class ActorFile {
 
  private:
   void check_window(const torch::Tensor& window) const;
-  torch::jit::script::Module& module_for(const torch::Tensor& window) const;
-  mutable torch::jit::script::Module module_;
-  mutable std::optional<torch::jit::script::Module> fused_;
+  mutable ScriptFile file_;
   ActorDescription description_;
   ActorTopology topology_;
 };

@@ -1,8 +1,7 @@
 #include "doppel/export/onnx_file.h"
 
-#include <openssl/evp.h>
-
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/base64.h"
 #include "doppel/export/pose_trace.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/onnx_writer/onnx_model.h"
@@ -11,15 +10,6 @@ namespace doppel {
 namespace {
 
 using torch::jit::Stack;
-
-std::string base64(const std::string& bytes) {
-  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');
-  const int size =
-      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
-                      reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<int>(bytes.size()));
-  text.resize(static_cast<std::size_t>(size));
-  return text;
-}
 
 std::map<std::string, std::string> key_values(const TriangleMesh& mesh, const nlohmann::ordered_json& metadata) {
   std::map<std::string, std::string> pairs{{"metadata.json", metadata.dump(1)}};

@@ -17,7 +17,6 @@ void write_pose_file(const std::filesystem::path& path, TrainedPose& trained) {
 PoseFile PoseFile::load(const std::filesystem::path& path) {
   ScriptFile file = load_script_file(path, ScriptKind::pose);
   PoseFile pose;
-  pose.module_ = file.module;
   try {
     PoseFileDescription& d = pose.description_;
     d.name = file.metadata.at("name");
@@ -32,6 +31,7 @@ PoseFile PoseFile::load(const std::filesystem::path& path) {
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, ScriptKind::pose, e);
   }
+  pose.file_ = std::move(file);
   return pose;
 }
 
@@ -46,7 +46,7 @@ CapturedPerson PoseFile::forward(const Tensor& image, const Tensor& rotation) co
   check("image", image, {B, 3, S, S});
   check("camera's rotation", rotation, {B, 3, 3});
   const torch::NoGradGuard no_grad;
-  const auto result = module_.forward({image, rotation}).toTuple();
+  const auto result = file_.for_batch(B).forward({image, rotation}).toTuple();
   const auto& e = result->elements();
   return {e[0].toTensor(), e[1].toTensor(), e[2].toTensor(), Tensor()};
 }
@@ -60,7 +60,8 @@ CapturedPerson PoseFile::placed(const Tensor& image, const CameraTensors& camera
   check("keypoints", keypoints, {B, static_cast<std::int64_t>(description_.landmark_names.size()), 3});
   const torch::NoGradGuard no_grad;
   const auto result =
-      module_.get_method("placed")({image, camera.intrinsics, camera.rotation, camera.translation, keypoints})
+      file_.for_batch(B)
+          .get_method("placed")({image, camera.intrinsics, camera.rotation, camera.translation, keypoints})
           .toTuple();
   const auto& e = result->elements();
   return {e[0].toTensor(), e[1].toTensor(), e[2].toTensor(), e[3].toTensor()};

@@ -54,7 +54,7 @@ class PoseFile {
 
  private:
   void check(const char* what, const torch::Tensor& tensor, at::IntArrayRef shape) const;
-  mutable torch::jit::script::Module module_;
+  mutable ScriptFile file_;
   PoseFileDescription description_;
 };
 

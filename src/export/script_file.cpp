@@ -148,13 +148,16 @@ void drop_tensors(torch::jit::script::Module& module) {
 }  // namespace
 
 ScriptFileWriter::ScriptFileWriter(ScriptKind kind, const ScriptModules& modules)
-    : kind_(kind), module_(module_of(kind, modules)), fused_(module_of(kind, modules)) {}
+    : kind_(kind), module_(module_of(kind, modules)) {
+  if (!in_reference_scope()) fused_ = module_of(kind, modules);
+}
 
 void ScriptFileWriter::add(const std::string& name, const Stack& inputs, const Function& function) {
   add_trace(module_, name, inputs, function);
   check_operations(module_.get_method(name).graph()->block());
+  if (!fused_) return;
   const KernelTraceScope kernels;
-  add_trace(fused_, name, inputs, function);
+  add_trace(*fused_, name, inputs, function);
 }
 
 void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const Function& function,
@@ -162,10 +165,11 @@ void ScriptFileWriter::check(const std::string& name, const Stack& unseen, const
   const torch::NoGradGuard no_grad;
   const Stack expected = function(unseen);
   check_method(module_, name, unseen, expected, tolerances);
+  if (!fused_) return;
   Stack first, expected_first;
   for (const torch::jit::IValue& input : unseen) first.emplace_back(input.toTensor().narrow(0, 0, 1));
   for (const torch::jit::IValue& result : expected) expected_first.emplace_back(result.toTensor().narrow(0, 0, 1));
-  check_method(fused_, name, first, expected_first, tolerances);
+  check_method(*fused_, name, first, expected_first, tolerances);
 }
 
 void ScriptFileWriter::save(const std::filesystem::path& path, const Character& character,
@@ -174,10 +178,12 @@ void ScriptFileWriter::save(const std::filesystem::path& path, const Character& 
   all.update(metadata);
   torch::jit::ExtraFilesMap files = mesh_files(character.mesh);
   files["metadata.json"] = all.dump(1);
-  drop_tensors(fused_);
-  std::ostringstream fused;
-  fused_.save(fused);
-  files[kFusedFile] = fused.str();
+  if (fused_) {
+    drop_tensors(*fused_);
+    std::ostringstream fused;
+    fused_->save(fused);
+    files[kFusedFile] = fused.str();
+  }
   write_atomically(path, [&](const std::filesystem::path& temporary) { module_.save(temporary.string(), files); });
 }
 

@@ -56,7 +56,8 @@ class ScriptFileWriter {
  private:
   ScriptKind kind_;
   torch::jit::script::Module module_;  ///< plain aten operations
-  torch::jit::script::Module fused_;   ///< the same methods with Doppel's ops, for a batch of one
+  /// The same methods with Doppel's ops, for a batch of one; nothing in a ReferenceScope, where traces hold none.
+  std::optional<torch::jit::script::Module> fused_;
 };
 
 /// The template's topology as the bytes of .npy files, by name: `faces.npy` and, where it has them, `uvs.npy`,
@@ -68,6 +69,8 @@ struct ScriptFile {
   torch::jit::script::Module module;  ///< in evaluation mode; any batch size
   /// The same methods on Doppel's kernels, for a batch of one: several times faster. Shares the parameters.
   std::optional<torch::jit::script::Module> fused;
+  /// The module for a batch of this size.
+  torch::jit::script::Module& for_batch(std::int64_t size) { return fused && size == 1 ? *fused : module; }
   nlohmann::json metadata;
   std::unordered_map<std::string, std::string> mesh;  ///< as mesh_files
 };

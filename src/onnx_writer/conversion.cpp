@@ -76,6 +76,11 @@ std::int64_t OnnxOperation::dimension(std::size_t i, std::size_t of) const {
   return found < 0 ? found + rank(of) : found;
 }
 
+std::int64_t OnnxOperation::result_dimension(std::size_t i) const {
+  const std::int64_t found = integer(i);
+  return found < 0 ? found + static_cast<std::int64_t>(result_.sizes.size()) : found;
+}
+
 std::string OnnxOperation::reshaped(const std::string& value) const {
   if (std::count(result_.sizes.begin(), result_.sizes.end(), -1) > 1)
     unsupported(

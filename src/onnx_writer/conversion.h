@@ -55,6 +55,9 @@ class OnnxOperation {
   /// Argument i as a dimension of argument `of`, 0 or more.
   std::int64_t dimension(std::size_t i, std::size_t of = 0) const;
 
+  /// Argument i as a dimension of the result, 0 or more.
+  std::int64_t result_dimension(std::size_t i) const;
+
   torch::ScalarType result_type() const { return result_.type; }
   const std::vector<std::int64_t>& result_sizes() const { return result_.sizes; }
 

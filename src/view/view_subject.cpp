@@ -29,14 +29,20 @@ ViewSubject of_character(const fs::path& path) {
   return subject;
 }
 
-/// The motion of a dataset: of its test sequences, else of the first sequence that has one.
+/// A test sequence with a motion, else the first sequence that has one; null without.
+template <typename Sequences, typename HasMotion>
+auto sequence_to_play(const Sequences& sequences, const HasMotion& has_motion) {
+  const typename Sequences::value_type* chosen = nullptr;
+  for (const auto& sequence : sequences)
+    if (has_motion(sequence) && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
+      chosen = &sequence;
+  return chosen;
+}
+
 void take_motion(ViewSubject& subject, const Dataset& dataset) {
   subject.frames_per_second = dataset.fps();
-  const DatasetSequence* chosen = nullptr;
-  for (const DatasetSequence& sequence : dataset.sequences())
-    if (sequence.has_motion() && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
-      chosen = &sequence;
-  if (chosen) subject.motion = chosen->motion;
+  if (const auto* chosen = sequence_to_play(dataset.sequences(), [](const auto& s) { return s.has_motion(); }))
+    subject.motion = chosen->motion;
 }
 
 ViewSubject of_run(const fs::path& run) {
@@ -81,11 +87,8 @@ ViewSubject of_capture(const fs::path& file) {
   const Capture capture = read_capture(file);
   ViewSubject subject = of_character(capture.character_path());
   subject.frames_per_second = capture.fps;
-  const SequenceEntry* chosen = nullptr;
-  for (const SequenceEntry& sequence : capture.sequences)
-    if (!sequence.motion.empty() && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
-      chosen = &sequence;
-  if (chosen) subject.motion = read_motion(capture.resolve(chosen->motion), subject.character.num_dofs());
+  if (const auto* chosen = sequence_to_play(capture.sequences, [](const auto& s) { return !s.motion.empty(); }))
+    subject.motion = read_motion(capture.resolve(chosen->motion), subject.character.num_dofs());
   return subject;
 }
 

@@ -64,7 +64,7 @@ function app(source) {
     state.reached = await source.reach(Float32Array.from(dofs()), joint, target);
     edit(state.reached.dofs);
   });
-  picture.onDrag(drag, () => {});
+  picture.onDrag(drag);
 
   for (const stage of about.stages) {
     const button = document.createElement('button');

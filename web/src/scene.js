@@ -126,7 +126,7 @@ export class Picture {
   }
 
   // Dragging a handle: `moved(joint, target)` in the plane through the joint that faces the camera.
-  onDrag(moved, ended) {
+  onDrag(moved) {
     const canvas = this.renderer.domElement;
     let joint = -1, plane = null;
     canvas.addEventListener('pointerdown', (event) => {
@@ -143,6 +143,6 @@ export class Picture {
       const target = joint < 0 ? null : this.ray(event).ray.intersectPlane(plane, new Vector3());
       if (target) moved(joint, target);
     });
-    canvas.addEventListener('pointerup', () => { if (joint >= 0) ended(); joint = -1; this.controls.enabled = true; });
+    canvas.addEventListener('pointerup', () => { joint = -1; this.controls.enabled = true; });
   }
 }

@@ -57,14 +57,6 @@ std::string square(const OnnxOperation& o) { return o.graph.add("Mul", {o.tensor
 
 std::string rsqrt(const OnnxOperation& o) { return o.graph.add("Reciprocal", {o.graph.add("Sqrt", {o.tensor(0)})}); }
 
-std::string clamp_min(const OnnxOperation& o) {
-  return o.graph.add("Max", {o.tensor(0, o.result_type()), o.tensor(1, o.result_type())});
-}
-
-std::string clamp_max(const OnnxOperation& o) {
-  return o.graph.add("Min", {o.tensor(0, o.result_type()), o.tensor(1, o.result_type())});
-}
-
 std::string clamp(const OnnxOperation& o) {
   std::string value = o.tensor(0, o.result_type());
   if (!o.is_none(1)) value = o.graph.add("Max", {value, o.tensor(1, o.result_type())});
@@ -110,8 +102,6 @@ std::string elu(const OnnxOperation& o) {
 std::string leaky_relu(const OnnxOperation& o) {
   return o.graph.add("LeakyRelu", {o.tensor(0)}, {{"alpha", o.number(1)}});
 }
-
-std::string hardtanh(const OnnxOperation& o) { return clamp(o); }
 
 /// beta = 1 and values below the threshold, as everywhere in Doppel.
 std::string softplus(const OnnxOperation& o) {
@@ -162,10 +152,10 @@ const OnnxConversionTable& arithmetic_conversions() {
                                          {"aten::relu", unary<&kRelu>},
                                          {"aten::elu", elu},
                                          {"aten::leaky_relu", leaky_relu},
-                                         {"aten::hardtanh", hardtanh},
+                                         {"aten::hardtanh", clamp},
                                          {"aten::clamp", clamp},
-                                         {"aten::clamp_min", clamp_min},
-                                         {"aten::clamp_max", clamp_max},
+                                         {"aten::clamp_min", binary<&kMax>},
+                                         {"aten::clamp_max", binary<&kMin>},
                                          {"aten::maximum", binary<&kMax>},
                                          {"aten::minimum", binary<&kMin>},
                                          {"aten::lt", compare<&kLess>},

@@ -33,16 +33,9 @@ std::string mean_over(const OnnxOperation& o) {
                      {{"axes", dimensions}, {"keepdims", std::int64_t{!everything && o.flag(2)}}});
 }
 
-/// norm(self, p, dimensions, keep) with p = 2
+/// norm(self, p, dimensions, keep) and linalg_vector_norm(self, p, dimensions, keep, dtype) with p = 2
 std::string norm(const OnnxOperation& o) {
   if (o.size() < 4 || (!o.is_none(1) && o.number(1) != 2.0)) o.unsupported("is not the Euclidean norm over dimensions");
-  const std::string squares = o.graph.add("Mul", {o.tensor(0), o.tensor(0)});
-  return o.graph.add("Sqrt", {sum_of(o, squares, dimensions_of(o, 2), o.flag(3))});
-}
-
-/// linalg_vector_norm(self, p, dimensions, keep, dtype) with p = 2
-std::string vector_norm(const OnnxOperation& o) {
-  if (o.number(1) != 2.0) o.unsupported("is not the Euclidean norm");
   const std::string squares = o.graph.add("Mul", {o.tensor(0), o.tensor(0)});
   return o.graph.add("Sqrt", {sum_of(o, squares, dimensions_of(o, 2), o.flag(3))});
 }
@@ -83,7 +76,7 @@ const OnnxConversionTable& reduction_conversions() {
   static const OnnxConversionTable table{{"aten::sum", sum_over},
                                          {"aten::mean", mean_over},
                                          {"aten::norm", norm},
-                                         {"aten::linalg_vector_norm", vector_norm},
+                                         {"aten::linalg_vector_norm", norm},
                                          {"aten::argmax", argmax},
                                          {"aten::amax", amax},
                                          {"aten::all", of_truths<&kReduceMin>},

@@ -60,23 +60,19 @@ std::string permute(const OnnxOperation& o) {
 }
 
 std::string cat(const OnnxOperation& o) {
-  std::int64_t dimension = o.integer(1);
-  if (dimension < 0) dimension += static_cast<std::int64_t>(o.result_sizes().size());
+  const std::int64_t dimension = o.result_dimension(1);
   return o.graph.add("Concat", o.tensors(0), {{"axis", dimension}});
 }
 
 std::string stack(const OnnxOperation& o) {
-  std::int64_t dimension = o.integer(1);
-  if (dimension < 0) dimension += static_cast<std::int64_t>(o.result_sizes().size());
+  const std::int64_t dimension = o.result_dimension(1);
   std::vector<std::string> parts = o.tensors(0);
   for (std::string& part : parts) part = o.graph.add("Unsqueeze", {part, o.graph.integers({dimension})});
   return o.graph.add("Concat", parts, {{"axis", dimension}});
 }
 
 std::string unsqueeze(const OnnxOperation& o) {
-  std::int64_t dimension = o.integer(1);
-  if (dimension < 0) dimension += o.rank(0) + 1;
-  return o.graph.add("Unsqueeze", {o.tensor(0), o.graph.integers({dimension})});
+  return o.graph.add("Unsqueeze", {o.tensor(0), o.graph.integers({o.result_dimension(1)})});
 }
 
 /// aten's list of pads begins with the last dimension.
