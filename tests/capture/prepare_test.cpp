@@ -3,13 +3,17 @@
 #include <ATen/Parallel.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <csignal>
+#include <ctime>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
 
 #include "capture/capture_fixture.h"
@@ -277,44 +281,58 @@ long count_records(const fs::path& out) {
   return static_cast<long>(Store(out / "store", Store::Mode::read).keys("frames/").size());
 }
 
-/// Runs prepare in a child process and kills it after some time. @return whether it was killed before it was done
-bool prepare_and_kill(const CaptureFixture& fixture, const PrepareOptions& options, int milliseconds) {
+/// Runs prepare in a child process, which the kernel kills after `seconds` of its own processor time; 0: never. Time of
+/// day would depend on what else the machine does.
+/// @return the processor time of a child that came to its end, in seconds; nothing for one that was killed
+std::optional<double> prepare_in_child(const CaptureFixture& fixture, const PrepareOptions& options, double seconds) {
   const pid_t child = fork();
   if (child == 0) {
     // The parent's thread pools do not live on in the child.
     at::set_num_threads(1);
     cv::setNumThreads(1);
+    sigevent event{};
+    event.sigev_notify = SIGEV_SIGNAL;
+    event.sigev_signo = SIGKILL;
+    itimerspec limit{};
+    limit.it_value.tv_sec = static_cast<time_t>(seconds);
+    limit.it_value.tv_nsec = static_cast<long>(1e9 * (seconds - std::floor(seconds)));
+    timer_t timer;
     int code = 0;
     try {
+      if (timer_create(CLOCK_PROCESS_CPUTIME_ID, &event, &timer) != 0 || timer_settime(timer, 0, &limit, nullptr) != 0)
+        _exit(3);
       prepare_capture(fixture.capture(), options);
     } catch (...) {
       code = 2;
     }
     _exit(code);
   }
-  usleep(1000 * milliseconds);
-  kill(child, SIGKILL);
   int status = 0;
-  waitpid(child, &status, 0);
-  EXPECT_TRUE(WIFSIGNALED(status) || WEXITSTATUS(status) == 0) << "prepare failed after an earlier one was killed";
-  return WIFSIGNALED(status);
+  rusage usage{};
+  wait4(child, &status, 0, &usage);
+  if (WIFSIGNALED(status)) return std::nullopt;
+  EXPECT_EQ(WEXITSTATUS(status), 0) << "prepare failed after an earlier one was killed";
+  const auto in_seconds = [](const timeval& time) { return double(time.tv_sec) + 1e-6 * double(time.tv_usec); };
+  return in_seconds(usage.ru_utime) + in_seconds(usage.ru_stime);
 }
 
 // What is there after many kills must be what an unbroken run makes, byte for byte.
 TEST(PrepareRecovers, FromBeingKilledAtAnyMoment) {
-  const CaptureFixture fixture;
+  const CaptureFixture fixture(test_capture::Options{.train_frames = 60});
   PrepareOptions options = fixture.prepare_options();
   options.chunk_frames = 2;
-  prepare_capture(fixture.capture(), options);
+  const std::optional<double> whole = prepare_in_child(fixture, options, 0.0);
+  ASSERT_TRUE(whole);
   const auto unbroken = all_records(options.out);
   options.out = fixture.path("killed");
   std::set<long> found;
-  for (int round = 0; round < 80; ++round) {
-    const bool killed = prepare_and_kill(fixture, options, 10 + 11 * round);
+  const int kSteps = 40;
+  for (int step = 1; step <= 3 * kSteps; ++step) {
+    const bool killed = !prepare_in_child(fixture, options, *whole * step / kSteps);
     found.insert(count_records(options.out));
     if (!killed) break;
   }
-  EXPECT_GT(found.size(), 2u) << "no run was killed half-way";
+  EXPECT_GT(found.size(), 2u) << "no run of " << *whole << " s was killed half-way";
   EXPECT_TRUE(prepare_capture(fixture.capture(), options).finished);
   EXPECT_EQ(all_records(options.out), unbroken);
 }
