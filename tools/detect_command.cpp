@@ -107,7 +107,7 @@ class DetectJob {
     if (network_)
       json = {{"layout", network_->layout.name}, {"network", network_->options.network.model.string()}};
     else
-      json = {{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage}};
+      json = {{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage.name}};
     json["cameras"] = Json::array();
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       const DetectFiles files = files_of(sources_[i]);

@@ -1,3 +1,5 @@
+#include <fmt/ranges.h>
+
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -12,12 +14,13 @@
 #include "doppel/export/actor_weights.h"
 #include "doppel/export/onnx_file.h"
 #include "doppel/export/pose_file.h"
+#include "doppel/view/web_folder.h"
 
 namespace doppel::tools {
 namespace {
 
 struct ExportArguments {
-  std::string run, capture, out, format = "torchscript";
+  std::string run, capture, out, motion, format = "torchscript";
   bool geometry_only = false, pose_only = false;
 };
 
@@ -76,6 +79,25 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
               << (trained.texnet ? "texnet" : trained.geometry_name()) << "\n";
 }
 
+void export_page(const ExportArguments& arguments, const CommonOptions& common) {
+  ViewOptions options;
+  options.motion = arguments.motion;
+  options.capture = arguments.capture;
+  options.geometry_only = arguments.geometry_only;
+  const ViewSubject subject = open_view_subject(arguments.run, options);
+  const std::filesystem::path out = out_path(arguments, "web");
+  write_web_folder(out, subject);
+  std::vector<std::string> stages;
+  for (const ViewStage& stage : subject.stages) stages.push_back(stage.name);
+  if (common.json)
+    std::cout << nlohmann::ordered_json{{"page", out.string()}, {"stages", stages}} << "\n";
+  else
+    fmt::print(
+        "page {0}: stages {1}, {2} frames. Any file server serves this folder, for example\n"
+        "  python3 -m http.server --directory {0}\n",
+        out.string(), fmt::join(stages, ", "), subject.motion.num_frames());
+}
+
 void export_pose(const ExportArguments& arguments, const std::optional<std::filesystem::path>& capture,
                  const CommonOptions& common) {
   if (arguments.geometry_only)
@@ -104,7 +126,11 @@ void export_pose(const ExportArguments& arguments, const std::optional<std::file
 int run(const ExportArguments& arguments, const CommonOptions& common) {
   const auto capture =
       arguments.capture.empty() ? std::nullopt : std::make_optional<std::filesystem::path>(arguments.capture);
-  if (captures_poses(arguments.run))
+  if (!arguments.motion.empty() && arguments.format != "web")
+    fail<UsageError>("--motion: a {} file holds no motion; the option is for --format web", arguments.format);
+  if (arguments.format == "web")
+    export_page(arguments, common);
+  else if (captures_poses(arguments.run))
     export_pose(arguments, capture, common);
   else
     export_actor(arguments, capture, common);
@@ -115,18 +141,21 @@ int run(const ExportArguments& arguments, const CommonOptions& common) {
 
 Command add_export(CLI::App& program) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App* app =
-      program.add_subcommand("export", "Write a trained actor, or trained pose networks, as one TorchScript file");
+  CLI::App* app = program.add_subcommand(
+      "export", "Write a trained actor, or trained pose networks, for other programs and for browsers");
   app->add_option("--run", arguments->run, "Folder of a run")->required();
   app->add_option("--capture", arguments->capture, "Prepared capture, if it was moved after training");
   app->add_option("--out", arguments->out,
-                  "The file to write (default: actor.pt, actor.onnx, actor.safetensors, pose.pt or pose.onnx in RUN)");
+                  "The file or folder to write (default: actor.pt, actor.onnx, actor.safetensors, web, pose.pt or "
+                  "pose.onnx in RUN)");
   app->add_option("--format", arguments->format,
                   "torchscript: networks for LibTorch and PyTorch; onnx: networks for ONNX Runtime, in programs and "
                   "browsers; safetensors: weights and character for a host of one's own, and a .json that describes "
-                  "them")
-      ->check(CLI::IsMember({"torchscript", "onnx", "safetensors"}))
+                  "them; web: a folder with a page that shows the double, for any file server")
+      ->check(CLI::IsMember({"torchscript", "onnx", "safetensors", "web"}))
       ->capture_default_str();
+  app->add_option("--motion", arguments->motion,
+                  "web: the motion to play, as for `doppel animate` (default: a test sequence of the capture)");
   app->add_flag("--geometry-only", arguments->geometry_only,
                 "Actor: leave TexNet out; the file is smaller and gives only vertices");
   app->add_flag("--pose-only", arguments->pose_only,
@@ -136,6 +165,7 @@ Command add_export(CLI::App& program) {
       "  doppel export --run runs/anna --out anna.pt               # motion -> vertices, texture\n"
       "  doppel export --run runs/anna --format onnx --out anna.onnx\n"
       "  doppel export --run runs/anna --format safetensors --out anna.safetensors\n"
+      "  doppel export --run runs/anna --format web --out page      # a page without a server of its own\n"
       "  doppel export --run runs/anna-deepcap --out pose.pt       # image, keypoints -> pose, landmarks, vertices");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

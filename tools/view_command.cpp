@@ -28,7 +28,10 @@ void announce(const std::string& url, const ViewArguments& arguments, const Comm
 }
 
 int run(const ViewArguments& arguments, const CommonOptions& common) {
-  ViewServer server(open_view_subject(arguments.target, {arguments.motion, arguments.character}), arguments.port);
+  ViewOptions options;
+  options.motion = arguments.motion;
+  options.character = arguments.character;
+  ViewServer server(open_view_subject(arguments.target, options), arguments.port);
   announce(server.url(), arguments, common);
   std::thread serving([&] { server.serve(); });
   while (!stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(100));

@@ -4,7 +4,7 @@ import { digest } from './digest.mjs';
 // Fixed names, so that a build without changes changes no file. Bundled code is plain text, so that it can stand in a
 // C++ raw string.
 export default defineConfig({
-  base: '/',
+  base: './',
   plugins: [{
     name: 'digest',
     generateBundle() { this.emitFile({ type: 'asset', fileName: 'sources.txt', source: `${digest()}\n` }); },

@@ -161,8 +161,12 @@ FieldImage TrainedActor::radiance(const torch::Tensor& dof_window, const torch::
 }
 
 torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection) {
+  return texture(dof_window, projection, texnet->config().surface_normals ? fine(dof_window) : torch::Tensor());
+}
+
+torch::Tensor TrainedActor::texture(const torch::Tensor& dof_window, const torch::Tensor& projection,
+                                    const torch::Tensor& vertices) {
   torch::NoGradGuard no_grad;
-  const torch::Tensor vertices = texnet->config().surface_normals ? fine(dof_window) : torch::Tensor();
   return texnet->forward(texture_input(*this, *texture_space, texnet->config(), dof_window, projection, vertices));
 }
 

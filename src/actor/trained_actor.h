@@ -99,6 +99,9 @@ struct TrainedActor {
   /// The dynamic texture for a motion window and a camera. @pre `texnet` is not null
   /// @param projection [B,3,4] pixels from world metres @return [B,T,T,3] RGB 0..1, row 0 at v = 1
   torch::Tensor texture(const torch::Tensor& dof_window, const torch::Tensor& projection);
+  /// The same where the result of `fine` is at hand. @param vertices [B,N,3] `fine(dof_window)`
+  torch::Tensor texture(const torch::Tensor& dof_window, const torch::Tensor& projection,
+                        const torch::Tensor& vertices);
 
   /// A digest of the weights of EGNet, lighting and DeltaNet, as far as they are loaded. Stages that use these networks
   /// store it as part of their identity.

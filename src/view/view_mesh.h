@@ -17,7 +17,7 @@ struct ViewMesh {
 
 ViewMesh split_at_seams(const TriangleMesh& mesh);
 
-/// The bytes of `GET /api/mesh`.
+/// The bytes of `mesh.bin` (view_files.h).
 std::string view_mesh_bytes(const ViewMesh& mesh);
 
 }  // namespace doppel

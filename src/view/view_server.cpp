@@ -6,16 +6,13 @@
 #include <cmath>
 #include <cstring>
 #include <mutex>
-#include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <random>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/export/animation.h"
 #include "doppel/layers/kinematics/kinematics.h"
-#include "doppel/view/inverse_kinematics.h"
-#include "doppel/view/view_mesh.h"
+#include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
 
 namespace doppel {
@@ -41,6 +38,13 @@ std::string bytes_of(const torch::Tensor& values) {
   return {reinterpret_cast<const char*>(plain.data_ptr<float>()), plain.nbytes()};
 }
 
+/// Colours 0..1 as bytes. @param texture [1,T,T,3] @return [T,T,4], opaque
+std::string texel_bytes(const torch::Tensor& texture) {
+  const torch::Tensor bytes =
+      torch::constant_pad_nd(texture[0].clamp(0.0, 1.0), {0, 1}, 1.0).mul(255.0).round().to(torch::kUInt8).contiguous();
+  return {reinterpret_cast<const char*>(bytes.data_ptr<std::uint8_t>()), bytes.nbytes()};
+}
+
 template <typename Number>
 Number parameter(const httplib::Request& request, const char* name) {
   const std::string text = request.get_param_value(name);
@@ -51,15 +55,31 @@ Number parameter(const httplib::Request& request, const char* name) {
   return value;
 }
 
-/// The pose of a request's body. @return [D]
-std::vector<double> pose_of(const httplib::Request& request, int num_dofs) {
-  if (request.body.size() != as_size(num_dofs) * sizeof(float))
+/// The poses in a request's body. @return [B,D]
+torch::Tensor poses_of(const httplib::Request& request, std::int64_t num_dofs) {
+  const std::size_t row = as_size(num_dofs) * sizeof(float);
+  if (request.body.empty() || request.body.size() % row != 0)
     fail<UsageError>("a pose is {} numbers of 4 bytes, found {} bytes", num_dofs, request.body.size());
-  std::vector<float> values(as_size(num_dofs));
-  std::memcpy(values.data(), request.body.data(), request.body.size());
-  for (const float value : values)
-    if (!std::isfinite(value)) fail<UsageError>("a number of the pose is not finite");
-  return {values.begin(), values.end()};
+  const auto poses = torch::empty({static_cast<std::int64_t>(request.body.size() / row), num_dofs});
+  std::memcpy(poses.data_ptr<float>(), request.body.data(), request.body.size());
+  if (!poses.isfinite().all().item<bool>()) fail<UsageError>("a number of the pose is not finite");
+  return poses;
+}
+
+/// The camera of a request, `projection=` and twelve numbers with commas between them. @return [1,3,4]
+torch::Tensor projection_of(const httplib::Request& request) {
+  const std::string text = request.get_param_value("projection");
+  std::vector<float> values;
+  const char *at = text.data(), *const end = at + text.size();
+  for (float value = 0.0f; at < end;) {
+    const auto [next, error] = std::from_chars(at, end, value);
+    if (error != std::errc() || !std::isfinite(value) || (next != end && (*next != ',' || next + 1 == end))) break;
+    values.push_back(value);
+    at = next == end ? end : next + 1;
+  }
+  if (at != end || values.size() != 12)
+    fail<UsageError>("the parameter `projection` is twelve numbers with commas between them");
+  return torch::tensor(values).view({1, 3, 4});
 }
 
 }  // namespace
@@ -67,41 +87,17 @@ std::vector<double> pose_of(const httplib::Request& request, int num_dofs) {
 struct ViewServer::State {
   ViewSubject subject;
   Kinematics kinematics;
-  std::string token = random_token(), mesh, texture;
+  const ViewFiles files;
+  std::string token = random_token();
   httplib::Server server;
   std::mutex networks;  ///< one request at a time runs the networks
   int port = 0;
 
-  explicit State(ViewSubject given) : subject(std::move(given)), kinematics(subject.character) {
-    mesh = view_mesh_bytes(split_at_seams(subject.character.mesh));
-    std::vector<std::uint8_t> jpeg;
-    if (!subject.character.mesh.texture.empty() && cv::imencode(".jpg", subject.character.mesh.texture, jpeg))
-      texture.assign(jpeg.begin(), jpeg.end());
-  }
+  explicit State(ViewSubject given)
+      : subject(std::move(given)), kinematics(subject.character), files(view_files(subject)) {}
 
   /// Browsers share cookies between ports, so each server has a name of its own.
   std::string cookie() const { return fmt::format("doppel_view_{}", port); }
-
-  nlohmann::json description() const {
-    const Skeleton& skeleton = subject.character.skeleton;
-    nlohmann::json dofs = nlohmann::json::array(), joints = dofs, stages = dofs;
-    for (const Dof& dof : skeleton.dofs) {
-      nlohmann::json entry{{"name", dof.name}};
-      if (dof.limits) entry["limits"] = {(*dof.limits)[0], (*dof.limits)[1]};
-      dofs.push_back(std::move(entry));
-    }
-    for (const Joint& joint : skeleton.joints) joints.push_back({{"name", joint.name}, {"parent", joint.parent}});
-    for (const ViewStage& stage : subject.stages) stages.push_back(stage.name);
-    return {{"name", subject.character.name},
-            {"vertices", subject.character.num_vertices()},
-            {"frames", subject.motion.num_frames()},
-            {"frames_per_second", subject.frames_per_second},
-            {"textured", !texture.empty()},
-            {"rest", subject.character.rest_dofs},
-            {"dofs", dofs},
-            {"joints", joints},
-            {"stages", stages}};
-  }
 
   const ViewStage& stage_of(const httplib::Request& request) const {
     const std::string name = request.get_param_value("stage");
@@ -110,12 +106,18 @@ struct ViewServer::State {
     fail<UsageError>("there is no such stage");
   }
 
-  /// Vertices and joints of a motion window [F+1,D].
-  std::string geometry(const ViewStage& stage, const torch::Tensor& window) {
+  /// @param dofs [B,D] @return positions [B,J,3], world metres
+  torch::Tensor joints(const torch::Tensor& dofs) { return kinematics->joints(dofs).select(-1, 3); }
+
+  /// The answer for a motion window [F+1,D].
+  std::string geometry(const ViewStage& stage, const httplib::Request& request, const torch::Tensor& window) {
     const torch::NoGradGuard no_grad;
     const std::lock_guard lock(networks);
-    const torch::Tensor joints = kinematics->joints(window.narrow(0, window.size(0) - 1, 1)).select(-1, 3);
-    return bytes_of(stage.vertices(window.unsqueeze(0))) + bytes_of(joints);
+    const torch::Tensor windows = window.unsqueeze(0);
+    const torch::Tensor vertices = stage.vertices(windows);
+    std::string bytes = bytes_of(vertices) + bytes_of(joints(window.narrow(0, window.size(0) - 1, 1)));
+    if (stage.texture) bytes += texel_bytes(stage.texture(windows, projection_of(request), vertices));
+    return bytes;
   }
 
   std::string frame(const httplib::Request& request) {
@@ -123,29 +125,19 @@ struct ViewServer::State {
     const int i = parameter<int>(request, "i");
     if (i < 0 || i >= subject.motion.num_frames())
       fail<UsageError>("the motion has the frames 0..{}", subject.motion.num_frames() - 1);
-    return geometry(stage, motion_window(subject.motion, i, stage.past_frames));
+    return geometry(stage, request, motion_window(subject.motion, i, stage.past_frames));
   }
 
   std::string pose(const httplib::Request& request) {
     const ViewStage& stage = stage_of(request);
-    const torch::Tensor row = torch::tensor(pose_of(request, subject.character.num_dofs()), torch::kFloat32);
-    return geometry(stage, row.unsqueeze(0).repeat({stage.past_frames + 1, 1}));
+    const torch::Tensor row = poses_of(request, subject.character.num_dofs());
+    if (row.size(0) != 1) fail<UsageError>("one pose is needed, found {}", row.size(0));
+    return geometry(stage, request, row.repeat({stage.past_frames + 1, 1}));
   }
 
-  std::string reached(const httplib::Request& request) {
-    const Eigen::Vector3d target(parameter<double>(request, "x"), parameter<double>(request, "y"),
-                                 parameter<double>(request, "z"));
-    const std::lock_guard lock(networks);
-    ReachResult result = reach(subject.character, pose_of(request, subject.character.num_dofs()),
-                               parameter<int>(request, "joint"), target);
-    result.dofs.push_back(result.distance);
-    return bytes_of(torch::tensor(result.dofs, torch::kFloat64));
-  }
-
-  std::string motion_bytes() const {
-    std::vector<torch::Tensor> rows;
-    for (int f = 0; f < subject.motion.num_frames(); ++f) rows.push_back(motion_window(subject.motion, f, 0));
-    return bytes_of(torch::cat(rows));
+  std::string joint_bytes(const httplib::Request& request) {
+    const torch::NoGradGuard no_grad;
+    return bytes_of(joints(poses_of(request, subject.character.num_dofs())));
   }
 
   /// Whether a request has the token and comes to this address. A page of another site that resolves its name to the
@@ -188,16 +180,18 @@ struct ViewServer::State {
   }
 
   void add_interface() {
-    answer(
-        "/api/description", false, [this](const auto&) { return description().dump(); }, "application/json");
-    answer("/api/mesh", false, [this](const auto&) { return mesh; });
-    answer("/api/motion", false, [this](const auto&) { return motion_bytes(); });
+    const auto file = [this](const char* path, const std::string& bytes, const char* type) {
+      if (!bytes.empty())
+        answer(
+            path, false, [&bytes](const auto&) { return bytes; }, type);
+    };
+    file("/double/description.json", files.description, "application/json");
+    file("/double/mesh.bin", files.mesh, "application/octet-stream");
+    file("/double/motion.bin", files.motion, "application/octet-stream");
+    file("/double/texture.jpg", files.texture, "image/jpeg");
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });
-    answer("/api/reach", true, [this](const httplib::Request& request) { return reached(request); });
-    if (!texture.empty())
-      answer(
-          "/api/texture", false, [this](const auto&) { return texture; }, "image/jpeg");
+    answer("/api/joints", true, [this](const httplib::Request& request) { return joint_bytes(request); });
   }
 
   void set_up() {

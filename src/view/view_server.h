@@ -11,15 +11,13 @@ namespace doppel {
 /// the cookie that the page sets; otherwise the answer is 403. Nothing is read from the disk on request, so no path can
 /// lead anywhere. Requests are at most 1 MB, and a connection that stands still for five seconds is closed.
 ///
-/// | request | answer |
-/// |---|---|
-/// | `GET /` | the page |
-/// | `GET /api/description` | JSON: name, sizes, frame rate, DoFs with limits, joints, stages |
-/// | `GET /api/mesh` | uint32 counts of corners and split vertices; uint32 corners [3F]; uint32 template vertex of each
-/// split vertex [S]; float32 UVs [S,2] | | `GET /api/texture` | the template's texture, JPEG; 404 without | | `GET
-/// /api/motion` | float32 [frames, D] | | `GET /api/frame?i=0&stage=skinning` | float32 vertices [N,3], then joints
-/// [J,3], world metres | | `POST /api/pose?stage=skinning` with float32 [D] | the same, for a pose that stands still |
-/// | `POST /api/reach?joint=3&x=0&y=1&z=0` with float32 [D] | float32 [D+1]: the pose and the distance left, metres |
+/// - `GET /`: the page
+/// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`: see view_files.h
+/// - `GET /api/frame?i=0&stage=skinning`: float32 vertices [N,3], then joints [J,3], world metres. For a stage with a
+///   dynamic texture, `&projection=` gives the camera, twelve numbers [3,4] (pixels from world metres), and the texture
+///   follows: uint8 RGBA [T,T,4], row 0 at v = 1
+/// - `POST /api/pose?stage=skinning` with float32 [D]: the same for a pose that stands still
+/// - `POST /api/joints` with float32 [B,D]: float32 joints [B,J,3], world metres
 class ViewServer {
  public:
   /// Binds the port; 0: any free one. @throws Error when the port is taken

@@ -45,8 +45,9 @@ void take_motion(ViewSubject& subject, const Dataset& dataset) {
     subject.motion = chosen->motion;
 }
 
-ViewSubject of_run(const fs::path& run) {
-  auto trained = std::make_shared<TrainedActor>(TrainedActor::load(run));
+ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
+  const auto capture = options.capture.empty() ? std::nullopt : std::make_optional(options.capture);
+  const auto trained = std::make_shared<TrainedActor>(TrainedActor::load(run, capture));
   ViewSubject subject;
   subject.character = trained->character;
   subject.stages = {
@@ -55,6 +56,14 @@ ViewSubject of_run(const fs::path& run) {
   if (trained->deltanet)
     subject.stages.push_back(
         {"deltanet", trained->past_frames(), [trained](const torch::Tensor& w) { return trained->fine(w); }});
+  if (trained->texnet && !options.geometry_only) {
+    const ViewStage finest = subject.stages.back();
+    subject.stages.push_back({"textured", trained->past_frames(), finest.vertices,
+                              [trained](const auto& w, const auto& camera, const auto& surface) {
+                                return trained->texture(w, camera, surface);
+                              },
+                              static_cast<int>(trained->texnet->config().size), finest.name});
+  }
   take_motion(subject, trained->subject.open_dataset());
   return subject;
 }
@@ -73,6 +82,11 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
                      subject.character.num_vertices());
   subject.frames_per_second = d.frames_per_second;
   subject.stages.push_back({"actor", d.past_frames, [file](const torch::Tensor& w) { return file->forward(w); }});
+  if (d.texture_size > 0)
+    subject.stages.push_back(
+        {"textured", d.past_frames, subject.stages.back().vertices,
+         [file](const auto& w, const auto& camera, const auto&) { return file->textured(w, camera).second; },
+         d.texture_size, "actor"});
   return subject;
 }
 
@@ -103,7 +117,7 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
     if (captures_poses(target))
       fail<UsageError>("viewing {}: a run of posenet or deepcap has no actor; track with it, then view the character",
                        target.string());
-    return of_run(target);
+    return of_run(target, options);
   }
   if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(target);
   fail<UsageError>(

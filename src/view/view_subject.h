@@ -1,7 +1,5 @@
 #pragma once
 
-#include <torch/types.h>
-
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -9,14 +7,20 @@
 
 #include "doppel/character/character.h"
 #include "doppel/character/motion.h"
+#include "doppel/export/actor_trace.h"
 
 namespace doppel {
 
-/// One way to make vertices from poses.
+/// One way to make a surface from poses. The weights of its networks require no gradients.
 struct ViewStage {
-  std::string name;                                             ///< skinning, egnet, deltanet or actor
-  int past_frames = 0;                                          ///< F of its motion windows
-  std::function<torch::Tensor(const torch::Tensor&)> vertices;  ///< [1,F+1,D] -> [1,N,3], world metres
+  std::string name;        ///< skinning, egnet, deltanet, actor or textured
+  int past_frames = 0;     ///< F of its motion windows
+  ActorFunction vertices;  ///< [B,F+1,D] -> [B,N,3], world metres
+  /// The dynamic texture: window, projection [B,3,4] (pixels from world metres) and this stage's vertices -> [B,T,T,3]
+  /// RGB 0..1, row 0 at v = 1. Empty: the template's texture.
+  std::function<torch::Tensor(const torch::Tensor&, const torch::Tensor&, const torch::Tensor&)> texture = {};
+  int texture_size = 0;       ///< T; 0 without `texture`
+  std::string geometry = {};  ///< with `texture`: the earlier stage that has the same vertices
 };
 
 /// What `doppel view` shows.
@@ -30,6 +34,8 @@ struct ViewSubject {
 struct ViewOptions {
   std::filesystem::path motion;     ///< empty: that of the capture, or the rest pose
   std::filesystem::path character;  ///< for an actor file
+  std::filesystem::path capture;    ///< for a run whose prepared capture was moved; empty: that of the run
+  bool geometry_only = false;       ///< for a run: without TexNet
 };
 
 /// Opens a run of egnet or ddc, an exported actor (`.pt`, with options.character), a `.character` file, a capture (a

@@ -119,8 +119,8 @@ TEST_F(FakeNpm, WritesADamagedArchive) { EXPECT_THAT(complaint("echo no archive 
 
 TEST_F(FakeNpm, BringsOtherFiles) {
   std::string files;
-  for (const ModelFile& file : kLandmarkFiles) files += std::string(" package/") + file.name;
-  files += std::string(" package/") + kDetectorFile.name;
+  for (const PackageFile& file : kLandmarkFiles) files += std::string(" package/") + file.path;
+  files += std::string(" package/") + kDetectorFile.path;
   EXPECT_THAT(complaint("mkdir package; for f in" + files + "; do echo other >$f; done; tar -czf x.tgz package"),
               AllOf(HasSubstr("pose_landmark_lite.tflite has the SHA-256"), HasSubstr("expected f17bfbec")));
   EXPECT_TRUE(fs::is_empty(models_)) << "nothing is kept";
@@ -132,8 +132,8 @@ TEST_F(FakeNpm, IsAskedForTheExactVersion) {
 
 TEST_F(FakeNpm, IsNotAskedWhenTheFileIsThereButDamaged) {
   fs::create_directories(models_);
-  std::ofstream(models_ / kDetectorFile.name) << "damaged";
-  EXPECT_THAT(complaint("exit 1"), AllOf(HasSubstr(kDetectorFile.name), HasSubstr("expected a63c614b"),
+  std::ofstream(models_ / kDetectorFile.path) << "damaged";
+  EXPECT_THAT(complaint("exit 1"), AllOf(HasSubstr(kDetectorFile.path), HasSubstr("expected a63c614b"),
                                          HasSubstr("Delete it to fetch it again")));
 }
 

@@ -15,7 +15,7 @@ class BlazePoseTest : public SharedFolderTest {
     if (IsSkipped()) return;
     try {
       find_model(kDetectorFile);
-      for (const ModelFile& file : kLandmarkFiles) find_model(file);
+      for (const PackageFile& file : kLandmarkFiles) find_model(file);
     } catch (const std::exception& error) {
       GTEST_SKIP() << "the weights of BlazePose are not here: " << error.what();
     }

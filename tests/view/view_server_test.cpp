@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/surface.h"
 #include "support/test_character.h"
 
@@ -37,6 +38,11 @@ class ViewServerTest : public testing::Test {
         {"skinning", 0, [surface = CharacterSurface(result.character)](const torch::Tensor& window) mutable {
            return surface->skinned(window.select(1, window.size(1) - 1));
          }}};
+    result.stages.push_back({"textured", 0, result.stages[0].vertices,
+                             [](const auto&, const auto&, const auto&) {
+                               return torch::full({1, 2, 2, 3}, 0.5);
+                             },
+                             2, "skinning"});
     return result;
   }
   httplib::Client client() const {
@@ -56,13 +62,14 @@ class ViewServerTest : public testing::Test {
 };
 
 TEST_F(ViewServerTest, RefusesRequestsWithoutTheToken) {
-  for (const char* path : {"/", "/api/description", "/api/description?token=", "/api/description?token=0", "/none.js"})
+  for (const char* path : {"/", "/double/description.json",
+                           "/double/description.json?token=", "/double/description.json?token=0", "/none.js"})
     EXPECT_EQ(status(path), 403) << path;
-  EXPECT_EQ(status(with_token("/api/description")), 200);
+  EXPECT_EQ(status(with_token("/double/description.json")), 200);
 }
 
 TEST_F(ViewServerTest, RefusesAnotherHost) {
-  const auto answer = client().Get(with_token("/api/description"), {{"Host", "example.org"}});
+  const auto answer = client().Get(with_token("/double/description.json"), {{"Host", "example.org"}});
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 403);
 }
@@ -76,7 +83,7 @@ TEST_F(ViewServerTest, RefusesALargeBodyAndStillServes) {
   const auto answer = client().Post(with_token("/api/pose?stage=skinning"), std::string(3 << 20, 'x'), "text/plain");
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 413);
-  EXPECT_EQ(status(with_token("/api/description")), 200);
+  EXPECT_EQ(status(with_token("/double/description.json")), 200);
 }
 
 TEST_F(ViewServerTest, AnswersWhileOtherConnectionsStandStill) {
@@ -86,9 +93,9 @@ TEST_F(ViewServerTest, AnswersWhileOtherConnectionsStandStill) {
     idle.push_back(std::make_unique<httplib::Client>("127.0.0.1", port_));
     idle.back()->set_keep_alive(true);
     idle.back()->set_read_timeout(20);
-    ASSERT_TRUE(idle.back()->Get(with_token("/api/description")));
+    ASSERT_TRUE(idle.back()->Get(with_token("/double/description.json")));
   }
-  EXPECT_EQ(status(with_token("/api/description")), 200);
+  EXPECT_EQ(status(with_token("/double/description.json")), 200);
   EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), 1.0);
 }
 
@@ -111,6 +118,33 @@ TEST_F(ViewServerTest, RefusesFramesStagesAndPosesThatDoNotExist) {
                            "/api/frame?i=x&stage=skinning", "/api/frame"})
     EXPECT_EQ(status(with_token(path)), 400) << path;
   EXPECT_EQ(client().Post(with_token("/api/pose?stage=skinning"), "abc", "text/plain")->status, 400);
+  EXPECT_EQ(client().Post(with_token("/api/joints"), "abc", "text/plain")->status, 400);
+}
+
+TEST_F(ViewServerTest, JointsOfSeveralPoses) {
+  const Character character = make_test_character();
+  std::vector<float> poses;
+  for (const float shift : {0.0f, 0.1f})
+    for (const double value : character.rest_dofs) poses.push_back(static_cast<float>(value) + shift);
+  const std::string body(reinterpret_cast<const char*>(poses.data()), poses.size() * sizeof(float));
+  const auto answer = client().Post(with_token("/api/joints"), body, "application/octet-stream");
+  ASSERT_EQ(answer->status, 200);
+  Kinematics kinematics(character);
+  const torch::Tensor dofs = torch::tensor(poses).view({2, character.num_dofs()});
+  const torch::Tensor expected = kinematics->joints(dofs).select(-1, 3).contiguous();
+  ASSERT_EQ(answer->body.size(), expected.nbytes());
+  EXPECT_EQ(std::memcmp(answer->body.data(), expected.data_ptr(), expected.nbytes()), 0);
+}
+
+TEST_F(ViewServerTest, ATextureNeedsACamera) {
+  const std::string numbers = "1,0,0,0,0,1,0,0,0,0,1,3", path = "/api/frame?i=0&stage=textured&projection=";
+  const auto answer = client().Get(with_token(path + numbers));
+  ASSERT_EQ(answer->status, 200);
+  const std::string last = answer->body.substr(answer->body.size() - 16);
+  EXPECT_EQ(last, std::string("\x80\x80\x80\xff\x80\x80\x80\xff\x80\x80\x80\xff\x80\x80\x80\xff"));
+  for (const std::string& wrong : {std::string(), numbers + ",1", numbers + ",", std::string("1,2"),
+                                   std::string("nan,0,0,0,0,1,0,0,0,0,1,3"), "x" + numbers})
+    EXPECT_EQ(status(with_token(path + wrong)), 400) << wrong;
 }
 
 }  // namespace

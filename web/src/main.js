@@ -1,5 +1,6 @@
 import './style.css';
 import { open } from './source.js';
+import { reach } from './reach.js';
 import { Picture } from './scene.js';
 
 const element = (id) => document.getElementById(id);
@@ -19,15 +20,24 @@ function newestOnly(work) {
 
 function app(source) {
   const { about } = source, picture = new Picture(element('stage'), source);
-  const state = { frame: 0, playing: false, edited: null, stage: about.stages.at(-1), speed: 1 };
+  const state = { frame: 0, playing: false, edited: null, stage: about.stages.findLast(({ texture_size }) => !texture_size), speed: 1 };
   const dofs = () => state.edited ?? source.dofsOf(state.frame);
 
   const draw = newestOnly(async () => {
-    const { frame, stage, edited } = state;
-    state.geometry = edited ? await source.pose(edited, stage) : await source.frame(frame, stage);
-    picture.show(state.geometry);
-    if (!state.framed) { picture.frameAll(); state.framed = true; }
+    const { frame, edited } = state, chosen = state.stage, projection = picture.projection();
+    const surfaces = [];
+    for (const stage of state.beside ? about.stages : [chosen]) {
+      const geometry = edited ? await source.pose(edited, stage, projection) : await source.frame(frame, stage, projection);
+      surfaces.push({ stage, ...geometry });
+    }
+    state.geometry = surfaces.find(({ stage }) => stage === chosen);
+    picture.show(surfaces, chosen, state.geometry.joints);
     state.drawn = (state.drawn ?? 0) + 1;
+    if (!state.framed) {
+      state.framed = true;
+      picture.frameAll();
+      if (surfaces.some(({ texels }) => texels)) draw();  // the texture of this camera
+    }
   });
 
   const sliders = about.dofs.map((dof, d) => {
@@ -53,7 +63,7 @@ function app(source) {
     element('frame').textContent = `${state.frame} / ${about.frames - 1}`;
     element('play').textContent = state.playing ? '❚❚' : '▶';
     element('follow').hidden = !state.edited;
-    for (const button of element('stages').children) button.setAttribute('aria-checked', button.textContent === state.stage);
+    for (const button of element('stages').children) button.setAttribute('aria-checked', button.textContent === state.stage.name);
   }
   const update = () => { showNumbers(); draw(); };
   const edit = (pose) => { state.playing = false; state.edited = pose; update(); };
@@ -61,14 +71,14 @@ function app(source) {
   const play = (on) => { state.playing = on && about.frames > 1; if (on) state.edited = null; state.since = null; showNumbers(); };
 
   const drag = newestOnly(async (joint, target) => {
-    state.reached = await source.reach(Float32Array.from(dofs()), joint, target);
+    state.reached = await reach(source, dofs(), joint, target);
     edit(state.reached.dofs);
   });
   picture.onDrag(drag);
 
   for (const stage of about.stages) {
     const button = document.createElement('button');
-    button.textContent = stage;
+    button.textContent = stage.name;
     button.setAttribute('role', 'radio');
     button.addEventListener('click', () => { state.stage = stage; update(); });
     element('stages').append(button);
@@ -81,7 +91,8 @@ function app(source) {
   element('speed').addEventListener('change', (event) => { state.speed = Number(event.target.value); state.since = null; });
   element('light').addEventListener('input', (event) => picture.turnLight(Number(event.target.value)));
   element('texture').addEventListener('change', (event) => picture.useTexture(event.target.checked).catch(complain));
-  element('handles').addEventListener('change', (event) => { picture.handles.visible = event.target.checked; });
+  element('beside').addEventListener('change', (event) => { Object.assign(state, { beside: event.target.checked, framed: false }); update(); });
+  element('handles').addEventListener('change', (event) => picture.showHandles(event.target.checked));
   element('rest').addEventListener('click', () => edit(Float32Array.from(about.rest)));
   element('follow').addEventListener('click', () => goTo(state.frame));
   element('menu').addEventListener('click', () => element('panel').classList.toggle('hidden'));
@@ -90,6 +101,8 @@ function app(source) {
     about.dofs.forEach((dof, d) => { sliders[d].row.hidden = !dof.name.toLowerCase().includes(wanted); });
   });
   if (window.matchMedia('(max-width: 640px)').matches) element('panel').classList.add('hidden');
+  picture.controls.addEventListener('end', () => { if (state.geometry?.texels) draw(); });  // its texture depends on the camera
+  if (about.stages.length < 2) element('beside').parentElement.hidden = true;
   if (!about.textured) element('texture').parentElement.hidden = true;
 
   window.addEventListener('keydown', (event) => {

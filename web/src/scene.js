@@ -1,10 +1,10 @@
-// The picture: the mesh, handles at the joints, light, camera.
+// The picture: a body for each stage in view, handles at the joints, light, camera.
 import {
-  BufferAttribute, BufferGeometry, Color, DirectionalLight, GridHelper, HemisphereLight, InstancedMesh, Matrix4, Mesh,
-  MeshBasicMaterial, MeshStandardMaterial, PerspectiveCamera, Plane, Raycaster, Scene, SphereGeometry, SRGBColorSpace,
-  TextureLoader, Vector2, Vector3, WebGLRenderer,
+  Box3, Color, DirectionalLight, GridHelper, HemisphereLight, InstancedMesh, Matrix4, MeshBasicMaterial, PerspectiveCamera,
+  Plane, Raycaster, Scene, SphereGeometry, SRGBColorSpace, TextureLoader, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { Body } from './body.js';
 
 const kHandle = 0.02;  // metres
 
@@ -18,7 +18,8 @@ export class Picture {
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.source = source;
     this.addLights();
-    this.addMesh();
+    this.bodies = new Map();  // stage name -> Body
+    this.gap = 0;  // metres between bodies side by side
     this.handles = new InstancedMesh(new SphereGeometry(kHandle, 12, 8), new MeshBasicMaterial({ depthTest: false,
       transparent: true, opacity: 0.85 }), source.about.joints.length);
     this.handles.renderOrder = 1;
@@ -26,8 +27,15 @@ export class Picture {
     this.scene.add(this.handles);
     new ResizeObserver(() => this.resize(parent)).observe(parent);
     this.resize(parent);
-    this.renderer.setAnimationLoop(() => { this.controls.update(); this.renderer.render(this.scene, this.camera); });
+    // A picture is drawn when something has changed: see `redraw`.
+    this.renderer.setAnimationLoop(() => {
+      if (!this.controls.update() && !this.changed) return;
+      this.changed = false;
+      this.renderer.render(this.scene, this.camera);
+    });
   }
+
+  redraw() { this.changed = true; }
 
   addLights() {
     this.sun = new DirectionalLight(0xffffff, 2.2);
@@ -37,24 +45,10 @@ export class Picture {
     this.grid.material.opacity = 0.25;
     this.scene.add(this.grid);
     const dark = window.matchMedia('(prefers-color-scheme: dark)');
-    const paint = () => { this.scene.background = new Color(dark.matches ? 0x15171a : 0xf4f4f2); };
+    const paint = () => { this.scene.background = new Color(dark.matches ? 0x15171a : 0xf4f4f2); this.redraw(); };
     dark.addEventListener('change', paint);
     paint();
     this.turnLight(40);
-  }
-
-  addMesh() {
-    const { mesh } = this.source, geometry = new BufferGeometry();
-    geometry.setIndex(new BufferAttribute(mesh.corners, 1));
-    this.positions = new BufferAttribute(new Float32Array(3 * mesh.source.length), 3);
-    this.normals = new BufferAttribute(new Float32Array(3 * mesh.source.length), 3);
-    geometry.setAttribute('position', this.positions);
-    geometry.setAttribute('normal', this.normals);
-    geometry.setAttribute('uv', new BufferAttribute(mesh.uvs, 2));
-    this.material = new MeshStandardMaterial({ color: 0xb8b4ae, roughness: 0.9 });
-    this.body = new Mesh(geometry, this.material);
-    this.body.frustumCulled = false;
-    this.scene.add(this.body);
   }
 
   async useTexture(wanted) {
@@ -62,50 +56,66 @@ export class Picture {
       this.image = await new TextureLoader().loadAsync(this.source.texture);
       this.image.colorSpace = SRGBColorSpace;
     }
-    this.material.map = wanted && this.image ? this.image : null;
-    this.material.color.set(this.material.map ? 0xffffff : 0xb8b4ae);
-    this.material.needsUpdate = true;
+    this.map = wanted ? this.image ?? null : null;
+    for (const body of this.bodies.values()) body.paint(this.map);
+    this.redraw();
   }
 
   turnLight(degrees) {
     const angle = (degrees * Math.PI) / 180;
     this.sun.position.set(3 * Math.sin(angle), 4, 3 * Math.cos(angle));
+    this.redraw();
   }
 
-  show({ vertices, joints }) {
-    const { source } = this.source.mesh, normals = this.vertexNormals(vertices);
-    for (const [attribute, values] of [[this.positions, vertices], [this.normals, normals]]) {
-      for (let i = 0; i < source.length; ++i) attribute.array.set(values.subarray(3 * source[i], 3 * source[i] + 3), 3 * i);
-      attribute.needsUpdate = true;
-    }
+  // Shows one body for each entry of `surfaces`, { stage, vertices, texels }. That of stage `chosen` stands at its place
+  // and carries the handles; the others stand beside it.
+  show(surfaces, chosen, joints) {
+    for (const { stage } of surfaces)
+      if (!this.bodies.has(stage.name)) {
+        const body = new Body(this.source.mesh, stage.texture_size);
+        body.paint(this.map);
+        this.bodies.set(stage.name, body);
+        this.scene.add(body.mesh);
+      }
+    for (const body of this.bodies.values()) body.mesh.visible = false;
+    const middle = surfaces.findIndex(({ stage }) => stage.name === chosen.name);
+    surfaces.forEach(({ stage, vertices, texels }, k) => {
+      const body = this.bodies.get(stage.name);
+      body.show(vertices, texels);
+      body.mesh.visible = true;
+      if (!this.gap) this.gap = 1.1 * body.width();
+      body.mesh.position.set((k - middle) * this.gap, 0, 0);
+    });
     this.joints = joints;
     const at = new Matrix4();
     for (let j = 0; j < this.source.about.joints.length; ++j)
       this.handles.setMatrixAt(j, at.makeTranslation(joints[3 * j], joints[3 * j + 1], joints[3 * j + 2]));
     this.handles.instanceMatrix.needsUpdate = true;
     this.handles.computeBoundingSphere();
+    this.redraw();
   }
 
-  // Area-weighted normals of the template's vertices, smooth across the seams of the texture; the shader normalises.
-  vertexNormals(vertices) {
-    const { corners, source } = this.source.mesh, normals = new Float32Array(vertices.length);
-    const [a, b, c, n] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
-    for (let f = 0; f < corners.length; f += 3) {
-      const face = [source[corners[f]], source[corners[f + 1]], source[corners[f + 2]]];
-      [a, b, c].forEach((point, k) => point.fromArray(vertices, 3 * face[k]));
-      n.crossVectors(b.sub(a), c.sub(a));
-      for (const v of face) { normals[3 * v] += n.x; normals[3 * v + 1] += n.y; normals[3 * v + 2] += n.z; }
-    }
-    return normals;
-  }
-
-  // Points the camera at the mesh.
+  // Points the camera at all bodies in view.
   frameAll() {
-    this.body.geometry.computeBoundingBox();
-    const box = this.body.geometry.boundingBox, centre = box.getCenter(new Vector3()), height = box.getSize(new Vector3()).y;
+    const box = new Box3();
+    for (const body of this.bodies.values()) if (body.mesh.visible) box.union(body.box().clone().translate(body.mesh.position));
+    const centre = box.getCenter(new Vector3()), size = box.getSize(new Vector3());
+    const wide = size.x / (2 * this.camera.aspect * Math.tan((this.camera.fov * Math.PI) / 360));
+    const distance = Math.max(1.6 * size.y, 1.1 * wide + size.z / 2);
     this.grid.position.y = box.min.y;
     this.controls.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(0.5 * height, 0.15 * height, 1.6 * height));
+    this.camera.position.copy(centre).add(new Vector3(0.5 * size.y, 0.15 * size.y, distance));
+    this.controls.update();
+  }
+
+  // Pixels from world metres, row by row [3,4].
+  projection() {
+    this.camera.updateMatrixWorld();
+    const { clientWidth: width, clientHeight: height } = this.renderer.domElement, view = this.camera.matrixWorldInverse.elements;
+    const focal = height / 2 / Math.tan((this.camera.fov * Math.PI) / 360), rows = [0, 1, 2].map((r) => [0, 1, 2, 3].map(
+      (c) => (r ? -1 : 1) * view[4 * c + r]));  // x right, y down, z forward
+    return [rows[0].map((x, c) => focal * x + (width / 2) * rows[2][c]), rows[1].map((y, c) => focal * y + (height / 2) * rows[2][c]),
+      rows[2]].flat();
   }
 
   resize(parent) {
@@ -113,6 +123,12 @@ export class Picture {
     this.renderer.setSize(width, height);
     this.camera.aspect = width / Math.max(1, height);
     this.camera.updateProjectionMatrix();
+    this.redraw();
+  }
+
+  showHandles(wanted) {
+    this.handles.visible = wanted;
+    this.redraw();
   }
 
   jointAt(j) { return new Vector3(this.joints[3 * j], this.joints[3 * j + 1], this.joints[3 * j + 2]); }

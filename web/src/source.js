@@ -1,35 +1,44 @@
-// The double as the server gives it: sizes, mesh, motion and geometry of poses.
-const address = (path, query = {}) => `${path}?${new URLSearchParams(query)}`;
+// The double: sizes, mesh, motion, and the geometry of poses. `doppel view` computes it, or, in an exported folder, the
+// page itself by ONNX Runtime.
+import { folderNetworks } from './networks.js';
 
-async function fetched(path, query, body) {
-  const response = await fetch(address(path, query), body ? { method: 'POST', body } : {});
+async function fetched(path, body) {
+  const response = await fetch(path, body ? { method: 'POST', body } : {});
   if (!response.ok) throw new Error(`${path}: ${await response.text()}`);
   return response;
 }
+const bytesOf = async (path, body) => (await fetched(path, body)).arrayBuffer();
+
+// Geometry: { vertices [3N], joints [3J], texels: RGBA bytes [4TT] or null }
+function serverNetworks(about) {
+  const address = (path, stage, projection, query = {}) => `${path}?${new URLSearchParams(
+    { ...query, stage: stage.name, ...(projection ? { projection } : {}) })}`;
+  const split = (bytes, { texture_size: size }) => {
+    const joints = 12 * about.vertices, texels = joints + 12 * about.joints.length;
+    return {
+      vertices: new Float32Array(bytes, 0, 3 * about.vertices), joints: new Float32Array(bytes, joints, 3 * about.joints.length),
+      texels: size ? new Uint8Array(bytes, texels, 4 * size * size) : null,
+    };
+  };
+  return {
+    frame: async (i, stage, projection) => split(await bytesOf(address('api/frame', stage, projection, { i })), stage),
+    pose: async (dofs, stage, projection) => split(await bytesOf(address('api/pose', stage, projection), dofs), stage),
+    joints: async (poses) => new Float32Array(await bytesOf('api/joints', poses)),
+  };
+}
 
 export async function open() {
-  const about = await (await fetched('/api/description')).json();
-  const bytes = await (await fetched('/api/mesh')).arrayBuffer();
+  const about = await (await fetched('double/description.json')).json();
+  const bytes = await bytesOf('double/mesh.bin');
   const [corners, split] = new Uint32Array(bytes, 0, 2);
   const mesh = {
     corners: new Uint32Array(bytes, 8, corners),
     source: new Uint32Array(bytes, 8 + 4 * corners, split),
     uvs: new Float32Array(bytes, 8 + 4 * (corners + split), 2 * split),
   };
-  const motion = new Float32Array(await (await fetched('/api/motion')).arrayBuffer());
-  const geometry = (buffer) => ({
-    vertices: new Float32Array(buffer, 0, 3 * about.vertices),
-    joints: new Float32Array(buffer, 12 * about.vertices),
-  });
-  return {
-    about, mesh,
-    texture: about.textured ? '/api/texture' : null,
-    dofsOf: (frame) => motion.slice(frame * about.dofs.length, (frame + 1) * about.dofs.length),
-    frame: async (i, stage) => geometry(await (await fetched('/api/frame', { i, stage })).arrayBuffer()),
-    pose: async (dofs, stage) => geometry(await (await fetched('/api/pose', { stage }, dofs)).arrayBuffer()),
-    reach: async (dofs, joint, { x, y, z }) => {
-      const found = new Float32Array(await (await fetched('/api/reach', { joint, x, y, z }, dofs)).arrayBuffer());
-      return { dofs: found.slice(0, -1), distance: found.at(-1) };
-    },
-  };
+  const motion = new Float32Array(await bytesOf('double/motion.bin'));
+  const dofsOf = (frame) => motion.slice(frame * about.dofs.length, (frame + 1) * about.dofs.length);
+  const in_folder = document.body.dataset.source === 'folder';
+  const networks = in_folder ? await folderNetworks(about, dofsOf) : serverNetworks(about);
+  return { about, mesh, dofsOf, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
 }

@@ -1,0 +1,74 @@
+#include "doppel/view/view_files.h"
+
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "doppel/view/reach_dofs.h"
+#include "doppel/view/view_mesh.h"
+
+namespace doppel {
+namespace {
+
+nlohmann::json dof_entries(const Skeleton& skeleton) {
+  nlohmann::json entries = nlohmann::json::array();
+  for (const Dof& dof : skeleton.dofs) {
+    nlohmann::json entry{{"name", dof.name}};
+    if (dof.limits) entry["limits"] = {(*dof.limits)[0], (*dof.limits)[1]};
+    entries.push_back(std::move(entry));
+  }
+  return entries;
+}
+
+nlohmann::json joint_entries(const Skeleton& skeleton) {
+  nlohmann::json entries = nlohmann::json::array();
+  for (int j = 0; j < skeleton.num_joints(); ++j) {
+    const Joint& joint = skeleton.joints[static_cast<std::size_t>(j)];
+    nlohmann::json moved_by = nlohmann::json::array();
+    for (const ReachDof& found : reach_dofs(skeleton, j))
+      moved_by.push_back({{"dof", found.dof}, {"radians", found.radians}});
+    entries.push_back({{"name", joint.name}, {"parent", joint.parent}, {"moved_by", moved_by}});
+  }
+  return entries;
+}
+
+nlohmann::json description(const ViewSubject& subject) {
+  nlohmann::json stages = nlohmann::json::array();
+  for (const ViewStage& stage : subject.stages)
+    stages.push_back({{"name", stage.name},
+                      {"past_frames", stage.past_frames},
+                      {"texture_size", stage.texture_size},
+                      {"geometry", stage.texture ? stage.geometry : stage.name}});
+  return {{"name", subject.character.name},
+          {"vertices", subject.character.num_vertices()},
+          {"frames", subject.motion.num_frames()},
+          {"frames_per_second", subject.frames_per_second},
+          {"textured", !subject.character.mesh.texture.empty()},
+          {"rest", subject.character.rest_dofs},
+          {"dofs", dof_entries(subject.character.skeleton)},
+          {"joints", joint_entries(subject.character.skeleton)},
+          {"stages", stages}};
+}
+
+std::string motion_bytes(const Motion& motion) {
+  std::string bytes;
+  for (const std::vector<double>& frame : motion.frames) {
+    const std::vector<float> row(frame.begin(), frame.end());
+    bytes.append(reinterpret_cast<const char*>(row.data()), row.size() * sizeof(float));
+  }
+  return bytes;
+}
+
+std::string jpeg(const cv::Mat& image) {
+  std::vector<std::uint8_t> bytes;
+  if (!image.empty()) cv::imencode(".jpg", image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+}  // namespace
+
+ViewFiles view_files(const ViewSubject& subject) {
+  return {description(subject).dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)),
+          motion_bytes(subject.motion), jpeg(subject.character.mesh.texture)};
+}
+
+}  // namespace doppel

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+
+#include "doppel/view/view_subject.h"
+
+namespace doppel {
+
+/// What the page loads once, from a server and from a folder alike, as the bytes of files below `double/`.
+struct ViewFiles {
+  /// `description.json`: `name`, `vertices`, `frames`, `frames_per_second`, `textured` (whether there is a
+  /// texture.jpg), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`, `parent`, `moved_by`: reach_dofs.h)
+  /// and `stages` (`name`, `past_frames`, `texture_size`, and `geometry`: the stage that has the same vertices)
+  std::string description;
+  /// `mesh.bin`: uint32 counts of corners and of split vertices; uint32 corners [3F]; uint32 template vertex of each
+  /// split vertex [S]; float32 UVs [S,2]
+  std::string mesh;
+  std::string motion;   ///< `motion.bin`: float32 [frames, D]
+  std::string texture;  ///< `texture.jpg`: the template's texture; empty without
+};
+
+ViewFiles view_files(const ViewSubject& subject);
+
+}  // namespace doppel

@@ -1,0 +1,130 @@
+#include "doppel/view/web_folder.h"
+
+#include <torch/script.h>
+#include <unistd.h>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/fetch/package_files.h"
+#include "doppel/layers/kinematics/kinematics.h"
+#include "doppel/layers/reference_scope.h"
+#include "doppel/onnx_writer/onnx_model.h"
+#include "doppel/view/view_files.h"
+#include "doppel/view/view_page.h"
+
+namespace doppel {
+namespace {
+
+namespace fs = std::filesystem;
+using torch::jit::Stack;
+
+const Package kRuntime = {
+    "onnxruntime-web@1.30.0",
+    {{"dist/ort.wasm.min.mjs", "219e6a1fc8a9938268d18efca3c91d310bd2f4a59bbd13744df5b2b7fc6cee3b"},
+     {"dist/ort-wasm-simd-threaded.mjs", "e13f7f94fc51b4ca72b12faeb1ee95f4ace6dfbc8939bc718aabdc0a27c4299b"},
+     {"dist/ort-wasm-simd-threaded.wasm", "3398c10d07d229bd91b364548e130e0e51a8e5704b88c7c083ebbeb78842dee2"}}};
+
+constexpr double kPositionTolerance = 1e-5;  // metres
+constexpr double kColourTolerance = 1e-3;    // of 0..1
+
+/// A function as an ONNX model of any batch size. @param sample makes its inputs of a batch size from a seed
+std::string traced_model(const ScriptFileWriter::Function& function,
+                         const std::function<Stack(int, std::uint64_t)>& sample, const OnnxSignature& signature,
+                         double tolerance) {
+  ScriptFileWriter traced(ScriptKind::actor, {});
+  traced.add("forward", sample(1, 1), function);
+  traced.check("forward", sample(2, 2), function, {tolerance});
+  return onnx_model(traced.module(), "forward", signature, {sample(1, 3), sample(2, 3)}, {});
+}
+
+std::string geometry_model(const ViewStage& stage, const ActorDescription& sizes) {
+  const auto function = [&](const Stack& inputs) -> Stack { return {stage.vertices(inputs.at(0).toTensor())}; };
+  const auto sample = [&](int batch, std::uint64_t seed) -> Stack { return {random_windows(sizes, batch, seed)}; };
+  return traced_model(function, sample, {{"window"}, {"vertices"}}, kPositionTolerance);
+}
+
+std::string texture_model(const ViewStage& stage, const ActorDescription& sizes) {
+  const auto function = [&](const Stack& inputs) -> Stack {
+    return {stage.texture(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
+  };
+  const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
+    const torch::Tensor window = random_windows(sizes, batch, seed);
+    return {window, random_projections(batch, seed), stage.vertices(window)};
+  };
+  return traced_model(function, sample, {{"window", "projection", "vertices"}, {"texture"}}, kColourTolerance);
+}
+
+std::string joint_model(const Character& character, const ActorDescription& sizes) {
+  Kinematics kinematics(character);
+  const auto function = [&](const Stack& inputs) -> Stack {
+    return {kinematics->joints(inputs.at(0).toTensor()).select(-1, 3)};
+  };
+  const auto sample = [&](int batch, std::uint64_t seed) -> Stack {
+    return {random_windows(sizes, batch, seed).select(1, 0)};
+  };
+  return traced_model(function, sample, {{"dofs"}, {"joints"}}, kPositionTolerance);
+}
+
+void write_page(const fs::path& folder) {
+  for (const ViewPageFile& file : kViewPage) {
+    std::string text(file.content);
+    // web/src/source.js reads this attribute.
+    if (file.path == "/index.html") {
+      const std::string mark = "data-source=\"server\"";
+      text.replace(text.find(mark), mark.size(), "data-source=\"folder\"");
+    }
+    write_atomically(folder / fs::path(file.path).relative_path(), text);
+  }
+}
+
+void write_models(const fs::path& folder, const ViewSubject& subject) {
+  const torch::NoGradGuard no_grad;
+  const ReferenceScope plain_operations;
+  ActorDescription sizes;
+  for (const Dof& dof : subject.character.skeleton.dofs) sizes.dof_names.push_back(dof.name);
+  write_atomically(folder / "joints.onnx", joint_model(subject.character, sizes));
+  for (const ViewStage& stage : subject.stages) {
+    sizes.past_frames = stage.past_frames;
+    write_atomically(folder / (stage.name + ".onnx"),
+                     stage.texture ? texture_model(stage, sizes) : geometry_model(stage, sizes));
+  }
+}
+
+void write_double(const fs::path& folder, const ViewSubject& subject) {
+  const ViewFiles files = view_files(subject);
+  write_atomically(folder / "description.json", files.description);
+  write_atomically(folder / "mesh.bin", files.mesh);
+  write_atomically(folder / "motion.bin", files.motion);
+  if (!files.texture.empty()) write_atomically(folder / "texture.jpg", files.texture);
+  write_models(folder, subject);
+}
+
+void copy_runtime(const fs::path& folder) {
+  fs::create_directories(folder);
+  for (const PackageFile& file : kRuntime.files) fs::copy_file(find_package_file(kRuntime, file), folder / file.name());
+}
+
+bool holds_a_page(const fs::path& folder) { return fs::exists(folder / "double" / "description.json"); }
+
+}  // namespace
+
+void write_web_folder(const fs::path& folder, const ViewSubject& subject) {
+  fs::path target = fs::absolute(folder).lexically_normal();
+  if (!target.has_filename()) target = target.parent_path();  // "page/"
+  if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page(target))))
+    fail<UsageError>("exporting a page: {} exists and holds something else; name another folder", folder.string());
+  const fs::path work = target.string() + fmt::format(".{}.new", getpid());
+  try {
+    write_page(work);
+    write_double(work / "double", subject);
+    copy_runtime(work / "runtime");
+    fs::remove_all(target);
+    fs::rename(work, target);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove_all(work, ignored);
+    throw;
+  }
+}
+
+}  // namespace doppel

@@ -1,0 +1,74 @@
+#include "doppel/view/web_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+
+#include "doppel/core/error.h"
+#include "doppel/view/view_server.h"
+#include "export/dressed_actor.h"
+#include "support/message_of.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::web_folder_test {
+namespace {
+
+using support::TemporaryFolder;
+using ::testing::HasSubstr;
+
+/// All stages of an untrained actor, with a motion of six frames.
+ViewSubject dressed_subject() {
+  const auto actor = std::make_shared<TrainedActor>(support::dressed_actor());
+  for (torch::nn::Module* network :
+       std::initializer_list<torch::nn::Module*>{actor->egnet.get(), actor->deltanet.get(), actor->texnet.get()})
+    for (torch::Tensor& weight : network->parameters()) weight.requires_grad_(false);
+  ViewSubject subject;
+  subject.character = actor->character;
+  for (int frame = 0; frame < 6; ++frame) {
+    std::vector<double> dofs = actor->character.rest_dofs;
+    for (double& dof : dofs) dof += 0.05 * frame;
+    subject.motion.frames.push_back(dofs);
+    subject.motion.ids.push_back(frame);
+  }
+  const auto skin = [actor](const torch::Tensor& w) { return actor->surface->skinned(w.select(1, w.size(1) - 1)); };
+  const auto coarse = [actor](const torch::Tensor& w) { return actor->coarse(w); };
+  const auto fine = [actor](const torch::Tensor& w) { return actor->fine(w); };
+  const int past = actor->past_frames();
+  subject.stages = {{"skinning", 0, skin}, {"egnet", past, coarse}, {"deltanet", past, fine}};
+  const auto texture = [actor](const auto& w, const auto& camera, const auto& vertices) {
+    return actor->texture(w, camera, vertices);
+  };
+  subject.stages.push_back(
+      {"textured", past, fine, texture, static_cast<int>(actor->texnet->config().size), "deltanet"});
+  return subject;
+}
+
+// The browser runs the networks of the folder by ONNX Runtime; the server runs ours.
+TEST(WebFolderAgrees, WithTheServerInABrowser) {
+  if (std::system("command -v chromium >/dev/null") != 0) GTEST_SKIP() << "chromium is not installed";
+  if (std::system(WEB_TESTS "/modules.sh") != 0) GTEST_SKIP() << "node or its packages are missing";
+  const TemporaryFolder folder;
+  const ViewSubject subject = dressed_subject();
+  write_web_folder(folder / "page", subject);
+  ViewServer server(subject, 0);
+  std::thread serving([&] { server.serve(); });
+  const int code = std::system(
+      ("node " WEB_TESTS "/check_page.mjs '" + (folder / "page").string() + "' '" + server.url() + "'").c_str());
+  server.stop();
+  serving.join();
+  EXPECT_EQ(WEXITSTATUS(code), 0);
+}
+
+TEST(WebFolderErrors, KeepsWhatIsThere) {
+  const TemporaryFolder folder;
+  std::ofstream(folder / "letter.txt") << "dear";
+  const std::string message = support::message_of([&] { write_web_folder(folder.path(), dressed_subject()); });
+  EXPECT_THAT(message, HasSubstr("holds something else"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "letter.txt"));
+}
+
+}  // namespace
+}  // namespace doppel::web_folder_test

@@ -1,0 +1,84 @@
+// What the viewer's page must do, from a server and from a folder alike.
+import assert from 'node:assert/strict';
+
+export const kWebGl = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'];
+
+// A page with all that its console complains about and all requests that leave the loopback interface.
+export async function openPage(browser, url, viewport = { width: 1280, height: 800 }) {
+  const page = await browser.newPage({ viewport, colorScheme: 'dark' });
+  const complaints = [], outside = [];
+  page.on('console', (message) => { if (message.type() === 'error') complaints.push(message.text()); });
+  page.on('pageerror', (error) => complaints.push(String(error)));
+  page.on('request', (sent) => { if (!/^(http:\/\/127\.0\.0\.1[:/]|data:|blob:)/.test(sent.url())) outside.push(sent.url()); });
+  await page.goto(url);
+  await drawn(page, 1);
+  return { page, complaints, outside };
+}
+
+export const drawn = (page, count) => page.waitForFunction((n) => window.doppel?.state.drawn >= n, count);
+const vertices = (page) => page.evaluate(() => Array.from(window.doppel.state.geometry.vertices));
+const change = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
+
+export async function checkPlaying(page) {
+  const first = await vertices(page);
+  await page.keyboard.press('Space');
+  await page.waitForFunction(() => window.doppel.state.frame > 3);
+  await page.keyboard.press('Space');
+  const last = await page.evaluate(() => window.doppel.state.frame);
+  assert.ok(change(first, await vertices(page)) > 1e-3, 'playing moves nothing');
+  await page.keyboard.press('ArrowLeft');
+  await page.waitForFunction((frame) => window.doppel.state.frame === frame - 1, last);
+}
+
+export async function checkSlider(page) {
+  const before = await vertices(page), count = await page.evaluate(() => window.doppel.state.drawn);
+  const slider = page.locator('#dofs input').last();
+  await slider.evaluate((input) => {
+    input.value = (Number(input.min) + Number(input.max)) / 2 + 0.4 * (Number(input.max) - Number(input.min));
+    input.dispatchEvent(new Event('input'));
+  });
+  await drawn(page, count + 1);
+  assert.ok(change(before, await vertices(page)) > 1e-3, 'the slider moves nothing');
+}
+
+// Drags a hand, else the joint that most DoFs move, by 40 pixels.
+export async function checkReach(page) {
+  const count = await page.evaluate(() => window.doppel.state.drawn);
+  await page.locator('#rest').click();
+  await drawn(page, count + 1);
+  const start = await page.evaluate(() => {
+    const { picture, source } = window.doppel, { joints } = source.about;
+    let hand = joints.findLastIndex((joint) => /(left|l_?|\.l).*(hand|wrist)|(hand|wrist).*(left|_l|\.l)/i.test(joint.name));
+    if (hand < 0) hand = joints.reduce((best, joint, j) => (joint.moved_by.length > joints[best].moved_by.length ? j : best), 0);
+    const box = picture.renderer.domElement.getBoundingClientRect();
+    const pixel = (j) => {
+      const p = picture.jointAt(j).project(picture.camera);
+      return { x: box.left + ((p.x + 1) / 2) * box.width, y: box.top + ((1 - p.y) / 2) * box.height };
+    };
+    const from = pixel(hand), root = pixel(0), angle = Math.atan2(root.y - from.y, root.x - from.x) + Math.PI / 4;
+    return { name: joints[hand].name, ...from, dx: 40 * Math.cos(angle), dy: 40 * Math.sin(angle) };
+  });
+  await page.mouse.move(start.x, start.y);
+  await page.mouse.down();
+  for (let step = 1; step <= 8; ++step) {
+    await page.mouse.move(start.x + (start.dx * step) / 8, start.y + (start.dy * step) / 8);
+    await page.waitForTimeout(60);
+  }
+  await page.mouse.up();
+  await page.waitForTimeout(600);
+  const { distance, outside } = await page.evaluate(() => {
+    const { state, source } = window.doppel;
+    const outside = source.about.dofs.filter(({ limits }, d) => limits &&
+      (state.edited[d] < limits[0] - 1e-5 || state.edited[d] > limits[1] + 1e-5));
+    return { distance: state.reached?.distance, outside: outside.map(({ name }) => name) };
+  });
+  assert.ok(distance < 0.01, `${start.name} stays ${distance} m from the mouse`);
+  assert.deepEqual(outside, [], 'DoFs beyond their limits');
+  console.log(`${start.name} reaches the mouse to ${(1000 * distance).toFixed(2)} mm`);
+}
+
+export async function checkPhone(page) {
+  await page.setViewportSize({ width: 390, height: 780 });
+  await page.waitForTimeout(200);
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= 390), 'the page is wider than a phone');
+}
