@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Checks .glb files of `doppel animate --format npy,glb`: no error or warning of Khronos's glTF validator, and three.js in
-# a browser moves the vertices as vertices.npy says.
+# a browser moves the vertices as vertices.npy says; with camera.json beside the file, it draws the same pictures
+# (tests/web/check_glb.mjs).
 #   scripts/check_glb.sh FILE.glb ...      exit code 77: node, npm or chromium is missing, or npm reaches no registry
 set -euo pipefail
-[ $# -ge 1 ] || { sed -n '2,4s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,5s/^# //p' "$0" >&2; exit 2; }
 files=()
 for file in "$@"; do files+=("$(realpath "$file")"); done
 cd "$(dirname "$0")/../tests/web"

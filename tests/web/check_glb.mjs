@@ -1,13 +1,17 @@
 // Checks .glb files of `doppel animate`: the validator of Khronos finds no error and no warning, and three.js in a
-// browser moves the vertices as `vertices.npy` beside the file says.
+// browser moves the vertices as `vertices.npy` beside the file says. Where `camera.json` lies beside it, a camera
+// that looks along -z with its principal point in the middle (tests/web/camera.json is one), the pictures of three.js with
+// the texture and without light are compared with those of `--format png --camera camera.json --background #00ff00`.
 //   node check_glb.mjs FILE.glb ...        exit code 1: a file fails
-import { readFileSync } from 'node:fs';
+import { existsSync, readFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
 import validator from 'gltf-validator';
 import { launch, open, serve } from './browser.mjs';
 import { readNpy } from './npy.mjs';
+import { kWebGl } from './page_checks.mjs';
 
 const kFrames = 5, kMeanLimit = 2, kWorstLimit = 8;  // millimetres
+const kCoverLimit = 0.99, kColourLimit = 4;  // IoU; mean difference of 0..255
 const page_text = `<!doctype html><script type="importmap">{"imports": {
   "three": "/modules/three/build/three.module.js", "three/addons/": "/modules/three/examples/jsm/"}}</script>
 <script type="module">
@@ -36,6 +40,43 @@ window.pose = (seconds) => {
   }
   return found;
 };
+// Green where nothing is, from the top down.
+window.picture = ({ width, height, K, t }) => {
+  const camera = new THREE.PerspectiveCamera((360 / Math.PI) * Math.atan(height / 2 / K[4]), width / height, 0.1, 100);
+  camera.position.set(-t[0], t[1], t[2]);  // it looks along -z
+  window.renderer ??= new THREE.WebGLRenderer({ preserveDrawingBuffer: true });
+  window.renderer.setPixelRatio(4);  // the pictures of doppel animate have smooth edges as well
+  window.renderer.setSize(width, height);
+  window.mesh.material = new THREE.MeshBasicMaterial({ map: window.mesh.material.map });
+  window.mesh.frustumCulled = false;
+  const world = new THREE.Scene();
+  world.background = new THREE.Color(0x00ff00);
+  world.add(window.scene);
+  window.renderer.render(world, camera);
+  return window.renderer.domElement;
+};
+const bytes = (image, { width, height }) => {
+  const canvas = new OffscreenCanvas(width, height), context = canvas.getContext('2d');
+  context.imageSmoothingQuality = 'high';
+  context.drawImage(image, 0, 0, width, height);
+  return context.getImageData(0, 0, width, height).data;
+};
+window.difference = async (view, url) => {
+  const image = new Image();
+  image.src = url;
+  await image.decode();
+  const ours = bytes(image, view), theirs = bytes(window.picture(view), view);
+  let both = 0, either = 0, sum = 0;
+  const person = (pixels, at) => pixels[at + 1] - Math.max(pixels[at], pixels[at + 2]) < 128;
+  for (let at = 0; at < ours.length; at += 4) {
+    const here = person(ours, at), there = person(theirs, at);
+    either += here || there;
+    if (!here || !there) continue;
+    ++both;
+    for (let k = 0; k < 3; ++k) sum += Math.abs(ours[at + k] - theirs[at + k]) / 3;
+  }
+  return { cover: both / either, colour: sum / both };
+};
 window.ready = true;
 </script>`;
 
@@ -49,11 +90,14 @@ async function validate(path) {
 
 async function compare(browser, path) {
   const truth = readNpy(join(dirname(path), 'vertices.npy')), [frames, vertices] = truth.shape;
-  const server = await serve(page_text, (url) => (url === '/file.glb' ? path : ''));
+  const camera_file = join(dirname(path), 'camera.json');
+  const camera = existsSync(camera_file) ? JSON.parse(readFileSync(camera_file)).cam0 : null;
+  const picture = (frame) => `camera_0_${String(frame).padStart(6, '0')}.png`;
+  const server = await serve(page_text, (url) => (url === '/file.glb' ? path : join(dirname(path), url)));
   const { page, complaints } = await open(browser, server);
   await page.waitForFunction(() => window.ready);
   const { duration, textured } = await page.evaluate(() => window.load());
-  let sum = 0, count = 0, worst = 0;
+  let sum = 0, count = 0, worst = 0, cover = 1, colour = 0;
   for (let i = 0; i < kFrames; ++i) {
     const frame = Math.round((i * (frames - 1)) / (kFrames - 1));
     for (const [v, x, y, z] of await page.evaluate((s) => window.pose(s), (duration * frame) / (frames - 1))) {
@@ -61,16 +105,21 @@ async function compare(browser, path) {
       const off = 1000 * Math.hypot(x - truth.values[at], y - truth.values[at + 1], z - truth.values[at + 2]);
       sum += off, count += 1, worst = Math.max(worst, off);
     }
+    if (!camera) continue;
+    const found = await page.evaluate(([view, url]) => window.difference(view, url), [camera, picture(frame)]);
+    cover = Math.min(cover, found.cover), colour = Math.max(colour, found.colour);
   }
   await page.close();
   server.close();
   console.log(`${path}: three.js is ${(sum / count).toFixed(3)} mm off on average, ${worst.toFixed(2)} mm at most` +
     `${textured ? '' : ', no texture'}`);
+  if (camera)
+    console.log(`${path}: pictures cover each other with an IoU of ${cover.toFixed(4)}, colours differ by ${colour.toFixed(2)} of 255`);
   complaints.forEach((text) => console.error(text));
-  return complaints.length === 0 && sum / count <= kMeanLimit && worst <= kWorstLimit;
+  return complaints.length === 0 && sum / count <= kMeanLimit && worst <= kWorstLimit && cover >= kCoverLimit && colour <= kColourLimit;
 }
 
-const browser = await launch();
+const browser = await launch(...kWebGl);
 let good = true;
 for (const path of process.argv.slice(2)) {
   good = (await validate(path)) && good;
