@@ -31,7 +31,7 @@ nlohmann::json joint_entries(const Skeleton& skeleton) {
   return entries;
 }
 
-nlohmann::json description(const ViewSubject& subject) {
+nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
   nlohmann::json stages = nlohmann::json::array();
   for (const ViewStage& stage : subject.stages)
     stages.push_back({{"name", stage.name},
@@ -40,7 +40,7 @@ nlohmann::json description(const ViewSubject& subject) {
                       {"geometry", stage.texture ? stage.geometry : stage.name}});
   return {{"name", subject.character.name},
           {"vertices", subject.character.num_vertices()},
-          {"frames", subject.motion.num_frames()},
+          {"frames", motion.num_frames()},
           {"frames_per_second", subject.frames_per_second},
           {"textured", !subject.character.mesh.texture.empty()},
           {"rest", subject.character.rest_dofs},
@@ -66,9 +66,9 @@ std::string jpeg(const cv::Mat& image) {
 
 }  // namespace
 
-ViewFiles view_files(const ViewSubject& subject) {
-  return {description(subject).dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)),
-          motion_bytes(subject.motion), jpeg(subject.character.mesh.texture)};
+ViewFiles view_files(const ViewSubject& subject, const Motion& motion) {
+  return {description(subject, motion).dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)),
+          motion_bytes(motion), jpeg(subject.character.mesh.texture)};
 }
 
 }  // namespace doppel

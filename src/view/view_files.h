@@ -19,6 +19,7 @@ struct ViewFiles {
   std::string texture;  ///< `texture.jpg`: the template's texture; empty without
 };
 
-ViewFiles view_files(const ViewSubject& subject);
+/// @param motion at least one frame; the subject's own or another
+ViewFiles view_files(const ViewSubject& subject, const Motion& motion);
 
 }  // namespace doppel

@@ -1,11 +1,19 @@
 #include "doppel/view/view_server.h"
 
 #include <httplib.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "doppel/core/as_size.h"
@@ -18,7 +26,9 @@
 namespace doppel {
 namespace {
 
-constexpr std::size_t kLargestRequest = 1 << 20;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kLargestRequest = 1 << 20, kLargestMotion = 64 << 20;
 constexpr int kSecondsToWait = 5, kSecondsKeptAlive = 2;
 constexpr std::size_t kConnections = 32;  // a browser opens six
 // Scripts, pictures and data from this server alone. The page sets styles of its own elements.
@@ -82,19 +92,59 @@ torch::Tensor projection_of(const httplib::Request& request) {
   return torch::tensor(values).view({1, 3, 4});
 }
 
+/// A file of its own folder for as long as it is needed.
+class TemporaryFile {
+ public:
+  TemporaryFile(const std::string& name, const std::string& bytes) {
+    std::string folder = (fs::temp_directory_path() / "doppel-view-XXXXXX").string();
+    if (mkdtemp(folder.data()) == nullptr) fail("no folder can be made in {}", fs::temp_directory_path().string());
+    folder_ = folder;
+    path_ = folder_ / name;
+    std::ofstream(path_, std::ios::binary) << bytes;
+  }
+  ~TemporaryFile() {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path folder_, path_;
+};
+
+/// The extension of a motion file's name, and nothing else of it, so that the name cannot lead anywhere.
+std::string safe_extension(const std::string& name) {
+  const std::string extension = fs::path(name).extension().string();
+  const bool plain =
+      extension.size() >= 2 && extension.size() <= 8 &&
+      std::all_of(extension.begin() + 1, extension.end(), [](unsigned char c) { return std::isalnum(c); });
+  if (!plain) fail<UsageError>("a motion file needs an extension such as .bvh or .motion");
+  return extension;
+}
+
 }  // namespace
 
 struct ViewServer::State {
+  /// What is played, and the files that say so. A visitor's motion replaces it.
+  struct Shown {
+    Motion motion;
+    ViewFiles files;
+  };
+
   ViewSubject subject;
   Kinematics kinematics;
-  const ViewFiles files;
+  std::atomic<std::shared_ptr<const Shown>> shown;
   std::string token = random_token();
   httplib::Server server;
   std::mutex networks;  ///< one request at a time runs the networks
   int port = 0;
 
-  explicit State(ViewSubject given)
-      : subject(std::move(given)), kinematics(subject.character), files(view_files(subject)) {}
+  explicit State(ViewSubject given) : subject(std::move(given)), kinematics(subject.character) { show(subject.motion); }
+
+  void show(const Motion& motion) { shown = std::make_shared<const Shown>(Shown{motion, view_files(subject, motion)}); }
 
   /// Browsers share cookies between ports, so each server has a name of its own.
   std::string cookie() const { return fmt::format("doppel_view_{}", port); }
@@ -123,9 +173,10 @@ struct ViewServer::State {
   std::string frame(const httplib::Request& request) {
     const ViewStage& stage = stage_of(request);
     const int i = parameter<int>(request, "i");
-    if (i < 0 || i >= subject.motion.num_frames())
-      fail<UsageError>("the motion has the frames 0..{}", subject.motion.num_frames() - 1);
-    return geometry(stage, request, motion_window(subject.motion, i, stage.past_frames));
+    const std::shared_ptr<const Shown> now = shown;
+    if (i < 0 || i >= now->motion.num_frames())
+      fail<UsageError>("the motion has the frames 0..{}", now->motion.num_frames() - 1);
+    return geometry(stage, request, motion_window(now->motion, i, stage.past_frames));
   }
 
   std::string pose(const httplib::Request& request) {
@@ -140,6 +191,20 @@ struct ViewServer::State {
     return bytes_of(joints(poses_of(request, subject.character.num_dofs())));
   }
 
+  /// Plays the motion file of the request's body from now on.
+  std::string take_motion(const httplib::Request& request) {
+    const std::string name = request.get_param_value("name");
+    const TemporaryFile file("motion" + safe_extension(name), request.body);
+    try {
+      const Motion motion = motion_for(subject, file.path());
+      if (motion.num_frames() == 0) fail("it has no frame");
+      show(motion);
+    } catch (const std::exception& e) {
+      fail<UsageError>("{} is not played: {}", name, e.what());
+    }
+    return nlohmann::json{{"frames", shown.load()->motion.num_frames()}}.dump();
+  }
+
   /// Whether a request has the token and comes to this address. A page of another site that resolves its name to the
   /// loopback interface has another host.
   bool allowed(const httplib::Request& request) const {
@@ -150,7 +215,7 @@ struct ViewServer::State {
   }
 
   void answer(const char* path, bool post, std::function<std::string(const httplib::Request&)> body,
-              const char* type = "application/octet-stream") {
+              const char* type = "application/octet-stream", std::size_t largest = kLargestRequest) {
     const auto handler = [body, type](const httplib::Request& request, httplib::Response& response) {
       try {
         response.set_content(body(request), type);
@@ -162,10 +227,16 @@ struct ViewServer::State {
         response.set_content(e.what(), "text/plain");
       }
     };
-    if (post)
-      server.Post(path, handler);
-    else
+    if (!post) {
       server.Get(path, handler);
+      return;
+    }
+    server.Post(path, [handler, largest](const httplib::Request& request, httplib::Response& response) {
+      if (request.body.size() > largest)
+        response.status = 413;
+      else
+        handler(request, response);
+    });
   }
 
   void add_page() {
@@ -180,18 +251,20 @@ struct ViewServer::State {
   }
 
   void add_interface() {
-    const auto file = [this](const char* path, const std::string& bytes, const char* type) {
-      if (!bytes.empty())
-        answer(
-            path, false, [&bytes](const auto&) { return bytes; }, type);
+    const auto file = [this](const char* path, std::string ViewFiles::*bytes, const char* type) {
+      answer(
+          path, false, [this, bytes](const auto&) { return shown.load()->files.*bytes; }, type);
     };
-    file("/double/description.json", files.description, "application/json");
-    file("/double/mesh.bin", files.mesh, "application/octet-stream");
-    file("/double/motion.bin", files.motion, "application/octet-stream");
-    file("/double/texture.jpg", files.texture, "image/jpeg");
+    file("/double/description.json", &ViewFiles::description, "application/json");
+    file("/double/mesh.bin", &ViewFiles::mesh, "application/octet-stream");
+    file("/double/motion.bin", &ViewFiles::motion, "application/octet-stream");
+    if (!shown.load()->files.texture.empty()) file("/double/texture.jpg", &ViewFiles::texture, "image/jpeg");
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });
     answer("/api/joints", true, [this](const httplib::Request& request) { return joint_bytes(request); });
+    answer(
+        "/api/motion", true, [this](const httplib::Request& request) { return take_motion(request); },
+        "application/json", kLargestMotion);
   }
 
   void set_up() {
@@ -200,7 +273,7 @@ struct ViewServer::State {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     });
-    server.set_payload_max_length(kLargestRequest);
+    server.set_payload_max_length(kLargestMotion);
     server.set_read_timeout(kSecondsToWait);
     server.set_write_timeout(kSecondsToWait);
     server.set_keep_alive_timeout(kSecondsKeptAlive);

@@ -9,7 +9,8 @@ namespace doppel {
 
 /// A web server of one subject on the loopback interface. A request needs the token, in the address (`?token=`) or in
 /// the cookie that the page sets; otherwise the answer is 403. Nothing is read from the disk on request, so no path can
-/// lead anywhere. Requests are at most 1 MB, and a connection that stands still for five seconds is closed.
+/// lead anywhere. Requests are at most 1 MB (motion files 64 MB), and a connection that stands still for five seconds
+/// is closed.
 ///
 /// - `GET /`: the page
 /// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`: see view_files.h
@@ -17,6 +18,8 @@ namespace doppel {
 ///   dynamic texture, `&projection=` gives the camera, twelve numbers [3,4] (pixels from world metres), and the texture
 ///   follows: uint8 RGBA [T,T,4], row 0 at v = 1
 /// - `POST /api/pose?stage=skinning` with float32 [D]: the same for a pose that stands still
+/// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the motion is played from now on (motion_for);
+///   JSON with `frames`, or 400 and what is wrong with the file
 /// - `POST /api/joints` with float32 [B,D]: float32 joints [B,J,3], world metres
 class ViewServer {
  public:

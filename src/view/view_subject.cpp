@@ -129,13 +129,15 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
 
 ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options) {
   ViewSubject subject = open_target(target, options);
-  if (!options.motion.empty()) {
-    MotionFileOptions wanted;
-    wanted.frames_per_second = subject.frames_per_second;
-    subject.motion = read_motion_file(options.motion, subject.character, wanted).motion;
-  }
+  if (!options.motion.empty()) subject.motion = motion_for(subject, options.motion);
   if (subject.motion.num_frames() == 0) subject.motion = {{subject.character.rest_dofs}, {0}};
   return subject;
+}
+
+Motion motion_for(const ViewSubject& subject, const fs::path& file) {
+  MotionFileOptions wanted;
+  wanted.frames_per_second = subject.frames_per_second;
+  return read_motion_file(file, subject.character, wanted).motion;
 }
 
 }  // namespace doppel

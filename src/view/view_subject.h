@@ -43,4 +43,9 @@ struct ViewOptions {
 /// @throws UsageError for another target, and for an actor file without a character; Error as the readers
 ViewSubject open_view_subject(const std::filesystem::path& target, const ViewOptions& options = {});
 
+/// A motion for the subject's character at its frame rate, from every kind of file that `doppel animate --motion`
+/// takes.
+/// @throws Error as the readers
+Motion motion_for(const ViewSubject& subject, const std::filesystem::path& file);
+
 }  // namespace doppel

@@ -91,7 +91,7 @@ void write_models(const fs::path& folder, const ViewSubject& subject) {
 }
 
 void write_double(const fs::path& folder, const ViewSubject& subject) {
-  const ViewFiles files = view_files(subject);
+  const ViewFiles files = view_files(subject, subject.motion);
   write_atomically(folder / "description.json", files.description);
   write_atomically(folder / "mesh.bin", files.mesh);
   write_atomically(folder / "motion.bin", files.motion);

@@ -8,8 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "doppel/character/motion.h"
+#include "doppel/core/atomic_file.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/surface.h"
+#include "support/temporary_folder.h"
 #include "support/test_character.h"
 
 namespace doppel::view_server_test {
@@ -134,6 +137,40 @@ TEST_F(ViewServerTest, JointsOfSeveralPoses) {
   const torch::Tensor expected = kinematics->joints(dofs).select(-1, 3).contiguous();
   ASSERT_EQ(answer->body.size(), expected.nbytes());
   EXPECT_EQ(std::memcmp(answer->body.data(), expected.data_ptr(), expected.nbytes()), 0);
+}
+
+TEST_F(ViewServerTest, PlaysAMotionOfTheVisitor) {
+  const Character character = make_test_character();
+  const support::TemporaryFolder folder;
+  Motion motion;
+  for (int frame = 0; frame < 3; ++frame) {
+    motion.frames.push_back(character.rest_dofs);
+    motion.frames.back()[0] += 0.25 * frame;
+    motion.ids.push_back(frame);
+  }
+  write_motion(folder / "walk.motion", motion);
+  const std::string bytes = read_file(folder / "walk.motion", 1 << 20);
+  const auto answer = client().Post(with_token("/api/motion?name=walk.motion"), bytes, "application/octet-stream");
+  ASSERT_EQ(answer->status, 200) << answer->body;
+  EXPECT_EQ(nlohmann::json::parse(answer->body)["frames"], 3);
+  EXPECT_EQ(nlohmann::json::parse(client().Get(with_token("/double/description.json"))->body)["frames"], 3);
+  const auto rows = client().Get(with_token("/double/motion.bin"));
+  ASSERT_EQ(rows->body.size(), 3 * 4 * character.rest_dofs.size());
+  EXPECT_EQ(status(with_token("/api/frame?i=2&stage=skinning")), 200);
+  EXPECT_EQ(status(with_token("/api/frame?i=3&stage=skinning")), 400);
+}
+
+TEST_F(ViewServerTest, KeepsItsMotionWhenTheFileIsWrong) {
+  for (const char* name :
+       {"walk.motion", "walk", "walk.", "../../x.motion/", "a.b/c", "walk.bvh", "walk.glb", "w.npz"}) {
+    const auto answer = client().Post(with_token("/api/motion?name=" + std::string(name)), "no motion", "text/plain");
+    ASSERT_TRUE(answer) << name;
+    EXPECT_EQ(answer->status, 400) << name;
+  }
+  const std::string huge(2 << 20, 'x');  // more than other requests may have
+  EXPECT_EQ(client().Post(with_token("/api/motion?name=walk.bvh"), huge, "text/plain")->status, 400);
+  EXPECT_EQ(nlohmann::json::parse(client().Get(with_token("/double/description.json"))->body)["frames"], 1);
+  EXPECT_EQ(status(with_token("/api/frame?i=0&stage=skinning")), 200);
 }
 
 TEST_F(ViewServerTest, ATextureNeedsACamera) {

@@ -1,15 +1,17 @@
 // Checks the page of `doppel view` in a browser.
-//   node check_view.mjs [--picture FILE.png] DOPPEL TARGET [OPTION ...]
+//   node check_view.mjs [--picture FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
+// --other: a motion file of this many frames, which the page opens.
 // The double plays, follows a slider, and its hand follows the mouse to 1 cm; the page fits a phone; the console stays
 // silent; no request leaves the loopback interface; a wrong token gets 403. Exit code 1: one of these fails.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { request } from 'node:http';
 import { launch } from './browser.mjs';
-import { checkPhone, checkPlaying, checkReach, checkSlider, kWebGl, openPage } from './page_checks.mjs';
+import { checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, kWebGl, openPage } from './page_checks.mjs';
 
 const given = process.argv.slice(2);
 const picture = given[0] === '--picture' ? given.splice(0, 2)[1] : '';
+const other = given[0] === '--other' ? given.splice(0, 3).slice(1) : null;
 const [program, ...target] = given;
 
 // The address that the program prints.
@@ -58,6 +60,11 @@ try {
   await checkSlider(page);
   await checkReach(page);
   if (picture) await page.screenshot({ path: picture });
+  await checkTexture(page);
+  if (other) {
+    await checkMotion(page, other[0], Number(other[1]));
+    await checkPlaying(page);
+  }
   await checkPhone(page);
   assert.deepEqual(complaints, []);
   assert.deepEqual(outside, []);

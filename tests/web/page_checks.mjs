@@ -77,6 +77,26 @@ export async function checkReach(page) {
   console.log(`${start.name} reaches the mouse to ${(1000 * distance).toFixed(2)} mm`);
 }
 
+// Opens an image from the disk as the texture.
+export async function checkTexture(page) {
+  const red = await page.evaluate(async () => {
+    const canvas = new OffscreenCanvas(4, 4), context = canvas.getContext('2d');
+    context.fillStyle = '#ff0000';
+    context.fillRect(0, 0, 4, 4);
+    return Array.from(new Uint8Array(await (await canvas.convertToBlob()).arrayBuffer()));
+  });
+  await page.locator('#open').setInputFiles({ name: 'red.png', mimeType: 'image/png', buffer: Buffer.from(red) });
+  await page.waitForFunction(() => window.doppel.picture.image?.image.width === 4);
+}
+
+// Opens a motion file with `frames` frames.
+export async function checkMotion(page, file, frames) {
+  const count = await page.evaluate(() => window.doppel.state.drawn);
+  await page.locator('#open').setInputFiles(file);
+  await page.waitForFunction((n) => window.doppel.source.about.frames === n, frames);
+  await drawn(page, count + 1);
+}
+
 export async function checkPhone(page) {
   await page.setViewportSize({ width: 390, height: 780 });
   await page.waitForTimeout(200);

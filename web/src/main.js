@@ -84,8 +84,11 @@ function app(source) {
     element('stages').append(button);
   }
   element('name').textContent = document.title = about.name;
-  element('facts').textContent = `${about.vertices} vertices, ${about.dofs.length} DoFs, ${about.frames} frames`;
-  element('scrub').max = about.frames - 1;
+  const showSizes = () => {
+    element('facts').textContent = `${about.vertices} vertices, ${about.dofs.length} DoFs, ${about.frames} frames`;
+    element('scrub').max = about.frames - 1;
+  };
+  showSizes();
   element('scrub').addEventListener('input', (event) => { play(false); goTo(Number(event.target.value)); });
   element('play').addEventListener('click', () => play(!state.playing));
   element('speed').addEventListener('change', (event) => { state.speed = Number(event.target.value); state.since = null; });
@@ -104,6 +107,23 @@ function app(source) {
   picture.controls.addEventListener('end', () => { if (state.geometry?.texels) draw(); });  // its texture depends on the camera
   if (about.stages.length < 2) element('beside').parentElement.hidden = true;
   if (!about.textured) element('texture').parentElement.hidden = true;
+
+  // A motion or a texture from the visitor's disk.
+  const take = newestOnly(async (file) => {
+    if (file.type.startsWith('image/')) {
+      await picture.takeTexture(file);
+      element('texture').checked = true;
+      element('texture').parentElement.hidden = false;
+    } else {
+      play(false);
+      await source.play(file);
+      showSizes();
+      goTo(0);
+    }
+  });
+  element('open').addEventListener('change', (event) => { if (event.target.files[0]) take(event.target.files[0]); });
+  window.addEventListener('dragover', (event) => event.preventDefault());
+  window.addEventListener('drop', (event) => { event.preventDefault(); if (event.dataTransfer.files[0]) take(event.dataTransfer.files[0]); });
 
   window.addEventListener('keydown', (event) => {
     if (event.target.matches('input[type=search], select')) return;

@@ -51,6 +51,13 @@ export class Picture {
     this.turnLight(40);
   }
 
+  // @param file an image: the template's texture from now on
+  async takeTexture(file) {
+    this.source.texture = URL.createObjectURL(file);
+    this.image = null;
+    await this.useTexture(true);
+  }
+
   async useTexture(wanted) {
     if (wanted && this.source.texture && !this.image) {
       this.image = await new TextureLoader().loadAsync(this.source.texture);

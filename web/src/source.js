@@ -36,9 +36,16 @@ export async function open() {
     source: new Uint32Array(bytes, 8 + 4 * corners, split),
     uvs: new Float32Array(bytes, 8 + 4 * (corners + split), 2 * split),
   };
-  const motion = new Float32Array(await bytesOf('double/motion.bin'));
+  let motion = new Float32Array(await bytesOf('double/motion.bin'));
   const dofsOf = (frame) => motion.slice(frame * about.dofs.length, (frame + 1) * about.dofs.length);
   const in_folder = document.body.dataset.source === 'folder';
   const networks = in_folder ? await folderNetworks(about, dofsOf) : serverNetworks(about);
-  return { about, mesh, dofsOf, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
+  // Plays a motion file from now on.
+  async function play(file) {
+    if (in_folder) throw new Error('This page has no server, so it reads images only; `doppel view` plays motions.');
+    const { frames } = await (await fetched(`api/motion?${new URLSearchParams({ name: file.name })}`, file)).json();
+    motion = new Float32Array(await bytesOf('double/motion.bin'));
+    about.frames = frames;
+  }
+  return { about, mesh, dofsOf, play, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
 }
