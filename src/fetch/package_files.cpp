@@ -8,6 +8,7 @@
 #include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/scratch_folder.h"
 
 namespace doppel {
 
@@ -26,27 +27,6 @@ std::string by_hand(const Package& package, const fs::path& folder) {
       "folder that has them with DOPPEL_MODELS.",
       package.name, names, folder.string());
 }
-
-/// A folder inside of `parent`, so that its files can be renamed into `parent`; it is removed at the end.
-class FetchFolder {
- public:
-  explicit FetchFolder(const fs::path& parent) {
-    std::string name = (parent / ".fetch-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) fail("fetching files: no folder can be made in {}", parent.string());
-    path_ = name;
-  }
-  ~FetchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  FetchFolder(const FetchFolder&) = delete;
-  FetchFolder& operator=(const FetchFolder&) = delete;
-
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 void run_or_fail(const std::vector<std::string>& arguments, const Package& package, const fs::path& work,
                  const fs::path& folder) {
@@ -72,7 +52,7 @@ void fetch(const Package& package, const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) fail("fetching files: the folder {} cannot be made: {}", folder.string(), error.message());
-  const FetchFolder work(folder);
+  const ScratchFolder work(folder);
   run_or_fail({"npm", "pack", "--ignore-scripts", "--fetch-retries=1", "--fetch-timeout=120000", package.name}, package,
               work.path(), folder);
   std::vector<std::string> unpack{"tar", "--no-same-owner", "--no-same-permissions", "-xzf",

@@ -1,7 +1,5 @@
 #include "doppel/rig/audio_sync.h"
 
-#include <stdlib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -12,6 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/child_process.h"
 #include "doppel/core/error.h"
+#include "doppel/core/scratch_folder.h"
 
 namespace doppel {
 namespace {
@@ -130,26 +129,6 @@ double parabola_shift(double before, double at, double after) {
   const double bend = before - 2.0 * at + after;
   return bend < 0.0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
 }
-
-/// A folder of its own below the system's folder for temporary files, removed at the end.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "doppel-audio-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) fail("making a temporary folder {}: {}", pattern, std::strerror(errno));
-    path_ = pattern;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace
 

@@ -1,7 +1,6 @@
 #include "doppel/view/view_server.h"
 
 #include <httplib.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -18,6 +17,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/scratch_folder.h"
 #include "doppel/export/animation.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/view/view_files.h"
@@ -91,29 +91,6 @@ torch::Tensor projection_of(const httplib::Request& request) {
     fail<UsageError>("the parameter `projection` is twelve numbers with commas between them");
   return torch::tensor(values).view({1, 3, 4});
 }
-
-/// A file of its own folder for as long as it is needed.
-class TemporaryFile {
- public:
-  TemporaryFile(const std::string& name, const std::string& bytes) {
-    std::string folder = (fs::temp_directory_path() / "doppel-view-XXXXXX").string();
-    if (mkdtemp(folder.data()) == nullptr) fail("no folder can be made in {}", fs::temp_directory_path().string());
-    folder_ = folder;
-    path_ = folder_ / name;
-    std::ofstream(path_, std::ios::binary) << bytes;
-  }
-  ~TemporaryFile() {
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path folder_, path_;
-};
 
 /// The extension of a motion file's name, and nothing else of it, so that the name cannot lead anywhere.
 std::string safe_extension(const std::string& name) {
@@ -194,9 +171,11 @@ struct ViewServer::State {
   /// Plays the motion file of the request's body from now on.
   std::string take_motion(const httplib::Request& request) {
     const std::string name = request.get_param_value("name");
-    const TemporaryFile file("motion" + safe_extension(name), request.body);
+    const ScratchFolder folder;
+    const fs::path file = folder.path() / ("motion" + safe_extension(name));
+    std::ofstream(file, std::ios::binary) << request.body;
     try {
-      const Motion motion = motion_for(subject, file.path());
+      const Motion motion = motion_for(subject, file);
       if (motion.num_frames() == 0) fail("it has no frame");
       show(motion);
     } catch (const std::exception& e) {

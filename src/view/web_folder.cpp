@@ -1,10 +1,10 @@
 #include "doppel/view/web_folder.h"
 
 #include <torch/script.h>
-#include <unistd.h>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/scratch_folder.h"
 #include "doppel/fetch/package_files.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/reference_scope.h"
@@ -113,18 +113,14 @@ void write_web_folder(const fs::path& folder, const ViewSubject& subject) {
   if (!target.has_filename()) target = target.parent_path();  // "page/"
   if (fs::exists(target) && !(fs::is_directory(target) && (fs::is_empty(target) || holds_a_page(target))))
     fail<UsageError>("exporting a page: {} exists and holds something else; name another folder", folder.string());
-  const fs::path work = target.string() + fmt::format(".{}.new", getpid());
-  try {
-    write_page(work);
-    write_double(work / "double", subject);
-    copy_runtime(work / "runtime");
-    fs::remove_all(target);
-    fs::rename(work, target);
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove_all(work, ignored);
-    throw;
-  }
+  fs::create_directories(target.parent_path());
+  const ScratchFolder scratch(target.parent_path());
+  const fs::path page = scratch.path() / "page";
+  write_page(page);
+  write_double(page / "double", subject);
+  copy_runtime(page / "runtime");
+  fs::remove_all(target);
+  fs::rename(page, target);
 }
 
 }  // namespace doppel

@@ -25,11 +25,7 @@ async function pictureOf({ name, frame }) {
   document.getElementById('handles').checked = picture.handles.visible = picture.grid.visible = false;
   [...document.getElementById('stages').children].find((button) => button.textContent === name).click();
   goTo(frame);
-  const settled = () => new Promise((done) => {
-    let before = -1;
-    const watch = setInterval(() => { if (before === state.drawn) { clearInterval(watch); done(); } before = state.drawn; }, 400);
-  });
-  await settled();
+  while (!window.doppel.idle()) await new Promise((done) => { setTimeout(done, 20); });
   const { renderer, scene, camera } = picture, gl = renderer.getContext();
   renderer.render(scene, camera);
   const size = { width: gl.drawingBufferWidth, height: gl.drawingBufferHeight }, pixels = new Uint8Array(4 * size.width * size.height);

@@ -12,18 +12,22 @@ export async function openPage(browser, url, viewport = { width: 1280, height: 8
   page.on('request', (sent) => { if (!/^(http:\/\/127\.0\.0\.1[:/]|data:|blob:)/.test(sent.url())) outside.push(sent.url()); });
   await page.goto(url);
   await drawn(page, 1);
+  await idle(page);
   return { page, complaints, outside };
 }
 
-export const drawn = (page, count) => page.waitForFunction((n) => window.doppel?.state.drawn >= n, count);
+const idle = (page) => page.waitForFunction(() => window.doppel?.idle());
+const drawn = (page, count) => page.waitForFunction((n) => window.doppel?.state.drawn >= n, count);
 const vertices = (page) => page.evaluate(() => Array.from(window.doppel.state.geometry.vertices));
 const change = (a, b) => Math.max(...a.map((value, i) => Math.abs(value - b[i])));
 
 export async function checkPlaying(page) {
+  await idle(page);
   const first = await vertices(page);
   await page.keyboard.press('Space');
   await page.waitForFunction(() => window.doppel.state.frame > 3);
   await page.keyboard.press('Space');
+  await idle(page);
   const last = await page.evaluate(() => window.doppel.state.frame);
   assert.ok(change(first, await vertices(page)) > 1e-3, 'playing moves nothing');
   await page.keyboard.press('ArrowLeft');
@@ -31,21 +35,21 @@ export async function checkPlaying(page) {
 }
 
 export async function checkSlider(page) {
-  const before = await vertices(page), count = await page.evaluate(() => window.doppel.state.drawn);
+  await idle(page);
+  const before = await vertices(page);
   const slider = page.locator('#dofs input').last();
   await slider.evaluate((input) => {
     input.value = (Number(input.min) + Number(input.max)) / 2 + 0.4 * (Number(input.max) - Number(input.min));
     input.dispatchEvent(new Event('input'));
   });
-  await drawn(page, count + 1);
+  await idle(page);
   assert.ok(change(before, await vertices(page)) > 1e-3, 'the slider moves nothing');
 }
 
 // Drags a hand, else the joint that most DoFs move, by 40 pixels.
 export async function checkReach(page) {
-  const count = await page.evaluate(() => window.doppel.state.drawn);
   await page.locator('#rest').click();
-  await drawn(page, count + 1);
+  await idle(page);
   const start = await page.evaluate(() => {
     const { picture, source } = window.doppel, { joints } = source.about;
     let hand = joints.findLastIndex((joint) => /(left|l_?|\.l).*(hand|wrist)|(hand|wrist).*(left|_l|\.l)/i.test(joint.name));
@@ -65,7 +69,7 @@ export async function checkReach(page) {
     await page.waitForTimeout(60);
   }
   await page.mouse.up();
-  await page.waitForTimeout(600);
+  await idle(page);
   const { distance, outside } = await page.evaluate(() => {
     const { state, source } = window.doppel;
     const outside = source.about.dofs.filter(({ limits }, d) => limits &&
@@ -91,10 +95,9 @@ export async function checkTexture(page) {
 
 // Opens a motion file with `frames` frames.
 export async function checkMotion(page, file, frames) {
-  const count = await page.evaluate(() => window.doppel.state.drawn);
   await page.locator('#open').setInputFiles(file);
   await page.waitForFunction((n) => window.doppel.source.about.frames === n, frames);
-  await drawn(page, count + 1);
+  await idle(page);
 }
 
 export async function checkPhone(page) {

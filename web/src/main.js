@@ -9,13 +9,14 @@ const complain = (error) => { element('message').textContent = String(error.mess
 // One request at a time; of those that come meanwhile, the newest is kept.
 function newestOnly(work) {
   let busy = false, waiting = null;
-  return async function ask(...args) {
+  async function ask(...args) {
     if (busy) { waiting = args; return; }
     busy = true;
     try { await work(...args); element('message').hidden = true; } catch (error) { complain(error); }
     busy = false;
     if (waiting) { const next = waiting; waiting = null; ask(...next); }
-  };
+  }
+  return Object.assign(ask, { idle: () => !busy });
 }
 
 function app(source) {
@@ -148,7 +149,7 @@ function app(source) {
   });
   picture.useTexture(true).catch(complain);
   update();
-  window.doppel = { state, picture, source, goTo, edit };  // for tests and for the console
+  window.doppel = { state, picture, source, goTo, edit, idle: () => draw.idle() && drag.idle() && take.idle() };  // for tests and for the console
 }
 
 open().then(app).catch(complain);
