@@ -2,7 +2,11 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <optional>
 #include <string>
+#include <vector>
+
+#include "shard_folder.h"
 
 namespace doppel::tools {
 
@@ -11,6 +15,9 @@ struct CommonOptions {
   int threads = 0;  ///< 0: as `resolve_threads`
   bool json = false;
   std::string log_level = "info";
+  std::vector<std::string> words;  ///< the command line without the program's name
+  std::optional<Shard> shard;      ///< the part of the work to do; nothing: all of it
+  ShardSet merged;                 ///< the shards to join instead of doing the work; empty: none
 };
 
 /// One subcommand. Adding it binds its options to `app`; `run` does the work and returns the exit code. Errors are
@@ -18,6 +25,7 @@ struct CommonOptions {
 struct Command {
   CLI::App* app;
   std::function<int(const CommonOptions&)> run;
+  bool in_shards = false;  ///< whether --shard belongs to it (shared_work.h)
 };
 
 Command add_synth(CLI::App& program);
@@ -31,6 +39,7 @@ Command add_track(CLI::App& program);
 Command add_train(CLI::App& program);
 Command add_adapt(CLI::App& program);
 Command add_evaluate(CLI::App& program);
+Command add_merge(CLI::App& program);
 Command add_compare(CLI::App& program);
 Command add_animate(CLI::App& program);
 Command add_export(CLI::App& program);

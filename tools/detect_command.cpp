@@ -14,12 +14,14 @@
 #include "detect_network.h"
 #include "detect_sources.h"
 #include "detected_capture.h"
+#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "shared_work.h"
 
 namespace doppel::tools {
 
@@ -70,22 +72,48 @@ CameraWorker worker_of(const BodyDetectorOptions& options, std::optional<Eigen::
   };
 }
 
+void copy_if_written(const fs::path& from, const fs::path& to) {
+  if (from.empty()) return;
+  fs::create_directories(to.parent_path());
+  fs::copy(from, to, fs::copy_options::recursive);
+}
+
+/// The counts of one camera in the results of its shard. @param unit number of the camera
+DetectReport report_of(const Json& results, std::size_t unit, const fs::path& folder) {
+  try {
+    const Json& counts = results.at(std::to_string(unit));
+    return {counts.at(0).get<long>(), counts.at(1).get<long>(), counts.at(2).get<double>()};
+  } catch (const Json::exception& e) {
+    fail<UsageError>("{}: the counts of camera {} cannot be read ({}); run this shard again into an empty folder",
+                     (folder / kShardFile).string(), unit, e.what());
+  }
+}
+
+/// What a detection reads of a capture. A film or a folder of images stands among the arguments.
+std::vector<std::string> detect_inputs(const fs::path& source) {
+  return is_capture(source) ? capture_inputs(find_capture(source)) : std::vector<std::string>();
+}
+
 /// Works on several cameras at a time: more threads for one camera gain less than one thread for each camera.
 class DetectJob {
  public:
-  DetectJob(const DetectArguments& arguments, int threads)
-      : arguments_(arguments), sources_(detect_sources(arguments.source)), reports_(sources_.size()) {
+  DetectJob(const DetectArguments& arguments, const CommonOptions& common)
+      : arguments_(arguments),
+        shard_(common.shard.value_or(Shard())),
+        sources_(detect_sources(arguments.source)),
+        reports_(sources_.size()) {
+    const int threads = resolve_threads(common.threads);
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
     if (!arguments.person.empty() && sources_.size() != 1)
       fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
-    const int workers = std::clamp(static_cast<int>(sources_.size()), 1, threads);
+    const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
     const BodyDetectorOptions options{
         parse_blazepose_model(arguments.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
     const auto person = person_hint(arguments);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
-    for (int i = 0; i < workers; ++i)
+    for (int i = 0; i < workers && common.merged.empty(); ++i)
       workers_.push_back(network_ ? worker_of(*network_, person) : worker_of(options, person, sharpen_));
   }
 
@@ -96,9 +124,33 @@ class DetectJob {
     show_progress();
     for (std::thread& worker : workers) worker.join();
     if (error_) std::rethrow_exception(error_);
-    if (std::any_of(reports_.begin(), reports_.end(), [](const auto& report) { return !report.has_value(); }))
-      return false;
-    if (sharpen_) compare_views();
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (shard_.owns(i) && !reports_[i]) return false;
+    // A shard has not the masks of all cameras.
+    if (sharpen_ && shard_.count == 1) compare_views();
+    return !stop_requested();
+  }
+
+  /// The counts of the cameras of this shard, for `merge`.
+  Json results() const {
+    Json results = Json::object();
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (reports_[i])
+        results[std::to_string(i)] = {reports_[i]->frames, reports_[i]->with_person, reports_[i]->mean_confidence};
+    return results;
+  }
+
+  /// Does the work of `run` with the files and counts of shards. @return false: the user has stopped it
+  bool merge(const ShardSet& shards) {
+    for (std::size_t i = 0; i < sources_.size() && !stop_requested(); ++i) {
+      const std::size_t shard = i % shards.folders.size();
+      const DetectFiles from = files_of(sources_[i], shards.folders[shard]), to = files_of(sources_[i]);
+      copy_if_written(from.keypoints, to.keypoints);
+      copy_if_written(from.joints, to.joints);
+      copy_if_written(from.masks, to.masks);
+      reports_[i] = report_of(shards.files[shard].results, i, shards.folders[shard]);
+    }
+    if (sharpen_ && !stop_requested()) compare_views();
     return !stop_requested();
   }
 
@@ -110,6 +162,7 @@ class DetectJob {
       json = {{"layout", "mediapipe33"}, {"model", arguments_.model}, {"package", kModelPackage.name}};
     json["cameras"] = Json::array();
     for (std::size_t i = 0; i < sources_.size(); ++i) {
+      if (!reports_[i]) continue;
       const DetectFiles files = files_of(sources_[i]);
       json["cameras"].push_back({{"sequence", sources_[i].sequence},
                                  {"camera", sources_[i].camera},
@@ -125,8 +178,9 @@ class DetectJob {
 
  private:
   /// The files of several sequences are in a folder each.
-  DetectFiles files_of(const DetectSource& source) const {
-    const fs::path folder = sequences_ > 0 ? arguments_.out / source.sequence : arguments_.out;
+  DetectFiles files_of(const DetectSource& source) const { return files_of(source, arguments_.out); }
+  DetectFiles files_of(const DetectSource& source, const fs::path& out) const {
+    const fs::path folder = sequences_ > 0 ? out / source.sequence : out;
     const bool only_masks = network_ && network_->layout.points.empty();
     return {only_masks ? fs::path() : folder / (source.camera + ".csv"),
             network_ ? fs::path() : folder / (source.camera + "_joints3d.csv"),
@@ -140,7 +194,7 @@ class DetectJob {
     };
     try {
       for (std::size_t i = next_++; i < sources_.size() && !stop_requested() && !failed_; i = next_++)
-        reports_[i] = worker(sources_[i], files_of(sources_[i]), advance);
+        if (shard_.owns(i)) reports_[i] = worker(sources_[i], files_of(sources_[i]), advance);
     } catch (...) {
       const std::lock_guard lock(error_mutex_);
       if (!error_) error_ = std::current_exception();
@@ -158,7 +212,8 @@ class DetectJob {
 
   void show_progress() {
     long total = 0, shown = 0;
-    for (const DetectSource& source : sources_) total += static_cast<long>(source.frames.size()) * (sharpen_ ? 2 : 1);
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (shard_.owns(i)) total += static_cast<long>(sources_[i].frames.size()) * (sharpen_ ? 2 : 1);
     Progress progress("detect", total);
     for (bool ended = false; !ended;) {
       ended = workers_done_ == workers_.size();
@@ -170,6 +225,7 @@ class DetectJob {
   }
 
   DetectArguments arguments_;
+  Shard shard_;  ///< camera c of sequence s is unit s*C + c
   std::vector<DetectSource> sources_;
   int sequences_ = 0;     ///< sources of another sequence than the first
   bool sharpen_ = false;  ///< whether masks become sharp
@@ -199,12 +255,15 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
   if (!arguments.has_network() && !arguments.layout.empty())
     fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
   check_detect_out(arguments.source, arguments.out);
-  DetectJob job(arguments, resolve_threads(common.threads));
-  if (!job.run()) {
+  begin_work(common, arguments.out, [&] { return detect_inputs(arguments.source); });
+  DetectJob job(arguments, common);
+  if (!(common.merged.empty() ? job.run() : job.merge(common.merged))) {
     log::warn("stopped; cameras that were not finished have no tables");
     return std::nullopt;
   }
   const Json report = job.report();
+  finish_work(common, arguments.out, job.results());
+  if (common.shard) return report;
   write_atomically(arguments.out / "detect.json", report.dump(2) + "\n");
   write_detected_capture(arguments.source, arguments.out, report);
   return report;
@@ -213,6 +272,7 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
 int run(const DetectArguments& arguments, const CommonOptions& common) {
   const std::optional<Json> found = detect(arguments, common);
   if (!found) return 1;
+  if (!common.merged.empty()) return 0;
   const Json& report = *found;
   if (common.json)
     fmt::print("{}\n", report.dump(2));
@@ -254,7 +314,7 @@ Command add_detect(CLI::App& program) {
       "Its points: a built-in layout (coco17, halpe26, ...) or the file of a keypoint map; without a layout "
       "the network finds masks");
   app->footer(kDetectExample);
-  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }, true};
 }
 
 }  // namespace doppel::tools

@@ -16,13 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-/// Videos, images and prepared folders have no description.
-bool is_capture(const fs::path& path) {
-  const std::string extension = path.extension().string();
-  if (!fs::is_directory(path)) return extension == ".yaml" || extension == ".yml";
-  return fs::exists(path / "capture.yaml") || recognise_capture(path).has_value();
-}
-
 /// A path as capture.yaml should have it: relative to the root where it lies inside.
 std::string written(const fs::path& path, const Capture& capture) {
   const fs::path full = fs::absolute(path).lexically_normal();
@@ -73,6 +66,12 @@ void name_layout(const std::string& layout, Capture& capture) {
 
 }  // namespace
 
+bool is_capture(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (!fs::is_directory(path)) return extension == ".yaml" || extension == ".yml";
+  return fs::exists(path / "capture.yaml") || recognise_capture(path).has_value();
+}
+
 void check_detect_out(const fs::path& source, const fs::path& out) {
   const fs::path file = fs::is_directory(source) ? source / "capture.yaml" : source;
   if (fs::exists(file) && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
@@ -97,11 +96,14 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
   log::info("{} names the detected files", (out / "capture.yaml").string());
 }
 
+bool lacks_keypoints(const fs::path& path) {
+  return !fs::is_directory(path / "store") && is_capture(path) && !find_capture(path).has_keypoints();
+}
+
 fs::path with_keypoints(const fs::path& path, const fs::path& folder, const DetectNeeds& needs,
                         const CommonOptions& common) {
-  if (fs::is_directory(path / "store") || !is_capture(path)) return path;
+  if (!lacks_keypoints(path)) return path;
   const Capture capture = find_capture(path);
-  if (capture.has_keypoints()) return path;
   if (needs.character) capture.character_path();  // an error now saves the time of the detection
   const bool masks = needs.masks && needs_masks(capture);
   const fs::path results = folder / "capture.yaml";

@@ -7,6 +7,10 @@
 
 namespace doppel::tools {
 
+/// Whether a path is a capture's: its description, or a folder with one or in the layout of a public capture. Videos
+/// and folders of images are not.
+bool is_capture(const std::filesystem::path& path);
+
 /// @throws UsageError when `out` holds the capture.yaml of `source`, which the results would replace
 void check_detect_out(const std::filesystem::path& source, const std::filesystem::path& out);
 
@@ -19,6 +23,9 @@ void write_detected_capture(const std::filesystem::path& source, const std::file
 /// `doppel detect CAPTURE --out DIR [--masks]` (detect_command.cpp). @return false when the user stopped it
 bool detect_capture(const std::filesystem::path& capture, const std::filesystem::path& out, bool masks,
                     const CommonOptions& common);
+
+/// Whether with_keypoints would run the detection, or use its earlier results.
+bool lacks_keypoints(const std::filesystem::path& path);
 
 /// What a command needs besides keypoints.
 struct DetectNeeds {

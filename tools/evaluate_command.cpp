@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -19,6 +20,7 @@
 #include "doppel/render/face_tensor.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
+#include "shared_work.h"
 
 namespace doppel::tools {
 
@@ -33,6 +35,7 @@ constexpr char kEvaluateExample[] =
     "Without --run, only skinning is evaluated: doppel evaluate --capture prepared/anna";
 
 struct EvaluateArguments {
+  fs::path out;
   std::string run, capture, tracked, split = "test";
   std::string scan_unit = "mm";
   std::vector<std::string> lpips;
@@ -68,23 +71,78 @@ Json surfaces_first(const Json& rows) {
   return sorted;
 }
 
-Json evaluate_split(const Dataset& dataset, Subject& subject, Split split, const TrackedEvaluationOptions& options) {
-  const torch::Tensor faces = face_tensor(subject.character().mesh);
+/// Measures one method on one split, and adds its rows. Rows of earlier methods may be there.
+struct Measurement {
+  Split split;
+  std::function<void(Json& rows)> measure;
+};
+
+void measure_skinning(const Dataset& dataset, Subject& subject, Split split, const EvaluationOptions& options,
+                      Json& rows) {
   const auto skinned = [&](const std::vector<SampleId>& samples) {
     return subject.surface->skinned(dataset.dof_windows(samples, 0).squeeze(1));
   };
-  Json rows = Json::object();
+  rows["skinning"] = evaluate_surface(dataset, split, face_tensor(subject.character().mesh), skinned, options,
+                                      "skinning, " + to_string(split))
+                         .to_json();
+}
+
+/// The measurements of a split, in the order of their rows.
+void add_measurements(const Dataset& dataset, Subject& subject, Split split, const TrackedEvaluationOptions& options,
+                      std::vector<Measurement>& all) {
   // Captured and tracked poses can be evaluated without known poses; everything else fails here.
   if (!(subject.pose || subject.tracked) || poses_are_known(dataset, split))
-    rows["skinning"] =
-        evaluate_surface(dataset, split, faces, skinned, options, "skinning, " + to_string(split)).to_json();
-  if (subject.tracked) rows.update(evaluate_tracked(dataset, subject.character(), *subject.tracked, split, options));
-  if (subject.pose) rows.update(evaluate_pose_run(dataset, *subject.pose, split, options));
-  if (subject.actor)
-    for (const StageEntry& entry : stage_table())
-      if (entry.evaluate && subject.actor->steps.count(entry.name))
-        entry.evaluate({dataset, *subject.actor, split, options}, rows);
-  return surfaces_first(rows);
+    all.push_back({split, [&, split](Json& rows) { measure_skinning(dataset, subject, split, options, rows); }});
+  if (subject.tracked)
+    all.push_back({split, [&, split](Json& rows) {
+                     rows.update(evaluate_tracked(dataset, subject.character(), *subject.tracked, split, options));
+                   }});
+  if (subject.pose)
+    all.push_back(
+        {split, [&, split](Json& rows) { rows.update(evaluate_pose_run(dataset, *subject.pose, split, options)); }});
+  if (!subject.actor) return;
+  for (const StageEntry& entry : stage_table())
+    if (entry.evaluate && subject.actor->steps.count(entry.name))
+      all.push_back({split, [&, split](Json& rows) {
+                       entry.evaluate({dataset, *subject.actor, split, options}, rows);
+                     }});
+}
+
+/// The rows of a measurement in the results of its shard. @param unit number of the measurement
+Json rows_of_shard(const ShardSet& shards, std::size_t unit) {
+  const std::size_t shard = unit % shards.folders.size();
+  const Json& results = shards.files[shard].results;
+  if (!results.is_object() || !results.contains(std::to_string(unit)) || !results[std::to_string(unit)].is_object())
+    fail<UsageError>("{}: the rows of measurement {} are missing; run this shard again into an empty folder",
+                     (shards.folders[shard] / kShardFile).string(), unit);
+  return results[std::to_string(unit)];
+}
+
+/// All rows by split. Those of shards are taken instead of being measured.
+Json evaluate_splits(const std::vector<Measurement>& measurements, const ShardSet& shards) {
+  Json splits = Json::object();
+  for (std::size_t unit = 0; unit < measurements.size(); ++unit) {
+    Json& rows = splits[to_string(measurements[unit].split)];
+    if (rows.is_null()) rows = Json::object();
+    if (shards.empty())
+      measurements[unit].measure(rows);
+    else
+      rows.update(rows_of_shard(shards, unit));
+  }
+  for (Json& rows : splits) rows = surfaces_first(rows);
+  return splits;
+}
+
+/// The rows of the measurements of one shard, by their number.
+Json evaluate_shard(const std::vector<Measurement>& measurements, const Shard& shard) {
+  Json results = Json::object();
+  for (std::size_t unit = 0; unit < measurements.size(); ++unit) {
+    if (!shard.owns(unit)) continue;
+    Json rows = Json::object();
+    measurements[unit].measure(rows);
+    results[std::to_string(unit)] = rows;
+  }
+  return results;
 }
 
 Subject load_subject(const EvaluateArguments& arguments, fs::path& capture) {
@@ -177,6 +235,20 @@ void describe_tracked(const EvaluateArguments& arguments, const Dataset& dataset
   if (!options.input_camera.empty()) protocol["surfaces"] = "moved to the true position";
 }
 
+/// What an evaluation depends on: its protocol, which names the trained steps, and the files of the capture.
+std::vector<std::string> evaluation_inputs(const Json& protocol, const fs::path& capture) {
+  std::vector<std::string> lines = capture_inputs(read_capture(capture));
+  lines.push_back("protocol " + protocol.dump());
+  return lines;
+}
+
+/// The rows of some measurements by split. @param results by the number of the measurement
+Json rows_by_split(const std::vector<Measurement>& measurements, const Json& results) {
+  Json splits = Json::object();
+  for (const auto& [unit, rows] : results.items()) splits[to_string(measurements[std::stoul(unit)].split)].update(rows);
+  return splits;
+}
+
 int run(const EvaluateArguments& arguments, const CommonOptions& common) {
   fs::path capture;
   Subject subject = load_subject(arguments, capture);
@@ -190,11 +262,23 @@ int run(const EvaluateArguments& arguments, const CommonOptions& common) {
   evaluation["protocol"] = evaluation_protocol(dataset, splits, options);
   if (subject.tracked) describe_tracked(arguments, dataset, *subject.tracked, options, splits, evaluation["protocol"]);
   if (!subject.untrained) describe_run(subject, dataset, arguments, options, splits, evaluation["protocol"]);
-  for (Split split : splits) evaluation["splits"][to_string(split)] = evaluate_split(dataset, subject, split, options);
+  std::vector<Measurement> measurements;
+  for (const Split split : splits) add_measurements(dataset, subject, split, options, measurements);
+  begin_work(common, arguments.out, [&] { return evaluation_inputs(evaluation["protocol"], capture); });
+  if (common.shard) {
+    const Json results = evaluate_shard(measurements, *common.shard);
+    finish_work(common, arguments.out, results);
+    evaluation["splits"] = rows_by_split(measurements, results);
+    std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
+    return 0;
+  }
+  evaluation["splits"] = evaluate_splits(measurements, common.merged);
+  if (!arguments.out.empty()) write_atomically(arguments.out / "evaluation.json", evaluation.dump(2) + "\n");
   if (!subject.untrained) {
     write_atomically(RunFolder(arguments.run).evaluation(), evaluation.dump(2) + "\n");
     write_run_report(arguments.run);
   }
+  if (!common.merged.empty()) return 0;
   std::printf("%s", common.json ? (evaluation.dump() + "\n").c_str() : evaluation_table(evaluation).c_str());
   return 0;
 }
@@ -208,6 +292,7 @@ Command add_evaluate(CLI::App& program) {
   auto arguments = std::make_shared<EvaluateArguments>();
   app->add_option("--run", arguments->run,
                   "Folder of a run; results are also written to its evaluation.json and report.html");
+  app->add_option("--out", arguments->out, "Folder to write evaluation.json into, or the shard of --shard");
   app->add_option("--capture", arguments->capture, "Prepared capture (default: that of the training)");
   app->add_option("--tracked", arguments->tracked,
                   "Output folder of `doppel track` to evaluate against the poses, surfaces and masks of --capture");
@@ -241,7 +326,7 @@ Command add_evaluate(CLI::App& program) {
       ->capture_default_str()
       ->check(CLI::IsMember({"mm", "m"}))
       ->needs(scans);
-  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }, true};
 }
 
 }  // namespace doppel::tools

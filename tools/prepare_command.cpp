@@ -9,6 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "shared_work.h"
 
 namespace doppel::tools {
 
@@ -46,13 +47,19 @@ std::filesystem::path default_out(const std::filesystem::path& capture) {
 
 int run(const PrepareArguments& arguments, const CommonOptions& common) {
   PrepareOptions options = arguments.options;
-  if (options.out.empty()) options.out = default_out(arguments.capture);
+  if (options.out.empty() && !common.shard) options.out = default_out(arguments.capture);
   options.threads = resolve_threads(common.threads);
-  const PrepareReport report = prepare_capture(find_capture(arguments.capture), options);
+  options.shard = common.shard;
+  options.shards = common.merged.folders;
+  const Capture capture = find_capture(arguments.capture);
+  begin_work(common, options.out, [&] { return capture_inputs(capture); });
+  const PrepareReport report = prepare_capture(capture, options);
   if (!report.finished) {
     log::warn("stopped after {} records; run the same command again to resume", report.records);
     return 1;
   }
+  finish_work(common, options.out, nullptr);
+  if (!common.merged.empty()) return 0;
   std::printf("%s", common.json ? (report.json() + "\n").c_str() : report.table().c_str());
   log::info("{} records in {}", report.records, options.out.string());
   return 0;
@@ -66,7 +73,7 @@ Command add_prepare(CLI::App& program) {
   app->footer(kPrepareExample);
   auto arguments = std::make_shared<PrepareArguments>();
   add_options(*app, *arguments);
-  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
+  return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }, true};
 }
 
 }  // namespace doppel::tools

@@ -14,46 +14,69 @@
 namespace doppel::tools {
 namespace {
 
-std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
-  std::vector<Command> commands{
-      add_synth(program),   add_calibrate(program), add_capture(program),  add_character(program),
-      add_prepare(program), add_detect(program),    add_doctor(program),   add_track(program),
-      add_train(program),   add_adapt(program),     add_evaluate(program), add_compare(program),
-      add_animate(program), add_export(program),    add_view(program),     add_info(program)};
-  for (Command& command : commands) {
-    command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
-        ->capture_default_str();
-    command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
-    command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
-        ->capture_default_str();
-  }
-  return commands;
+void add_common_options(Command& command, CommonOptions& common, std::string& shard) {
+  command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
+      ->capture_default_str();
+  command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
+  command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
+      ->capture_default_str();
+  if (command.in_shards)
+    command.app->add_option("--shard", shard,
+                            "Do part i of n of the work, i from 0, e.g. 0/4; each into its own --out; `doppel merge` "
+                            "joins them (docs/clusters.md)");
 }
 
-int run(const Command& command, const CommonOptions& common) {
-  setup_logging(common.log_level);
-  const int threads = resolve_threads(common.threads);
-  at::set_num_threads(threads);
-  cv::setNumThreads(threads);
-  return command.run(common);
-}
+/// The commands and what one command line says.
+class Program {
+ public:
+  Program() {
+    app_.set_version_flag("--version", DOPPEL_VERSION);
+    app_.require_subcommand(1);
+    commands_ = {add_synth(app_),    add_calibrate(app_), add_capture(app_), add_character(app_), add_prepare(app_),
+                 add_detect(app_),   add_doctor(app_),    add_track(app_),   add_train(app_),     add_adapt(app_),
+                 add_evaluate(app_), add_merge(app_),     add_compare(app_), add_animate(app_),   add_export(app_),
+                 add_view(app_),     add_info(app_)};
+    for (Command& command : commands_) add_common_options(command, common_, shard_);
+  }
+
+  /// @throws CLI::ParseError
+  void parse(int argc, const char* const* argv) {
+    app_.parse(argc, argv);
+    common_.words.assign(argv + 1, argv + argc);
+  }
+  /// @throws UsageError when --shard is wrong
+  int run() {
+    if (!shard_.empty()) common_.shard = parse_shard(shard_);
+    setup_logging(common_.log_level);
+    const int threads = resolve_threads(common_.threads);
+    at::set_num_threads(threads);
+    cv::setNumThreads(threads);
+    for (const Command& command : commands_)
+      if (command.app->parsed()) return command.run(common_);
+    return 0;
+  }
+
+  CLI::App& app() { return app_; }
+  CommonOptions& common() { return common_; }
+
+ private:
+  CLI::App app_{"Doppel turns calibrated multi-view video of a person into a digital double", "doppel"};
+  CommonOptions common_;
+  std::string shard_;
+  std::vector<Command> commands_;
+};
 
 }  // namespace
 
 int run_program(int argc, const char* const* argv) {
-  CLI::App program{"Doppel turns calibrated multi-view video of a person into a digital double", "doppel"};
-  program.set_version_flag("--version", DOPPEL_VERSION);
-  program.require_subcommand(1);
-  CommonOptions common;
-  const std::vector<Command> commands = add_commands(program, common);
+  Program program;
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return program.exit(e) == 0 ? 0 : 2;
+    return program.app().exit(e) == 0 ? 0 : 2;
   }
   try {
-    for (const Command& command : commands)
-      if (command.app->parsed()) return run(command, common);
+    return program.run();
   } catch (const UsageError& e) {
     std::fprintf(stderr, "doppel: %s\n", e.what());
     return 2;
@@ -61,7 +84,25 @@ int run_program(int argc, const char* const* argv) {
     std::fprintf(stderr, "doppel: %s\n", e.what());
     return 1;
   }
-  return 0;
+}
+
+int run_on_shards(const ShardSet& shards, const std::filesystem::path& out, const CommonOptions& common) {
+  std::vector<std::string> words{"doppel"};
+  const std::vector<std::string>& arguments = shards.files.at(0).arguments;
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  for (const std::string& word : {std::string("--out"), out.string(), std::string("--threads"),
+                                  std::to_string(common.threads), std::string("--log-level"), common.log_level})
+    words.push_back(word);
+  std::vector<const char*> argv;
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  Program program;
+  try {
+    program.parse(static_cast<int>(argv.size()), argv.data());
+  } catch (const CLI::ParseError& e) {
+    fail<UsageError>("{}: the arguments of the shard cannot be read: {}", shards.folders.at(0).string(), e.what());
+  }
+  program.common().merged = shards;
+  return program.run();
 }
 
 }  // namespace doppel::tools

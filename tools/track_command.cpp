@@ -21,7 +21,9 @@
 #include "doppel/track/points/track_points.h"
 #include "doppel/track/shape/scale_bones.h"
 #include "doppel/track/track_capture.h"
+#include "doppel/track/track_results.h"
 #include "doppel/vmc/vmc_sender.h"
+#include "shared_work.h"
 
 namespace doppel::tools {
 
@@ -267,19 +269,55 @@ void check(const TrackArguments& arguments) {
     fail<UsageError>("--texture is drawn in the preview; give --preview too");
 }
 
+/// @throws UsageError for work that is not cut into sequences
+void check_in_shards(const TrackArguments& arguments) {
+  if (arguments.live()) fail<UsageError>("--shard: live images come to one machine; leave --shard or --source out");
+  if (!arguments.scale.empty())
+    fail<UsageError>(
+        "--shard: --scale looks at all sequences together; scale the bones in a run without --shard, and "
+        "track with the character it writes");
+  if (!arguments.preview.empty()) fail<UsageError>("--shard: --preview shows one run; leave one of them out");
+  if (lacks_keypoints(arguments.capture))
+    fail<UsageError>(
+        "--shard: {} names no keypoints, and each shard would detect those of all sequences; run "
+        "`doppel detect` first, which knows --shard too, and track its result",
+        arguments.capture);
+}
+
+int merge(const TrackArguments& arguments, const std::vector<fs::path>& shards) {
+  if (arguments.method == "points") {
+    TrackPointsOptions options;
+    static_cast<TrackTask&>(options) = arguments.task;
+    merge_points(arguments.capture, options, shards);
+  } else {
+    const auto footage = Footage::open(arguments.capture, PoseFitOptions().outline_pixels, arguments.camera);
+    merge_tracks(*footage, arguments.task, shards);
+  }
+  return 0;
+}
+
 int run(TrackArguments arguments, const CommonOptions& common) {
   const bool points = arguments.method == "points";
   points ? check_points(arguments) : check(arguments);
   TrackTask& task = arguments.task;
-  if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  if (common.shard || !common.merged.empty()) check_in_shards(arguments);
+  if (task.out.empty() && !common.shard) task.out = default_track_out(arguments.capture);
+  task.shard = common.shard;
+  begin_work(common, task.out, [&] { return capture_inputs(find_capture(arguments.capture)); });
+  if (!common.merged.empty()) return merge(arguments, common.merged.folders);
   if (!arguments.live())
     arguments.capture =
         with_keypoints(arguments.capture, task.out / "detected", {arguments.needs_masks(), !points}, common).string();
-  if (points) return run_points(arguments, common);
+  if (points) {
+    const int code = run_points(arguments, common);
+    finish_work(common, task.out, nullptr);
+    return code;
+  }
   const TrackReport report = arguments.live()                ? track_source(arguments)
                              : arguments.method == "livecap" ? track_with_one_camera(arguments)
                              : arguments.method == "deepcap" ? track_with_networks(arguments)
                                                              : track_with_all_cameras(arguments);
+  finish_work(common, task.out, nullptr);
   if (common.json)
     fmt::print("{}\n", to_json(report).dump(2));
   else
@@ -365,11 +403,13 @@ Command add_track(CLI::App& program) {
           ->type_name("[FILE.mp4]");
   app->add_option("--texture", arguments->texture,
                   "Texture image for the surface in the preview, or in the film of deepcap");
-  return {app, [arguments, preview, detect](const CommonOptions& common) {
+  return {app,
+          [arguments, preview, detect](const CommonOptions& common) {
             if (detect->count() > 0 && arguments->detect.empty()) arguments->detect = "full";
             if (preview->count() > 0 && arguments->preview.empty()) arguments->preview = "window";
             return run(*arguments, common);
-          }};
+          },
+          true};
 }
 
 }  // namespace doppel::tools

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -41,7 +42,8 @@ constexpr int kFramesChecked = 10;
 /// One camera in one sequence: the unit of work.
 struct Job {
   int sequence = 0, camera = 0;
-  long done = 0;  ///< frames already in the store when this run began
+  std::size_t number = 0;  ///< counted over all sequences and cameras
+  long done = 0;           ///< frames already in the store when this run began
 };
 
 std::string encode_image(const cv::Mat& image, int jpeg_quality) {
@@ -100,7 +102,9 @@ class RecordMaker {
 class Preparation {
  public:
   Preparation(const PreparePlan& plan, const PrepareOptions& options)
-      : plan_(plan), options_(options), store_(open_store()), checker_(plan.character) {}
+      : plan_(plan), options_(options), store_(open_store()), checker_(plan.character) {
+    for (const fs::path& folder : options.shards) shards_.emplace_back(folder / kStoreFolder, Store::Mode::read);
+  }
 
   PrepareReport run() {
     const std::vector<Job> jobs = list_jobs();
@@ -117,9 +121,9 @@ class Preparation {
     if (!report.finished) return report;
     for (const Job& job : jobs) {
       report.cameras.push_back(report_camera(job));
-      if (!plan_.evidence.landmarks.empty()) report.cameras.back().keypoints = store_keypoints(job);
+      if (!options_.shard && !plan_.evidence.landmarks.empty()) report.cameras.back().keypoints = store_keypoints(job);
     }
-    write_outputs(report);
+    if (!options_.shard) write_outputs(report);
     return report;
   }
 
@@ -177,7 +181,8 @@ class Preparation {
     std::vector<Job> jobs;
     for (std::size_t s = 0; s < plan_.sequences.size(); ++s)
       for (std::size_t c = 0; c < plan_.cameras.size(); ++c) {
-        Job job{static_cast<int>(s), static_cast<int>(c), 0};
+        Job job{static_cast<int>(s), static_cast<int>(c), s * plan_.cameras.size() + c, 0};
+        if (options_.shard && !options_.shard->owns(job.number)) continue;
         job.done = count_records(job);
         // Records are written in the order of frames, so their number is the position to continue from.
         if (job.done > 0 && !store_.has(key(job, sequence(job).first_frame + job.done - 1)))
@@ -195,7 +200,8 @@ class Preparation {
     }
     if (done > 0) log::info("{} of {} records exist already", done, total);
     progress_ = std::make_unique<Progress>("prepare", total, done);
-    const int workers = std::clamp(options_.threads, 1, kMaxParallelCameras);
+    // Shards are copied by one thread: the order of transactions decides where the store puts its pages.
+    const int workers = options_.shards.empty() ? std::clamp(options_.threads, 1, kMaxParallelCameras) : 1;
     std::vector<std::thread> threads;
     for (int i = 1; i < workers; ++i) threads.emplace_back([&] { work(jobs); });
     work(jobs);
@@ -218,15 +224,31 @@ class Preparation {
     }
   }
 
+  /// The encoded records of a job, by their rows: made from its images, or copied from a shard.
+  std::function<std::string(long row)> records_of(const Job& job) const {
+    if (options_.shards.empty()) {
+      const auto maker = std::make_shared<RecordMaker>(plan_, options_, job);
+      return [maker](long row) { return encode_record(maker->make(row)); };
+    }
+    const Store& shard = shards_[job.number % shards_.size()];
+    return [this, job, &shard](long row) {
+      const std::string name = key(job, row);
+      const std::optional<std::string> bytes = shard.get(name);
+      if (!bytes) fail_at({shard.folder().string(), 0}, "the record {} is missing; prepare this shard again", name);
+      decode_record(*bytes, fmt::format("{}: {}", shard.folder().string(), name));  // checks its checksum
+      return *bytes;
+    };
+  }
+
   void process_job(const Job& job) {
     const long end = sequence(job).last_frame + 1;
     long row = sequence(job).first_frame + job.done;
     if (row >= end) return;
-    RecordMaker maker(plan_, options_, job);
+    const auto record = records_of(job);
     while (row < end && !stopped_ && !stop_requested()) {
       const long chunk_end = std::min(end, row + options_.chunk_frames);
       std::vector<std::pair<std::string, std::string>> items;
-      for (long at = row; at < chunk_end; ++at) items.emplace_back(key(job, at), encode_record(maker.make(at)));
+      for (long at = row; at < chunk_end; ++at) items.emplace_back(key(job, at), record(at));
       store_.put(items);
       {
         std::lock_guard lock(mutex_);
@@ -318,6 +340,11 @@ class Preparation {
     const PlannedSequence& rows = sequence(job);
     const fs::path table = detected_file(rows, camera(job));
     if (!plan_.detects(rows) || fs::exists(table)) return true;
+    if (!options_.shards.empty()) {
+      const fs::path& shard = options_.shards[job.number % options_.shards.size()];
+      write_atomically(table, read_file(expand_camera(PreparePlan::detected_table(rows, shard), 0, camera(job).name)));
+      return true;
+    }
     PoseDetector detector = open_detector(plan_.capture, plan_.evidence.map.layout);
     const auto videos = open_frames(plan_.source(rows.entry.videos, job.camera), PixelFormat::colour);
     const std::set<long> needed = frames_around(rows, plan_.capture.clock(rows.entry, camera(job).name), *videos);
@@ -365,10 +392,10 @@ class Preparation {
     PeopleInCameras seen{rows.entry.name, plan_.cameras, {}, {}, rows.first_frame, rows.last_frame};
     for (std::size_t c = 0; c < plan_.cameras.size(); ++c) {
       seen.clocks.push_back(plan_.capture.clock(rows.entry, plan_.cameras[c].name));
-      seen.people.push_back(people_of({job.sequence, static_cast<int>(c), 0}));
+      seen.people.push_back(people_of({job.sequence, static_cast<int>(c)}));
     }
     const auto mask = [&](std::size_t camera, long row) {
-      return stored_mask({job.sequence, static_cast<int>(camera), 0}, row);
+      return stored_mask({job.sequence, static_cast<int>(camera)}, row);
     };
     choice->second = follow_if_several(seen, plan_.evidence.map.layout, plan_.capture.person_of(rows.entry), mask);
     return choice->second[as_size(job.camera)];
@@ -415,6 +442,7 @@ class Preparation {
   const PreparePlan& plan_;
   const PrepareOptions& options_;
   Store store_;
+  std::vector<Store> shards_;  ///< to merge
   TemplateChecker checker_;
   std::mutex mutex_, checker_mutex_;
   std::unique_ptr<Progress> progress_;

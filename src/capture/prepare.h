@@ -27,7 +27,8 @@ struct CameraReport {
 struct PrepareReport {
   bool finished = false;              ///< false: stopped by Ctrl-C or SIGTERM; the next call continues
   long records = 0, new_records = 0;  ///< records in the store (one per frame and camera), and those added by this call
-  std::vector<CameraReport> cameras;  ///< by sequence, then by camera; empty unless `finished`
+  std::vector<CameraReport> cameras;  ///< by sequence, then by camera; empty unless `finished`. A shard reports its own
+                                      ///< cameras, without keypoints
 
   std::string table() const;  ///< `cameras` as a text table, one line for each; shares in percent
   std::string json() const;   ///< `finished`, `records` and `cameras` as JSON; shares from 0 to 1
@@ -38,8 +39,12 @@ struct PrepareReport {
 ///
 /// Each video is decoded once, from the first frame to the last, in bounded memory. It is decoded a second time if the
 /// capture's detector has to find the keypoints. A run may be killed at any moment. Another call with the same options
-/// continues it and gives the same records. A sequence without a motion is prepared too. Its rows are the frames that
-/// all of its videos have.
+/// continues it and gives the same records.
+///
+/// With `options.shard`, only the records of that shard are made. With `options.shards`, the records are copied from
+/// there, in the order in which one thread makes them, so that the store has the same bytes. Keypoints are put on
+/// landmarks then, because the choice of one person needs all cameras. A sequence without a motion is prepared too. Its
+/// rows are the frames that all of its videos have.
 /// @throws UsageError for options out of range, and when `options.out` is the folder of the capture itself
 /// @throws Error when `options.out` was prepared with other settings (unless `options.overwrite` is set), or when frame
 /// counts or image sizes disagree. Units, camera directions, masks or keypoint files that are probably wrong are errors

@@ -1,6 +1,10 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "doppel/core/shard.h"
 
 namespace doppel {
 
@@ -15,6 +19,11 @@ struct PrepareOptions {
   long limit_frames = 0;      ///< prepare only so many frames of each sequence; 0: all
   bool overwrite = false;     ///< delete what was prepared with other settings
   bool force = false;         ///< warn where a failed check would stop
+  /// Prepare only the cameras of sequences that belong to this shard. Camera c of sequence s is unit s*C + c. The store
+  /// stays incomplete, and capture.yaml and report.json are not written.
+  std::optional<Shard> shard{};
+  /// Folders of all shards, by their index: take records and detected keypoints from there instead of making them.
+  std::vector<std::filesystem::path> shards{};
 };
 
 }  // namespace doppel

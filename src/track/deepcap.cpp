@@ -115,7 +115,7 @@ TrackReport track_deepcap(const Footage& footage, const DeepcapOptions& options)
   for (const FootageSequence& sequence : chosen)
     report.sequences.push_back(DeepcapRun(footage, trained, options, sequence).run(progress));
   progress.finish();
-  write_results(footage, options.out, report);
+  write_results(footage, options, report);
   return report;
 }
 

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/energy/outline.h"
 #include "doppel/fit/shared_dofs_fit.h"
@@ -133,6 +134,10 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   warn_without_masks(chosen);
   const bool twice = options.config.template_frames > 0 || !options.config.shared_dofs.empty();
   const long bent = options.config.template_frames * static_cast<long>(chosen.size());
+  if (twice && options.shard)
+    fail<UsageError>(
+        "--shard: `shared_dofs` and `template_fit` are fitted to all sequences together; leave --shard out, or set "
+        "shared_dofs.dofs=[] and template_fit.frames=0");
   Progress progress("track", (1 + twice + options.surface) * count_frames(chosen) + bent);
   TrackReport report;
   report.method = "multiview";
@@ -146,7 +151,7 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
   for (const FootageSequence& sequence : chosen)
     report.sequences.push_back(finish_sequence(footage, character, options, sequence, progress));
   progress.finish();
-  write_results(footage, options.out, report);
+  write_results(footage, options, report);
   return report;
 }
 

@@ -76,14 +76,22 @@ std::string sheet_of(const std::filesystem::path& sheet) {
 
 }  // namespace
 
-std::string track_curves(const std::filesystem::path& out, const TrackReport& report) {
+std::string track_section(const std::filesystem::path& out, const SequenceReport& sequence) {
+  const std::string& name = sequence.tracked.sequence.name;
+  return "<h2>" + escape_html(name) + "</h2>" + verdict_of(sequence) + sheet_of(out / (name + ".jpg")) +
+         "<div class=\"charts\">" + charts_of(sequence) + "</div>";
+}
+
+std::string track_page(const std::vector<std::string>& sections) {
   std::string body;
-  for (const SequenceReport& sequence : report.sequences) {
-    const std::string& name = sequence.tracked.sequence.name;
-    body += "<h2>" + escape_html(name) + "</h2>" + verdict_of(sequence) + sheet_of(out / (name + ".jpg")) +
-            "<div class=\"charts\">" + charts_of(sequence) + "</div>";
-  }
+  for (const std::string& section : sections) body += section;
   return html_page("Tracking", body);
+}
+
+std::string track_curves(const std::filesystem::path& out, const TrackReport& report) {
+  std::vector<std::string> sections;
+  for (const SequenceReport& sequence : report.sequences) sections.push_back(track_section(out, sequence));
+  return track_page(sections);
 }
 
 }  // namespace doppel

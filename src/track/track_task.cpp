@@ -27,7 +27,7 @@ std::vector<FootageSequence> chosen_sequences(const Footage& footage, const Trac
   if (!task.sequences.empty() && chosen.size() != task.sequences.size())
     fail<UsageError>("not all of the sequences {} are in the capture; it has {}", fmt::join(task.sequences, ", "),
                      fmt::join(known, ", "));
-  return chosen;
+  return own_units(chosen, task);
 }
 
 long count_frames(const std::vector<FootageSequence>& sequences) {

@@ -3,9 +3,11 @@
 /// The task of a tracking run, common to all methods.
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "doppel/core/shard.h"
 #include "doppel/track/footage.h"
 
 namespace doppel {
@@ -15,9 +17,22 @@ struct TrackTask {
   std::vector<std::string> sequences;  ///< names; empty: all
   long limit_frames = 0;               ///< largest number of frames of each sequence; 0: all
   bool vertices = false;               ///< write `<sequence>_vertices.npy`
+  /// Track only the sequences of this shard: sequence k of the chosen ones is unit k. `write_results` then writes what
+  /// `merge_tracks` reads.
+  std::optional<Shard> shard{};
 };
 
-/// The sequences of the task, limited to its number of frames. @throws UsageError for a name that no sequence has
+/// The elements that belong to the task's shard, or all.
+template <typename T>
+std::vector<T> own_units(const std::vector<T>& all, const TrackTask& task) {
+  std::vector<T> own;
+  for (std::size_t k = 0; k < all.size(); ++k)
+    if (!task.shard || task.shard->owns(k)) own.push_back(all[k]);
+  return own;
+}
+
+/// The sequences of the task, limited to its number of frames and to its shard. @throws UsageError for a name that no
+/// sequence has
 std::vector<FootageSequence> chosen_sequences(const Footage& footage, const TrackTask& task);
 /// The number of frames of all sequences.
 long count_frames(const std::vector<FootageSequence>& sequences);

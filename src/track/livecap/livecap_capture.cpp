@@ -103,7 +103,7 @@ TrackReport track_livecap(const Footage& footage, const LivecapCaptureOptions& o
     report.sequences.push_back(track_sequence(footage, options, sequence, preview, progress));
   progress.finish();
   if (preview) preview->close();
-  write_results(footage, options.out, report);
+  write_results(footage, options, report);
   return report;
 }
 
