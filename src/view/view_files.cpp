@@ -43,6 +43,8 @@ nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
           {"frames", motion.num_frames()},
           {"frames_per_second", subject.frames_per_second},
           {"textured", !subject.character.mesh.texture.empty()},
+          {"cameras", subject.cameras && motion.frames == subject.motion.frames},
+          {"training", !subject.run.empty()},
           {"rest", subject.character.rest_dofs},
           {"dofs", dof_entries(subject.character.skeleton)},
           {"joints", joint_entries(subject.character.skeleton)},

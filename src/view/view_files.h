@@ -9,8 +9,10 @@ namespace doppel {
 /// What the page loads once, from a server and from a folder alike, as the bytes of files below `double/`.
 struct ViewFiles {
   /// `description.json`: `name`, `vertices`, `frames`, `frames_per_second`, `textured` (whether there is a
-  /// texture.jpg), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`, `parent`, `moved_by`: reach_dofs.h)
-  /// and `stages` (`name`, `past_frames`, `texture_size`, and `geometry`: the stage that has the same vertices)
+  /// texture.jpg), `cameras` and `training` (whether the
+  /// server has pictures of this motion, and a run), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`,
+  /// `parent`, `moved_by`: reach_dofs.h) and `stages` (`name`, `past_frames`, `texture_size`, and `geometry`: the stage
+  /// that has the same vertices)
   std::string description;
   /// `mesh.bin`: uint32 counts of corners and of split vertices; uint32 corners [3F]; uint32 template vertex of each
   /// split vertex [S]; float32 UVs [S,2]

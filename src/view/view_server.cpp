@@ -22,6 +22,7 @@
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
+#include "doppel/view/view_training.h"
 
 namespace doppel {
 namespace {
@@ -168,6 +169,23 @@ struct ViewServer::State {
     return bytes_of(joints(poses_of(request, subject.character.num_dofs())));
   }
 
+  ViewCameras& cameras() {
+    if (!subject.cameras) fail<UsageError>("no camera filmed this motion");
+    return *subject.cameras;
+  }
+
+  std::string picture(const httplib::Request& request) {
+    const int frame = parameter<int>(request, "frame");
+    if (frame < 0 || frame >= subject.motion.num_frames())
+      fail<UsageError>("the motion of the capture has the frames 0..{}", subject.motion.num_frames() - 1);
+    return cameras().picture(parameter<int>(request, "camera"), frame, parameter<int>(request, "mask") != 0);
+  }
+
+  const fs::path& run() const {
+    if (subject.run.empty()) fail<UsageError>("no run is shown");
+    return subject.run;
+  }
+
   /// Plays the motion file of the request's body from now on.
   std::string take_motion(const httplib::Request& request) {
     const std::string name = request.get_param_value("name");
@@ -241,9 +259,27 @@ struct ViewServer::State {
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });
     answer("/api/joints", true, [this](const httplib::Request& request) { return joint_bytes(request); });
+    add_footage();
     answer(
         "/api/motion", true, [this](const httplib::Request& request) { return take_motion(request); },
         "application/json", kLargestMotion);
+  }
+
+  /// Pictures of cameras, and the training of a run.
+  void add_footage() {
+    using Request = httplib::Request;
+    answer(
+        "/api/cameras", false, [this](const Request&) { return cameras().description(); }, "application/json");
+    answer(
+        "/api/picture", false, [this](const Request& request) { return picture(request); }, "image/jpeg");
+    answer(
+        "/api/training", false, [this](const Request&) { return training_state(run()); }, "application/json");
+    answer(
+        "/api/training_image", false,
+        [this](const Request& request) {
+          return training_image(run(), parameter<int>(request, "stage"), parameter<int>(request, "image"));
+        },
+        "image/jpeg");
   }
 
   void set_up() {

@@ -8,9 +8,9 @@
 namespace doppel {
 
 /// A web server of one subject on the loopback interface. A request needs the token, in the address (`?token=`) or in
-/// the cookie that the page sets; otherwise the answer is 403. Nothing is read from the disk on request, so no path can
-/// lead anywhere. Requests are at most 1 MB (motion files 64 MB), and a connection that stands still for five seconds
-/// is closed.
+/// the cookie that the page sets; otherwise the answer is 403. A request names cameras, frames and images by number,
+/// never by a path, so none can lead anywhere. Requests are at most 1 MB (motion files 64 MB), and a connection that
+/// stands still for five seconds is closed.
 ///
 /// - `GET /`: the page
 /// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`: see view_files.h
@@ -20,6 +20,10 @@ namespace doppel {
 /// - `POST /api/pose?stage=skinning` with float32 [D]: the same for a pose that stands still
 /// - `POST /api/motion?name=walk.bvh` with the bytes of a motion file: the motion is played from now on (motion_for);
 ///   JSON with `frames`, or 400 and what is wrong with the file
+/// - `GET /api/cameras`: the cameras of the capture, JSON (ViewCameras::description); 400 without cameras
+/// - `GET /api/picture?camera=0&frame=0&mask=0`: a JPEG of what the camera filmed (ViewCameras::picture)
+/// - `GET /api/training`: the curves and images of the run so far, JSON (view_training.h); 400 for other targets
+/// - `GET /api/training_image?stage=0&image=0`: one of these images, JPEG
 /// - `POST /api/joints` with float32 [B,D]: float32 joints [B,J,3], world metres
 class ViewServer {
  public:

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
+#include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/capture/capture.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
 #include "doppel/export/actor_file.h"
 #include "doppel/layers/surface.h"
@@ -39,13 +41,39 @@ auto sequence_to_play(const Sequences& sequences, const HasMotion& has_motion) {
   return chosen;
 }
 
+/// The cameras of a sequence. Footage that is missing or does not fit hides no double.
+std::shared_ptr<ViewCameras> cameras_of(const Capture& capture, const std::string& sequence) {
+  for (const SequenceEntry& entry : capture.sequences) {
+    if (entry.name != sequence) continue;
+    try {
+      auto cameras = std::make_shared<ViewCameras>(capture, entry);
+      return cameras->size() > 0 ? cameras : nullptr;
+    } catch (const std::exception& e) {
+      log::warn("the cameras are not shown: {}", e.what());
+    }
+  }
+  return nullptr;
+}
+
 void take_motion(ViewSubject& subject, const Dataset& dataset) {
   subject.frames_per_second = dataset.fps();
-  if (const auto* chosen = sequence_to_play(dataset.sequences(), [](const auto& s) { return s.has_motion(); }))
+  if (const auto* chosen = sequence_to_play(dataset.sequences(), [](const auto& s) { return s.has_motion(); })) {
     subject.motion = chosen->motion;
+    subject.cameras = cameras_of(dataset.capture(), chosen->name);
+  }
+}
+
+ViewSubject of_prepared(const fs::path& folder) {
+  const Dataset dataset = Dataset::open(folder);
+  ViewSubject subject = of_character(dataset.character_path());
+  take_motion(subject, dataset);
+  return subject;
 }
 
 ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
+  const fs::path checkpoints = RunFolder(stage_folder(run, "egnet")).checkpoints();
+  if (!fs::exists(checkpoints) || fs::is_empty(checkpoints))
+    return of_prepared(options.capture.empty() ? run_subject(run).capture : options.capture);
   const auto capture = options.capture.empty() ? std::nullopt : std::make_optional(options.capture);
   const auto trained = std::make_shared<TrainedActor>(TrainedActor::load(run, capture));
   ViewSubject subject;
@@ -90,19 +118,14 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
   return subject;
 }
 
-ViewSubject of_prepared(const fs::path& folder) {
-  const Dataset dataset = Dataset::open(folder);
-  ViewSubject subject = of_character(dataset.character_path());
-  take_motion(subject, dataset);
-  return subject;
-}
-
 ViewSubject of_capture(const fs::path& file) {
   const Capture capture = read_capture(file);
   ViewSubject subject = of_character(capture.character_path());
   subject.frames_per_second = capture.fps;
-  if (const auto* chosen = sequence_to_play(capture.sequences, [](const auto& s) { return !s.motion.empty(); }))
+  if (const auto* chosen = sequence_to_play(capture.sequences, [](const auto& s) { return !s.motion.empty(); })) {
     subject.motion = read_motion(capture.resolve(chosen->motion), subject.character.num_dofs());
+    subject.cameras = cameras_of(capture, chosen->name);
+  }
   return subject;
 }
 
@@ -117,7 +140,9 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
     if (captures_poses(target))
       fail<UsageError>("viewing {}: a run of posenet or deepcap has no actor; track with it, then view the character",
                        target.string());
-    return of_run(target, options);
+    ViewSubject subject = of_run(target, options);
+    subject.run = target;
+    return subject;
   }
   if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(target);
   fail<UsageError>(
@@ -129,7 +154,10 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
 
 ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options) {
   ViewSubject subject = open_target(target, options);
-  if (!options.motion.empty()) subject.motion = motion_for(subject, options.motion);
+  if (!options.motion.empty()) {
+    subject.motion = motion_for(subject, options.motion);
+    subject.cameras = nullptr;
+  }
   if (subject.motion.num_frames() == 0) subject.motion = {{subject.character.rest_dofs}, {0}};
   return subject;
 }

@@ -2,12 +2,14 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "doppel/character/character.h"
 #include "doppel/character/motion.h"
 #include "doppel/export/actor_trace.h"
+#include "doppel/view/view_cameras.h"
 
 namespace doppel {
 
@@ -29,6 +31,9 @@ struct ViewSubject {
   Motion motion;  ///< at least one frame
   double frames_per_second = 25.0;
   std::vector<ViewStage> stages;  ///< the best last
+  /// The cameras that filmed `motion`, frame i at row i; null: a motion from elsewhere, or no pictures
+  std::shared_ptr<ViewCameras> cameras;
+  std::filesystem::path run;  ///< whose training is shown; empty: none
 };
 
 struct ViewOptions {
@@ -38,8 +43,8 @@ struct ViewOptions {
   bool geometry_only = false;       ///< for a run: without TexNet
 };
 
-/// Opens a run of egnet or ddc, an exported actor (`.pt`, with options.character), a `.character` file, a capture (a
-/// `capture.yaml` or its folder) or a prepared capture.
+/// Opens a run of egnet or ddc (before its first checkpoint, its character is shown), an exported actor (`.pt`, with
+/// options.character), a `.character` file, a capture (a `capture.yaml` or its folder) or a prepared capture.
 /// @throws UsageError for another target, and for an actor file without a character; Error as the readers
 ViewSubject open_view_subject(const std::filesystem::path& target, const ViewOptions& options = {});
 

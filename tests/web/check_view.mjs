@@ -1,5 +1,6 @@
 // Checks the page of `doppel view` in a browser.
-//   node check_view.mjs [--picture FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
+//   node check_view.mjs [--picture FILE.png] [--cameras FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
+// --cameras: the target is a capture with pictures, which must stand where its cameras saw them; a screenshot.
 // --other: a motion file of this many frames, which the page opens.
 // The double plays, follows a slider, and its hand follows the mouse to 1 cm; the page fits a phone; the console stays
 // silent; no request leaves the loopback interface; a wrong token gets 403. Exit code 1: one of these fails.
@@ -7,10 +8,13 @@ import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { request } from 'node:http';
 import { launch } from './browser.mjs';
-import { checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, kWebGl, openPage } from './page_checks.mjs';
+import {
+  checkCameras, checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
+} from './page_checks.mjs';
 
 const given = process.argv.slice(2);
 const picture = given[0] === '--picture' ? given.splice(0, 2)[1] : '';
+const cameras = given[0] === '--cameras' ? given.splice(0, 2)[1] : '';
 const other = given[0] === '--other' ? given.splice(0, 3).slice(1) : null;
 const [program, ...target] = given;
 
@@ -60,6 +64,12 @@ try {
   await checkSlider(page);
   await checkReach(page);
   if (picture) await page.screenshot({ path: picture });
+  if (await page.evaluate(() => window.doppel.source.about.training)) await checkTraining(page);
+  if (cameras) {
+    await checkCameras(page);
+    await page.screenshot({ path: cameras });
+    await leaveCameras(page);
+  }
   await checkTexture(page);
   if (other) {
     await checkMotion(page, other[0], Number(other[1]));

@@ -100,6 +100,45 @@ export async function checkMotion(page, file, frames) {
   await idle(page);
 }
 
+// Where the page shows the cameras of a capture: looks through each, and the picture of the frame stands behind the double
+// as the camera filmed it. The page projects the joints as the camera does.
+export async function checkCameras(page) {
+  await page.locator('#follow').click({ timeout: 500 }).catch(() => {});  // from a pose by hand
+  const { cameras } = await page.evaluate(() => window.doppel.source.cameras);
+  for (let index = 0; index < cameras.length; ++index) {
+    await page.locator('#camera').selectOption(String(index));
+    await idle(page);
+    const off = await page.evaluate((i) => {
+      const { picture, source, state } = window.doppel, { K, R, t, width, height } = source.cameras.cameras[i];
+      const corner = picture.cameras.sheet.geometry.getAttribute('position'), place = picture.jointAt(0), at = place.clone();
+      picture.camera.updateMatrixWorld();
+      const onPage = (point) => point.project(picture.camera).toArray();
+      const [left, bottom] = onPage(at.fromBufferAttribute(corner, 3)), [right, top] = onPage(at.fromBufferAttribute(corner, 1));
+      const seen = R.map((row, r) => row[0] * place.x + row[1] * place.y + row[2] * place.z + t[r]);
+      const pixel = [0, 1].map((r) => (K[r][0] * seen[0] + K[r][1] * seen[1] + K[r][2] * seen[2]) / seen[2]);
+      const [x, y] = onPage(place.clone());
+      const shown = [((x - left) / (right - left)) * width, ((top - y) / (top - bottom)) * height];
+      return picture.cameras.sheet.visible && state.geometry ? Math.hypot(shown[0] - pixel[0], shown[1] - pixel[1]) : NaN;
+    }, index);
+    assert.ok(off < 0.5, `${cameras[index].name}: the joint is ${off} pixels from its place in the picture`);
+  }
+  await page.locator('#mask').check();
+  await page.keyboard.press('ArrowRight');
+  await idle(page);
+  console.log(`${cameras.length} cameras of the capture hold their pictures behind the double`);
+}
+
+// The curves of a run's training.
+export async function checkTraining(page) {
+  await page.waitForFunction(() => document.querySelectorAll('#progress polyline').length > 0);
+}
+
+export async function leaveCameras(page) {
+  await page.locator('#mask').uncheck();
+  await page.locator('#camera').selectOption('-1');
+  await idle(page);
+}
+
 export async function checkPhone(page) {
   await page.setViewportSize({ width: 390, height: 780 });
   await page.waitForTimeout(200);

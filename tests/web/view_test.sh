@@ -7,5 +7,5 @@ here="$(cd "$(dirname "$0")" && pwd)"
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
 "$1" synth --preset tiny --out "$folder/capture" >/dev/null 2>&1
-CHROMIUM="$(command -v chromium)" node "$here/check_view.mjs" \
+CHROMIUM="$(command -v chromium)" node "$here/check_view.mjs" --cameras "$folder/cameras.png" \
   --other "$folder/capture/training/skeletoolToGTPose/poseAngles.motion" 24 "$1" "$folder/capture"

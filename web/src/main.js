@@ -2,6 +2,7 @@ import './style.css';
 import { open } from './source.js';
 import { reach } from './reach.js';
 import { Picture } from './scene.js';
+import { followTraining } from './training.js';
 
 const element = (id) => document.getElementById(id);
 const complain = (error) => { element('message').textContent = String(error.message ?? error); element('message').hidden = false; };
@@ -33,6 +34,7 @@ function app(source) {
     }
     state.geometry = surfaces.find(({ stage }) => stage === chosen);
     picture.show(surfaces, chosen, state.geometry.joints);
+    if (picture.through >= 0) await picture.project(source.picture(picture.through, frame, element('mask').checked));
     state.drawn = (state.drawn ?? 0) + 1;
     if (!state.framed) {
       state.framed = true;
@@ -109,6 +111,26 @@ function app(source) {
   if (about.stages.length < 2) element('beside').parentElement.hidden = true;
   if (!about.textured) element('texture').parentElement.hidden = true;
 
+  // The cameras of the capture.
+  const { cameras, masks } = source.cameras;
+  const lookThrough = (index) => {
+    if (!about.cameras) return;
+    element('camera').value = index;
+    if (state.framed) picture.lookThrough(index);
+    draw();
+  };
+  for (const [index, { name }] of cameras.entries()) element('camera').append(new Option(name, index));
+  element('cameras').hidden = !cameras.length;
+  element('mask').parentElement.hidden = !masks;
+  element('camera').addEventListener('change', (event) => lookThrough(Number(event.target.value)));
+  element('mask').addEventListener('change', draw);
+  element('opacity').addEventListener('input', (event) => picture.fade(Number(event.target.value)));
+  picture.onCamera(lookThrough);
+  if (source.training) {
+    element('training').hidden = false;
+    followTraining(source.training, element('progress'), complain);
+  }
+
   // A motion or a texture from the visitor's disk.
   const take = newestOnly(async (file) => {
     if (file.type.startsWith('image/')) {
@@ -118,6 +140,8 @@ function app(source) {
     } else {
       play(false);
       await source.play(file);
+      element('cameras').hidden = true;
+      picture.hideCameras();
       showSizes();
       goTo(0);
     }
@@ -130,7 +154,7 @@ function app(source) {
     if (event.target.matches('input[type=search], select')) return;
     const actions = {
       ' ': () => play(!state.playing), ArrowLeft: () => goTo(state.frame - 1), ArrowRight: () => goTo(state.frame + 1),
-      r: () => edit(Float32Array.from(about.rest)), h: () => element('panel').classList.toggle('hidden'),
+      r: () => edit(Float32Array.from(about.rest)), c: () => lookThrough(picture.through + 1 < cameras.length ? picture.through + 1 : -1), h: () => element('panel').classList.toggle('hidden'),
     };
     if (!actions[event.key] || event.ctrlKey || event.metaKey) return;
     if (event.target.matches('input[type=range]') && event.key.startsWith('Arrow')) return;

@@ -5,6 +5,7 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Body } from './body.js';
+import { Cameras, centreOf } from './cameras.js';
 
 const kHandle = 0.02;  // metres
 
@@ -25,11 +26,14 @@ export class Picture {
     this.handles.renderOrder = 1;
     this.handles.frustumCulled = false;
     this.scene.add(this.handles);
+    this.through = -1;  // the camera of the capture that the page looks through
+    this.opacity = 1;
+    this.cameras = new Cameras(this.scene, source.cameras.cameras);
     new ResizeObserver(() => this.resize(parent)).observe(parent);
     this.resize(parent);
     // A picture is drawn when something has changed: see `redraw`.
     this.renderer.setAnimationLoop(() => {
-      if (!this.controls.update() && !this.changed) return;
+      if (!(this.through < 0 && this.controls.update()) && !this.changed) return;
       this.changed = false;
       this.renderer.render(this.scene, this.camera);
     });
@@ -68,6 +72,48 @@ export class Picture {
     this.redraw();
   }
 
+  // Looks through a camera of the capture, or, with -1, from where the visitor looked before.
+  lookThrough(index) {
+    if (this.through < 0) this.free = { position: this.camera.position.clone(), fov: this.camera.fov };
+    this.through = index;
+    this.controls.enabled = index < 0;
+    this.cameras.lines.visible = index < 0;
+    this.cameras.hide();
+    if (index >= 0) this.cameras.lookThrough(index, this.camera);
+    else {
+      this.camera.position.copy(this.free.position);
+      this.camera.fov = this.free.fov;
+      this.camera.up.set(0, 1, 0);
+      this.camera.updateProjectionMatrix();
+      this.controls.update();
+    }
+    this.redraw();
+  }
+
+  // The picture of the camera that the page looks through. @param address of the picture
+  async project(address) {
+    const index = this.through;
+    await this.cameras.project(index, address, this.jointAt(0));
+    if (this.through !== index) this.cameras.hide();
+    this.redraw();
+  }
+
+  hideCameras() {
+    if (this.through >= 0) this.lookThrough(-1);
+    this.cameras.lines.visible = false;
+    this.redraw();
+  }
+
+  // @param opacity of the double, 0..1
+  fade(opacity) {
+    this.opacity = opacity;
+    for (const { material } of this.bodies.values()) {
+      Object.assign(material, { opacity, transparent: opacity < 1 });
+      material.needsUpdate = true;
+    }
+    this.redraw();
+  }
+
   turnLight(degrees) {
     const angle = (degrees * Math.PI) / 180;
     this.sun.position.set(3 * Math.sin(angle), 4, 3 * Math.cos(angle));
@@ -81,6 +127,7 @@ export class Picture {
       if (!this.bodies.has(stage.name)) {
         const body = new Body(this.source.mesh, stage.texture_size);
         body.paint(this.map);
+        Object.assign(body.material, { opacity: this.opacity, transparent: this.opacity < 1 });
         this.bodies.set(stage.name, body);
         this.scene.add(body.mesh);
       }
@@ -130,6 +177,7 @@ export class Picture {
     this.renderer.setSize(width, height);
     this.camera.aspect = width / Math.max(1, height);
     this.camera.updateProjectionMatrix();
+    if (this.through >= 0) this.cameras.lookThrough(this.through, this.camera);
     this.redraw();
   }
 
@@ -146,6 +194,20 @@ export class Picture {
     ray.setFromCamera(new Vector2((2 * (event.clientX - box.left)) / box.width - 1,
       1 - (2 * (event.clientY - box.top)) / box.height), this.camera);
     return ray;
+  }
+
+  // A click beside a camera of the capture: `chosen(index)`.
+  onCamera(chosen) {
+    const canvas = this.renderer.domElement;
+    let pressed = null;
+    canvas.addEventListener('pointerdown', (event) => { pressed = event; });
+    canvas.addEventListener('click', (event) => {
+      const still = pressed && Math.hypot(event.clientX - pressed.clientX, event.clientY - pressed.clientY) < 4;
+      if (!still || !this.cameras.lines.visible) return;
+      const { ray } = this.ray(event), away = (camera) => ray.distanceToPoint(centreOf(camera));
+      const nearest = this.source.cameras.cameras.map((camera, index) => ({ index, metres: away(camera) })).sort((a, b) => a.metres - b.metres)[0];
+      if (nearest?.metres < 0.12) chosen(nearest.index);
+    });
   }
 
   // Dragging a handle: `moved(joint, target)` in the plane through the joint that faces the camera.
@@ -166,6 +228,6 @@ export class Picture {
       const target = joint < 0 ? null : this.ray(event).ray.intersectPlane(plane, new Vector3());
       if (target) moved(joint, target);
     });
-    canvas.addEventListener('pointerup', () => { joint = -1; this.controls.enabled = true; });
+    canvas.addEventListener('pointerup', () => { joint = -1; this.controls.enabled = this.through < 0; });
   }
 }

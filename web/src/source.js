@@ -46,6 +46,10 @@ export async function open() {
     const { frames } = await (await fetched(`api/motion?${new URLSearchParams({ name: file.name })}`, file)).json();
     motion = new Float32Array(await bytesOf('double/motion.bin'));
     about.frames = frames;
+    about.cameras = false;  // they filmed another motion
   }
-  return { about, mesh, dofsOf, play, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
+  const cameras = about.cameras && !in_folder ? await (await fetched('api/cameras')).json() : { cameras: [], masks: false };
+  const picture = (camera, frame, mask) => `api/picture?${new URLSearchParams({ camera, frame, mask: Number(mask) })}`;
+  const training = about.training && !in_folder ? async () => (await fetched('api/training')).json() : null;
+  return { about, mesh, dofsOf, play, cameras, picture, training, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
 }
