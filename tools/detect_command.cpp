@@ -17,6 +17,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
@@ -199,6 +200,7 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
   if (!arguments.has_network() && !arguments.layout.empty())
     fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
   check_detect_out(arguments.source, arguments.out);
+  const FolderLock lock(arguments.out);
   DetectJob job(arguments, resolve_threads(common.threads));
   if (!job.run()) {
     log::warn("stopped; cameras that were not finished have no tables");

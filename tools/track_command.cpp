@@ -12,6 +12,7 @@
 #include "detected_capture.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
 #include "doppel/track/live/live_run.h"
@@ -272,6 +273,7 @@ int run(TrackArguments arguments, const CommonOptions& common) {
   points ? check_points(arguments) : check(arguments);
   TrackTask& task = arguments.task;
   if (task.out.empty()) task.out = default_track_out(arguments.capture);
+  const FolderLock lock(task.out);
   if (!arguments.live())
     arguments.capture =
         with_keypoints(arguments.capture, task.out / "detected", {arguments.needs_masks(), !points}, common).string();
@@ -288,7 +290,9 @@ int run(TrackArguments arguments, const CommonOptions& common) {
     log::info("results in {}", task.out.string());
   else
     log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
-  return 0;
+  if (!is_stopped(report)) return 0;
+  log::warn("the last sequence was not tracked to its end; the same command tracks all again");
+  return 1;
 }
 
 }  // namespace
