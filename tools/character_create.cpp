@@ -4,6 +4,7 @@
 #include "doppel/autorig/create_character.h"
 #include "doppel/autorig/scan_of_scene.h"
 #include "doppel/character/character_folder.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/geometry/image_file.h"
@@ -61,6 +62,7 @@ nlohmann::ordered_json describe_bending(const BendReport& bending) {
 }
 
 int run_create(const CreateOptions& options, const CommonOptions& common) {
+  const FolderLock lock(options.out);
   const CreatedCharacter created = create(options, common);
   for (const std::string& note : created.notes) log::info("{}", note);
   const std::vector<std::string> faults = created.bending.faults();

@@ -14,6 +14,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/track/shape/fit_character.h"
@@ -74,6 +75,7 @@ int run_fit(FitOptions options, const CommonOptions& common) {
   read_config(options);
   const fs::path out = options.out;
   check_detect_out(options.capture, out);
+  const FolderLock lock(out);
   const fs::path capture = with_keypoints(options.capture, out / "detected", {true, false}, common);
   const BodyModel model(options.vertices, options.nodes);
   const BodyShapes family(options.name, model);

@@ -6,6 +6,7 @@
 
 #include "character_report.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/rig_import/motions_json.h"
@@ -51,6 +52,7 @@ nlohmann::ordered_json describe_import(const ImportedRig& rig, const std::filesy
 }
 
 int run_import(const ImportOptions& options, const CommonOptions& common) {
+  const FolderLock lock(options.out);
   const ImportedRig rig = import_rig(read_scene(options.rig), rig_options(options));
   for (const std::string& warning : rig.warnings) log::warn("{}: {}", options.rig, warning);
   const std::filesystem::path written = write_imported_rig(options.out, rig);

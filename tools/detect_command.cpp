@@ -18,6 +18,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
@@ -256,6 +257,7 @@ std::optional<Json> detect(const DetectArguments& arguments, const CommonOptions
     fail<UsageError>("--layout belongs to --network; BlazePose has the layout mediapipe33");
   check_detect_out(arguments.source, arguments.out);
   begin_work(common, arguments.out, [&] { return detect_inputs(arguments.source); });
+  const FolderLock lock(arguments.out);
   DetectJob job(arguments, common);
   if (!(common.merged.empty() ? job.run() : job.merge(common.merged))) {
     log::warn("stopped; cameras that were not finished have no tables");

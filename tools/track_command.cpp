@@ -12,6 +12,7 @@
 #include "detected_capture.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/track/deepcap.h"
 #include "doppel/track/live/live_run.h"
@@ -304,6 +305,7 @@ int run(TrackArguments arguments, const CommonOptions& common) {
   if (task.out.empty() && !common.shard) task.out = default_track_out(arguments.capture);
   task.shard = common.shard;
   begin_work(common, task.out, [&] { return capture_inputs(find_capture(arguments.capture)); });
+  const FolderLock lock(task.out);
   if (!common.merged.empty()) return merge(arguments, common.merged.folders);
   if (!arguments.live())
     arguments.capture =
@@ -317,7 +319,7 @@ int run(TrackArguments arguments, const CommonOptions& common) {
                              : arguments.method == "livecap" ? track_with_one_camera(arguments)
                              : arguments.method == "deepcap" ? track_with_networks(arguments)
                                                              : track_with_all_cameras(arguments);
-  finish_work(common, task.out, nullptr);
+  if (!is_stopped(report)) finish_work(common, task.out, nullptr);
   if (common.json)
     fmt::print("{}\n", to_json(report).dump(2));
   else
@@ -326,7 +328,9 @@ int run(TrackArguments arguments, const CommonOptions& common) {
     log::info("results in {}", task.out.string());
   else
     log::info("motions in {}; next: doppel prepare {}", task.out.string(), task.out.string());
-  return 0;
+  if (!is_stopped(report)) return 0;
+  log::warn("the last sequence was not tracked to its end; the same command tracks all again");
+  return 1;
 }
 
 }  // namespace

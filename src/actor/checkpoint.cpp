@@ -12,6 +12,7 @@
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/temporary_name.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -264,12 +265,8 @@ void CheckpointFolder::prune() const {
 }
 
 void CheckpointFolder::remove_leftovers() const {
-  static const std::regex whole("(step-[0-9]{6,12}\\.pt)|latest|best"), ours(".*(step-[0-9]{6,12}|latest|best).*");
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(folder_, ignored)) {
-    const std::string name = entry.path().filename().string();
-    if (std::regex_match(name, ours) && !std::regex_match(name, whole)) fs::remove(entry.path(), ignored);
-  }
+  static const std::regex ours("step-[0-9]{6,12}\\.pt|latest|best");
+  remove_temporaries(folder_, [](const std::string& name) { return std::regex_match(name, ours); });
 }
 
 void CheckpointFolder::keep_only(std::int64_t step) {

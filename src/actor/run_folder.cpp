@@ -3,12 +3,15 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <fstream>
 #include <map>
 #include <regex>
 #include <set>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
+#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 
@@ -36,11 +39,34 @@ void flatten(const YAML::Node& node, const std::string& prefix, std::map<std::st
 
 /// The remains of an interrupted atomic write, such as `.report.4711-0.html`.
 void remove_leftovers(const fs::path& folder) {
-  static const std::regex leftover("\\.(config|metrics|validation|report|evaluation)\\.[0-9]+-[0-9]+\\.[a-z]+");
+  static const std::set<std::string> ours = {"config.yaml", "metrics.jsonl", "validation.jsonl", "report.html",
+                                             "evaluation.json"};
+  remove_temporaries(folder, [](const std::string& name) { return ours.count(name) > 0; });
+}
+
+/// Whether a caption is one of ours: "step 500: ...".
+bool is_caption(const fs::path& file) {
+  std::ifstream text(file);
+  std::string word;
+  return file.extension() == ".txt" && text >> word && word == "step";
+}
+
+/// Removes the images that have a caption, and their folder if nothing else is in it.
+void remove_images(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::is_directory(folder)) return;
+  std::vector<fs::path> captions;
   for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (std::regex_match(entry.path().filename().string(), leftover)) fs::remove(entry.path(), ignored);
+    if (is_caption(entry.path())) captions.push_back(entry.path());
+  for (const fs::path& caption : captions) {
+    fs::remove(fs::path(caption).replace_extension(".jpg"), ignored);
+    fs::remove(caption, ignored);
+  }
+  remove_temporaries(folder, [](const std::string& name) {
+    const std::string extension = fs::path(name).extension().string();
+    return extension == ".jpg" || extension == ".txt";
+  });
+  fs::remove(folder, ignored);
 }
 
 std::map<std::string, std::string> flatten(const std::string& yaml) {
@@ -76,7 +102,7 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
     fail<UsageError>("--out {}: this is a file; a run needs a folder", path_.string());
   remove_leftovers(path_);
   const bool has_run = fs::exists(config());
-  if (!has_run && fs::exists(path_) && !fs::is_empty(path_))
+  if (!has_run && !is_unused_folder(path_))
     fail<UsageError>("--out {}: the folder contains files that are not a run; choose another one", path_.string());
   const bool has_checkpoint = has_run && !CheckpointFolder(checkpoints()).steps().empty();
   if (mode == RunMode::resume && !has_checkpoint)
@@ -99,10 +125,11 @@ void RunFolder::clear() const {
   std::error_code ignored;
   CheckpointFolder(checkpoints()).clear();
   for (const fs::path& file : {metrics(), validation(), report(), evaluation()}) fs::remove(file, ignored);
-  fs::remove_all(images(), ignored);
+  remove_images(images());
   if (!fs::is_directory(path_)) return;
+  static const std::regex events("events\\.out\\.tfevents\\.[0-9]+\\..+\\.[0-9]+");  // time, host, process
   for (const auto& entry : fs::directory_iterator(path_, ignored))
-    if (entry.path().filename().string().rfind("events.out.tfevents.", 0) == 0) fs::remove(entry.path(), ignored);
+    if (std::regex_match(entry.path().filename().string(), events)) fs::remove(entry.path(), ignored);
 }
 
 }  // namespace doppel

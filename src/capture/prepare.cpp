@@ -21,6 +21,7 @@
 #include "doppel/capture/video.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/process.h"
@@ -140,7 +141,8 @@ class Preparation {
   /// The store of an earlier run with equal settings, or a new one.
   Store open_store() const {
     const fs::path folder = options_.out / kStoreFolder;
-    if (options_.overwrite) fs::remove_all(folder);
+    if (options_.overwrite)
+      for (const char* file : {"data.mdb", "lock.mdb"}) fs::remove(folder / file);
     const bool found = Store::exists(folder);
     Store store(folder, Store::Mode::write);
     // A run that was killed before its first transaction leaves an empty store.
@@ -481,6 +483,7 @@ PrepareReport prepare_capture(const Capture& capture, const PrepareOptions& opti
   check_options(options);
   check_out_folder(capture, options.out);
   const PreparePlan plan = plan_preparation(capture, options);
+  const FolderLock lock(options.out);
   return Preparation(plan, options).run();
 }
 

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -13,6 +12,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 namespace {
@@ -53,13 +53,6 @@ struct TemporaryFile {
   }
   fs::path path;
 };
-
-fs::path temporary_beside(const fs::path& path) {
-  static std::atomic<unsigned> counter{0};
-  const std::string name =
-      fmt::format(".{}.{}-{}{}", path.stem().string(), ::getpid(), counter.fetch_add(1), path.extension().string());
-  return path.parent_path() / name;
-}
 
 void flush_to_disk(const fs::path& temporary, const fs::path& path) {
   FileDescriptor file(temporary, O_RDONLY);

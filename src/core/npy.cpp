@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 #include <regex>
+#include <utility>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
@@ -158,13 +159,13 @@ NpyStream::NpyStream(const std::filesystem::path& path, std::vector<std::int64_t
   if (path.has_parent_path()) std::filesystem::create_directories(path.parent_path());
   file_ = std::fopen(temporary_.c_str(), "wb");
   if (!file_) fail("opening {} for writing: {}", temporary_.string(), std::strerror(errno));
-  const std::string blank(kStreamHeaderSize, ' ');
-  write(file_, blank.data(), blank.size(), path_);
+  // Room for the header, which `close` writes. Nothing is written yet, so nothing can fail.
+  std::fseek(file_, static_cast<long>(kStreamHeaderSize), SEEK_SET);
 }
 
 NpyStream::~NpyStream() {
-  if (!file_) return;
-  std::fclose(file_);
+  if (temporary_.empty()) return;  // it is complete
+  if (file_) std::fclose(file_);
   std::error_code ignored;
   std::filesystem::remove(temporary_, ignored);
 }
@@ -183,10 +184,13 @@ void NpyStream::close() {
   if (std::fseek(file_, 0, SEEK_SET) != 0) fail("writing {}: {}", path_.string(), std::strerror(errno));
   write(file_, head.data(), head.size(), path_);
   const bool flushed = std::fflush(file_) == 0 && fsync(fileno(file_)) == 0;
-  const bool closed = std::fclose(file_) == 0;
-  file_ = nullptr;
-  if (!flushed || !closed) fail("writing {}: {}", path_.string(), std::strerror(errno));
-  std::filesystem::rename(temporary_, path_);
+  const int reason = errno;
+  const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
+  if (!flushed || !closed) fail("writing {}: {}", path_.string(), std::strerror(flushed ? errno : reason));
+  std::error_code code;
+  std::filesystem::rename(temporary_, path_, code);
+  if (code) fail("writing {}: {}", path_.string(), code.message());
+  temporary_.clear();
 }
 
 }  // namespace doppel

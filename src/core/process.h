@@ -5,7 +5,8 @@ namespace doppel {
 /// Sets up the process for numeric work. Call it once, at the start of `main`.
 /// - The process keeps large freed blocks instead of returning them to the system: the page faults of a new 40 MB
 ///   tensor cost more than the arithmetic of most kernels.
-/// - Ctrl-C and SIGTERM become a request that `stop_requested` reports. A second signal ends the process at once.
+/// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second one ends the process at
+/// once.
 void setup_process();
 
 /// The number of threads to use. `requested` 0 stands for the environment variable OMP_NUM_THREADS or, where this is
@@ -17,7 +18,7 @@ int resolve_threads(int requested);
 /// because the system can reclaim them. 0 on systems that do not report it; Linux does.
 double private_megabytes();
 
-/// True after Ctrl-C or SIGTERM. Long jobs test it between steps, write a checkpoint and return.
+/// True after Ctrl-C, SIGTERM or SIGHUP. Long jobs test it between steps, write a checkpoint and return.
 bool stop_requested();
 /// Requests a stop as Ctrl-C does, for tests.
 void request_stop(bool stop = true);

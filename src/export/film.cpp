@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/actor/draw.h"
@@ -11,6 +10,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/render/image_tensor.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/soft_light.h"
@@ -92,7 +92,7 @@ class FilmWriter : public SequenceWriter {
 
   void write_image(const cv::Mat& image) const {
     const std::filesystem::path path = folder_ / fmt::format("{}_{:06}.png", camera_path_->name(), frame_);
-    if (!cv::imwrite(path.string(), image)) fail("the image {} cannot be written", path.string());
+    doppel::write_image(path, image);
   }
 
   std::filesystem::path folder_;

@@ -2,10 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <opencv2/imgcodecs.hpp>
-
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/render/image_tensor.h"
 #include "doppel/render/projection.h"
 
@@ -21,9 +19,7 @@ class TextureWriter : public SequenceWriter {
     torch::NoGradGuard no_grad;
     const torch::Tensor projection = projection_tensor({path_->at(frame_, frame.vertices)});
     const cv::Mat texture = image_of(actor_.textured(frame.window.unsqueeze(0), projection).second[0]);
-    write_atomically(folder_ / fmt::format("texture_{:06}.png", frame_++), [&](const std::filesystem::path& temporary) {
-      if (!cv::imwrite(temporary.string(), texture)) fail("the image {} cannot be written", temporary.string());
-    });
+    write_image(folder_ / fmt::format("texture_{:06}.png", frame_++), texture);
   }
   void close() override {}
 

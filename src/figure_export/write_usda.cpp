@@ -2,12 +2,12 @@
 
 #include <cctype>
 #include <fstream>
-#include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/figure_export/write_figure.h"
+#include "doppel/geometry/image_file.h"
 
 namespace doppel {
 namespace {
@@ -120,10 +120,7 @@ def Xform "{0}"
 void write_usda(const std::filesystem::path& path, const FigureFile& file) {
   const std::string root = prim_name(file.name), texture = path.stem().string() + ".png";
   const bool textured = !file.mesh.texture.empty() && !file.mesh.face_uvs.empty();
-  if (textured)
-    write_atomically(path.parent_path() / texture, [&](const std::filesystem::path& temporary) {
-      if (!cv::imwrite(temporary.string(), file.mesh.texture)) fail("cannot write {}", temporary.string());
-    });
+  if (textured) write_image(path.parent_path() / texture, file.mesh.texture);
   write_atomically(path, [&](const std::filesystem::path& temporary) {
     std::ofstream out(temporary, std::ios::binary);
     out << head_of(file, root, textured) << "        point3f[] points.timeSamples = {\n";

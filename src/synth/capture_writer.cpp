@@ -3,6 +3,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "doppel/capture/video_file.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -31,7 +32,7 @@ cv::VideoWriter open_video(const fs::path& path, const std::vector<int>& codecs,
 std::string three_digits(int number) { return fmt::format("{:03}", number); }
 
 SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>& cameras, double fps)
-    : folder_(folder), names_(read_keypoint_map("body25").layout.points) {
+    : folder_(folder), shots_(cameras.size(), 0), names_(read_keypoint_map("body25").layout.points) {
   const auto code = cv::VideoWriter::fourcc;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const cv::Size size(cameras[c].width, cameras[c].height);
@@ -50,6 +51,7 @@ SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>
 void SequenceWriter::write_shot(int camera, const Studio::Shot& shot) {
   images_[camera].write(shot.image);
   masks_[camera].write(shot.mask);
+  ++shots_[as_size(camera)];
 }
 
 void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<double>& body25) {
@@ -79,8 +81,11 @@ void SequenceWriter::write_motion_rows(const Motion& motion) {
 }
 
 void SequenceWriter::close() {
-  for (auto* videos : {&images_, &masks_})
-    for (cv::VideoWriter& video : *videos) video.release();
+  for (std::size_t c = 0; c < images_.size(); ++c) {
+    const std::string stream = "stream" + three_digits(static_cast<int>(c));
+    finish_video(images_[c], folder_ / "videos" / (stream + ".mp4"), shots_[c]);
+    finish_video(masks_[c], folder_ / "foregroundSegmentation" / (stream + ".mkv"), shots_[c]);
+  }
   for (std::ofstream& table : joints_)
     if (!table.flush()) fail("writing the tables in {}: the disk may be full", (folder_ / "joints3d").string());
 }

@@ -29,6 +29,7 @@ class SequenceWriter {
 
  private:
   std::filesystem::path folder_;
+  std::vector<long> shots_;  ///< images written, by camera
   std::vector<cv::VideoWriter> images_, masks_;
   std::vector<std::ofstream> joints_;  ///< one table per camera
   std::vector<std::string> names_;     ///< [25] of the points

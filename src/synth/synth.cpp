@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/calibration/read_calibration.h"
@@ -18,6 +17,7 @@
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/random.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/render/face_tensor.h"
@@ -265,8 +265,7 @@ void write_still_files(const Set& set, const std::string& name) {
   fs::create_directories(set.root / "background");
   for (std::size_t c = 0; c < set.cameras.size(); ++c) {
     const fs::path path = set.root / "background" / (three_digits(static_cast<int>(c)) + ".png");
-    if (!cv::imwrite(path.string(), set.studio.background(static_cast<int>(c))))
-      fail("writing {}: the disk may be full", path.string());
+    write_image(path, set.studio.background(static_cast<int>(c)));
   }
   write_atomically(set.root / "capture.yaml", capture_yaml(set.options, name));
   write_atomically(set.root / "README.txt", readme_text(set.options));

@@ -43,7 +43,7 @@ class DeepcapRun {
     write_poses(footage_.character(), footage_.capture().fps, options_.out, result_);
     const fs::path stem = options_.out / sequence_.name;
     if (has_graph()) write_graphs(stem.string() + "_graph.npy");
-    if (options_.film || options_.vertices) write_surfaces(stem, progress);
+    if ((options_.film || options_.vertices) && result_.stopped.empty()) write_surfaces(stem, progress);
     return report_of(footage_, std::move(result_));
   }
 
@@ -112,8 +112,10 @@ TrackReport track_deepcap(const Footage& footage, const DeepcapOptions& options)
   TrackReport report;
   report.method = "deepcap";
   report.steps = trained.steps;
-  for (const FootageSequence& sequence : chosen)
+  for (const FootageSequence& sequence : chosen) {
+    if (is_stopped(report)) break;
     report.sequences.push_back(DeepcapRun(footage, trained, options, sequence).run(progress));
+  }
   progress.finish();
   write_results(footage, options, report);
   return report;

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/clock.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/geometry/image_file.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/track_sheet.h"
 #include "doppel/track/track_task.h"
@@ -39,23 +41,40 @@ TrackedSequence SequenceRunner::run(const FootageSequence& sequence, Progress& p
     return one;
   };
   const auto take = [&](const Read& one) {
-    check_not_stopped(sequence, one.frame);
     track(one, result);
     if (is_shown(one.frame)) sheet->add(one.frame, one.seen, result.frames.back());
     progress.advance(1, fmt::format("{} {}", sequence.name, to_string(result.frames.back().state)));
   };
   tracker_.cut();
   const auto start = Clock::now();
-  if (options_.frames_ahead > 0) {
-    Prefetch<Read> frames(read, as_size(options_.frames_ahead));
-    while (const std::optional<Read> one = frames.next()) take(*one);
-  } else {
-    while (const std::optional<Read> one = read()) take(*one);
+  try {
+    std::optional<Prefetch<Read>> ahead;
+    if (options_.frames_ahead > 0) ahead.emplace(read, as_size(options_.frames_ahead));
+    while (!stop_requested()) {
+      const std::optional<Read> one = ahead ? ahead->next() : read();
+      if (!one) break;
+      take(*one);
+    }
+  } catch (const FileError& e) {
+    // A video that is cut short, say: the frames before it are kept.
+    if (result.frames.empty()) throw;
+    result.stopped = e.what();
   }
+  end_at_last_frame(result);
   result.times.total = seconds_since(start);
-  if (sheet && !sheet->empty() && !cv::imwrite(options_.sheet.string(), sheet->image()))
-    fail("the image {} cannot be written", options_.sheet.string());
+  if (sheet && !sheet->empty()) write_image(options_.sheet, sheet->image());
   return result;
+}
+
+void SequenceRunner::end_at_last_frame(TrackedSequence& result) {
+  FootageSequence& sequence = result.sequence;
+  const long end = sequence.first_frame + static_cast<long>(result.frames.size());
+  if (end > sequence.last_frame) return;
+  if (result.frames.empty()) check_not_stopped(sequence, sequence.first_frame);
+  if (result.stopped.empty()) result.stopped = "stopped on request";
+  log::warn("sequence {}: only the frames {} to {} are tracked: {}", sequence.name, sequence.first_frame, end - 1,
+            result.stopped);
+  sequence.last_frame = end - 1;
 }
 
 void SequenceRunner::track(const Read& read, TrackedSequence& result) {

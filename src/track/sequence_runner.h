@@ -36,13 +36,16 @@ class SequenceRunner {
   /// @param sequence of the footage @param progress advances by one for each frame
   /// @return the fitted frames and the times. `motion` is still empty; `make_motion` fills it in. `surface` and
   /// `vertices` are not set.
-  /// @throws Error when a stop was requested (`stop_requested`), when the tracker requires images and a camera has
+  /// When a stop is requested (`stop_requested`), or a frame after the first cannot be read, the result ends before it:
+  /// `stopped` says why, and `last_frame` of its sequence is the last frame tracked.
+  /// @throws Error when a stop was requested before the first frame, when the tracker requires images and a camera has
   /// none, or when the contact sheet cannot be written; also the errors of the footage, the tracker and the hook
   TrackedSequence run(const FootageSequence& sequence, Progress& progress);
 
  private:
   struct Read;
   void track(const Read& read, TrackedSequence& result);
+  static void end_at_last_frame(TrackedSequence& result);
 
   const Footage& footage_;
   FrameTracker& tracker_;

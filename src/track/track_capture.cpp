@@ -33,6 +33,16 @@ TrackedSequence track_sequence(const Footage& footage, const Character& characte
   return tracked;
 }
 
+/// Tracks a sequence for the first pass, which uses all frames.
+TrackedSequence track_whole_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
+                                     const FootageSequence& sequence, Progress& progress) {
+  TrackedSequence tracked = track_sequence(footage, character, options, sequence, progress);
+  if (!tracked.stopped.empty())
+    fail("the first pass over the sequence {} did not come to its end, and nothing was written: {}", sequence.name,
+         tracked.stopped);
+  return tracked;
+}
+
 /// The first pass: tracks all sequences once to fit the shared DoFs and the template.
 class FirstPass {
  public:
@@ -45,7 +55,7 @@ class FirstPass {
     shared_.weight = options.config.fit.shared_dofs.weight;
     shared_.dofs = named_dofs(character_.skeleton, "shared_dofs.dofs", options.config.shared_dofs);
     for (const FootageSequence& sequence : chosen)
-      tracked_.push_back(track_sequence(footage, character_, options_, sequence, progress_));
+      tracked_.push_back(track_whole_sequence(footage, character_, options_, sequence, progress_));
     fit_shared();
     if (options.config.template_frames == 0) return;
     fit_template();
@@ -114,12 +124,13 @@ std::vector<std::pair<std::string, double>> named_values(const Character& charac
 SequenceReport finish_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
                                const FootageSequence& sequence, Progress& progress) {
   TrackedSequence tracked = track_sequence(footage, character, options, sequence, progress);
-  if (options.surface)
+  const bool surface = options.surface && tracked.stopped.empty();
+  if (surface)
     tracked.surface = track_surface(footage, sequence, tracked.motion, options.config.surface,
                                     options.out / sequence.name, options.vertices, progress);
   write_poses(footage.character(), footage.capture().fps, options.out, tracked);
   if (options.vertices) tracked.vertices = options.out / (sequence.name + "_vertices.npy");
-  if (options.vertices && !options.surface) write_vertices(tracked.vertices, footage, tracked);
+  if (options.vertices && !surface) write_vertices(tracked.vertices, footage, tracked);
   return report_of(footage, std::move(tracked));
 }
 
@@ -148,8 +159,10 @@ TrackReport track_capture(const Footage& footage, const TrackOptions& wanted) {
     report.shared_dofs = named_values(footage.character(), first->shared_dofs());
   }
   const Character& character = first ? first->character() : footage.character();
-  for (const FootageSequence& sequence : chosen)
+  for (const FootageSequence& sequence : chosen) {
+    if (is_stopped(report)) break;
     report.sequences.push_back(finish_sequence(footage, character, options, sequence, progress));
+  }
   progress.finish();
   write_results(footage, options, report);
   return report;

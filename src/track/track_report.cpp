@@ -135,6 +135,7 @@ ordered_json to_json(const SequenceReport& report) {
   ordered_json json{{"frames", tracked.frames.size()}, {"lost_frames", report.lost_frames()}};
   for (const FrameState state : {FrameState::tracked, FrameState::initialised, FrameState::recovered})
     json[to_string(state)] = tracked.count(state);
+  if (!tracked.stopped.empty()) json["stopped"] = tracked.stopped;
   json["keypoint_error_px"] = report.keypoint_error();
   json["steps_per_frame"] = report.steps_per_frame();
   json["frames_per_second"] = report.frames_per_second();
@@ -242,6 +243,10 @@ SequenceReport report_of(const Footage& footage, TrackedSequence tracked) {
   report.errors = surface_errors(footage, tracked.sequence, tracked.motion, tracked.vertices);
   report.tracked = std::move(tracked);
   return report;
+}
+
+bool is_stopped(const TrackReport& report) {
+  return !report.sequences.empty() && !report.sequences.back().tracked.stopped.empty();
 }
 
 ordered_json to_json(const TrackReport& report) {

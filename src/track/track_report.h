@@ -83,6 +83,8 @@ struct TrackReport {
   std::vector<std::pair<std::string, double>> bone_scales;  ///< factors of the character's bones; empty: not fitted
   std::vector<SequenceReport> sequences;
 };
+/// Whether a sequence ends before its footage does. It is the last of the report.
+bool is_stopped(const TrackReport& report);
 nlohmann::ordered_json to_json(const TrackReport& report);
 
 }  // namespace doppel

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "doppel/character/motion.h"
@@ -28,6 +29,8 @@ struct TrackedSequence {
   Motion motion;  ///< [last_frame + 1] bridged and smoothed; rows before the first frame repeat it
   std::optional<TrackedSurface> surface;
   std::filesystem::path vertices;  ///< file of the surfaces, float32 [frames,N,3]; empty: none was written
+
+  std::string stopped;  ///< why it ends before the footage does; empty: it does not
 
   int count(FrameState state) const;
 };

@@ -12,6 +12,7 @@
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/eval/silhouette_overlap.h"
 #include "doppel/render/face_tensor.h"
@@ -65,6 +66,7 @@ class Adaptation {
   }
 
   ordered_json run() {
+    const FolderLock lock(options_.out);
     open_out();
     const fs::path result = options_.out / "adapt.json";
     if (fs::exists(result)) {

@@ -1,6 +1,5 @@
 #include "doppel/train/metrics.h"
 
-#include <cstring>
 #include <optional>
 #include <sstream>
 
@@ -30,6 +29,17 @@ std::optional<MetricsRecord> parse(const std::string& line) {
   } catch (const nlohmann::json::exception&) {
     return std::nullopt;
   }
+}
+
+/// Rewrites the file with the lines up to `step`. @return its path
+std::filesystem::path keep_until(const std::filesystem::path& path, std::int64_t step) {
+  std::string kept;
+  for (const std::string& line : read_lines(path)) {
+    const auto record = parse(line);
+    if (record && record->step <= step) kept += line + "\n";
+  }
+  write_atomically(path, kept);
+  return path;
 }
 
 }  // namespace
@@ -114,26 +124,7 @@ void MetricsWindow::restore(const std::string& state) {
   }
 }
 
-MetricsFile::MetricsFile(const std::filesystem::path& path, std::int64_t step) : path_(path) {
-  std::string kept;
-  for (const std::string& line : read_lines(path)) {
-    const auto record = parse(line);
-    if (record && record->step <= step) kept += line + "\n";
-  }
-  write_atomically(path, kept);
-  file_ = std::fopen(path.c_str(), "ab");
-  if (file_ == nullptr) fail("cannot write {}: {}", path.string(), std::strerror(errno));
-}
-
-MetricsFile::~MetricsFile() {
-  if (file_ != nullptr) std::fclose(file_);
-}
-
-void MetricsFile::append(const MetricsRecord& record) {
-  const std::string line = record.to_line() + "\n";
-  if (std::fwrite(line.data(), 1, line.size(), file_) != line.size() || std::fflush(file_) != 0)
-    fail("cannot write {}: {}", path_.string(), std::strerror(errno));
-}
+MetricsFile::MetricsFile(const std::filesystem::path& path, std::int64_t step) : file_(keep_until(path, step)) {}
 
 std::vector<MetricsRecord> read_metrics(const std::filesystem::path& path) {
   std::vector<MetricsRecord> records;

@@ -1,13 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "doppel/core/appended_file.h"
 #include "doppel/train/profile.h"
 
 namespace doppel {
@@ -58,14 +58,13 @@ class MetricsFile {
   /// Keeps the lines up to `step` and drops the rest, also an incomplete last line; a resumed run writes later lines
   /// again.
   MetricsFile(const std::filesystem::path& path, std::int64_t step);
-  ~MetricsFile();
-  MetricsFile(const MetricsFile&) = delete;
-  MetricsFile& operator=(const MetricsFile&) = delete;
-  void append(const MetricsRecord& record);
+  /// A line that cannot be written now is written with the next one.
+  void append(const MetricsRecord& record) { file_.append(record.to_line() + "\n"); }
+  /// @throws Error when lines cannot be written
+  void finish() { file_.finish(); }
 
  private:
-  std::filesystem::path path_;
-  std::FILE* file_ = nullptr;
+  AppendedFile file_;
 };
 
 /// All readable lines, in order. A missing file gives no lines; damaged lines are skipped.

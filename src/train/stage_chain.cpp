@@ -6,6 +6,7 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/train/report.h"
 #include "doppel/train/stage_table.h"
@@ -95,7 +96,7 @@ void open_chain_folder(const fs::path& out, const std::string& text) {
   const fs::path config = RunFolder(out).config();
   if (fs::exists(out) && !fs::is_directory(out))
     fail<UsageError>("--out {}: is a file; a run needs a folder", out.string());
-  if (!fs::exists(config) && fs::exists(out) && !fs::is_empty(out))
+  if (!fs::exists(config) && !is_unused_folder(out))
     fail<UsageError>("--out {}: the folder holds something that is not a run; choose another one", out.string());
   if (fs::exists(config) && StageChain::read(ConfigDocument::load(config)).single())
     fail<UsageError>("--out {}: the folder holds a run of one stage; choose another one", out.string());
@@ -106,6 +107,7 @@ void open_chain_folder(const fs::path& out, const std::string& text) {
 std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& out, const ChainOptions& options) {
   for (const std::string& stage : options.stages)
     if (!chain.has(stage)) fail<UsageError>("{} has no section `{}`", chain.document().path().string(), stage);
+  const FolderLock lock(out);
   if (!chain.single()) open_chain_folder(out, chain.document().resolved());
   std::vector<StageSummary> summaries;
   for (const StageEntry& entry : stage_table()) {

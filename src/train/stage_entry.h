@@ -39,8 +39,8 @@ TrainSummary train_first(const StageTask& task) {
   const Config config = Config::read(task.document);
   const Dataset dataset = config.subject.open_dataset();
   const Character character = load_character(dataset.character_path(), config.subject.character);
-  task.folder.open(task.resolved, task.mode);
   StageType stage(dataset, character, config);
+  task.folder.open(task.resolved, task.mode);  // last, because it may erase an earlier run
   return Trainer(stage, config.trainer, task.folder).run();
 }
 
@@ -48,9 +48,9 @@ TrainSummary train_first(const StageTask& task) {
 template <typename StageType, typename Config, typename Trained>
 TrainSummary train_on(Trained trained, const StageTask& task) {
   const Dataset dataset = trained.subject.open_dataset();
-  task.folder.open(task.resolved, task.mode);
   const Config config = Config::read(task.document);
   StageType stage(dataset, trained, config);
+  task.folder.open(task.resolved, task.mode);  // last, because it may erase an earlier run
   return Trainer(stage, config.trainer, task.folder).run();
 }
 

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/atomic_file.h"
@@ -42,16 +41,17 @@ tensorboard::Event make_event(std::int64_t step) {
   return event;
 }
 
-}  // namespace
-
-TensorBoardWriter::TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step) {
+std::filesystem::path new_file(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   char host[256] = "host";
   gethostname(host, sizeof(host) - 1);
-  path_ = folder / fmt::format("events.out.tfevents.{}.{}.{}", static_cast<long>(now()), host, getpid());
-  file_ = std::fopen(path_.c_str(), "ab");
-  if (file_ == nullptr) fail("cannot write {}: {}", path_.string(), std::strerror(errno));
+  return folder / fmt::format("events.out.tfevents.{}.{}.{}", static_cast<long>(now()), host, getpid());
+}
 
+}  // namespace
+
+TensorBoardWriter::TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step)
+    : path_(new_file(folder)), file_(path_) {
   tensorboard::Event version = make_event(0);
   version.set_file_version("brain.Event:2");
   write_record(version.SerializeAsString());
@@ -60,18 +60,12 @@ TensorBoardWriter::TensorBoardWriter(const std::filesystem::path& folder, std::i
   write_record(start.SerializeAsString());
 }
 
-TensorBoardWriter::~TensorBoardWriter() {
-  if (file_ != nullptr) std::fclose(file_);
-}
-
 void TensorBoardWriter::write_record(const std::string& event) {
   std::string header, footer;
   append_little_endian<std::uint64_t>(header, event.size());
   append_little_endian<std::uint32_t>(header, masked_crc(header.data(), header.size()));
   append_little_endian<std::uint32_t>(footer, masked_crc(event.data(), event.size()));
-  const std::string record = header + event + footer;
-  if (std::fwrite(record.data(), 1, record.size(), file_) != record.size() || std::fflush(file_) != 0)
-    fail("cannot write {}: {}", path_.string(), std::strerror(errno));
+  file_.append(header + event + footer);
 }
 
 void TensorBoardWriter::add_scalars(std::int64_t step, const std::vector<std::pair<std::string, double>>& scalars) {

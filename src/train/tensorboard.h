@@ -1,12 +1,12 @@
 #pragma once
 
-#include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "doppel/core/appended_file.h"
 
 namespace doppel {
 
@@ -15,19 +15,18 @@ namespace doppel {
 class TensorBoardWriter {
  public:
   TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step);
-  ~TensorBoardWriter();
-  TensorBoardWriter(const TensorBoardWriter&) = delete;
-  TensorBoardWriter& operator=(const TensorBoardWriter&) = delete;
 
   void add_scalars(std::int64_t step, const std::vector<std::pair<std::string, double>>& scalars);
   /// @param image 8-bit BGR
   void add_image(std::int64_t step, const std::string& tag, const cv::Mat& image);
+  /// @throws Error when records cannot be written
+  void finish() { file_.finish(); }
   const std::filesystem::path& path() const { return path_; }
 
  private:
   void write_record(const std::string& event);
   std::filesystem::path path_;
-  std::FILE* file_ = nullptr;
+  AppendedFile file_;
 };
 
 /// The records of an event file: payloads whose length and content checksums were verified.

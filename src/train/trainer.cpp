@@ -3,9 +3,12 @@
 #include <ATen/CPUGeneratorImpl.h>
 
 #include <cmath>
+#include <filesystem>
+#include <functional>
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/cpu_dispatch.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
@@ -21,6 +24,32 @@ namespace {
 at::Generator global_generator() { return at::detail::getDefaultCPUGenerator(); }
 
 torch::Tensor generator_state(const at::Generator& generator) { return generator.get_state(); }
+
+/// Writes files beside the checkpoints. A failure does not end the training: there is a warning, and they are written
+/// again later.
+void write_beside(const std::function<void()>& write) {
+  try {
+    write();
+  } catch (const Error& e) {
+    log::warn("{}; the training goes on", e.what());
+  } catch (const std::filesystem::filesystem_error& e) {
+    log::warn("{}; the training goes on", e.what());
+  }
+}
+
+/// What decides the last bits of a result.
+std::string present_machine() {
+  return fmt::format("{} threads, instruction set {}", at::get_num_threads(), isa_name(cpu_isa()));
+}
+
+/// The checkpoints of earlier versions do not say it.
+void warn_of_other_machine(const Checkpoint& checkpoint) {
+  if (!checkpoint.has_text("machine") || checkpoint.text("machine") == present_machine()) return;
+  log::warn(
+      "the run was trained with {}, and goes on with {}: the result will differ in the last bits from that of an "
+      "unbroken run",
+      checkpoint.text("machine"), present_machine());
+}
 
 }  // namespace
 
@@ -86,7 +115,7 @@ TrainSummary Trainer::run() {
       const double loss = step();
       if (step_ % options_.log_every == 0 || step_ == options_.iterations) log_metrics();
       if (step_ % options_.checkpoint_every == 0) save_checkpoint();
-      if (options_.images_every > 0 && step_ % options_.images_every == 0) save_images();
+      if (options_.images_every > 0 && step_ % options_.images_every == 0) write_beside([&] { save_images(); });
       progress.advance(1, fmt::format("loss {:.4g}", loss));
     }
   }
@@ -94,7 +123,12 @@ TrainSummary Trainer::run() {
   summary.reason = step_ >= options_.iterations ? StopReason::finished
                    : out_of_time()              ? StopReason::time_limit
                                                 : StopReason::interrupted;
+  // From here on the checkpoint is safe, so that what cannot be written is an error.
+  metrics_->finish();
+  if (validation_) validation_->finish();
+  tensorboard_->finish();
   if (summary.reason != StopReason::interrupted) save_images();
+  write_report(run_);
   summary.step = step_;
   summary.seconds = seconds();
   summary.loss = last_loss_;
@@ -122,6 +156,7 @@ void Trainer::resume() {
   last_loss_ = checkpoint.number("loss");
   step_ = saved_step_ = checkpoint.integer("step");
   checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
+  warn_of_other_machine(checkpoint);
   log::info("resuming {} at step {}", stage_.name(), step_);
 }
 
@@ -212,6 +247,7 @@ void Trainer::save_checkpoint() {
   checkpoint.set_text("loss", fmt::format("{:.17g}", last_loss_));
   checkpoint.set_text("data", stage_.data_state());
   checkpoint.set_text("metrics", window_.state());
+  checkpoint.set_text("machine", present_machine());
   checkpoint.set_text("config", read_file(run_.config()));
   checkpoint.set_tensor("generator.run", generator_state(generator_));
   checkpoint.set_tensor("generator.global", generator_state(global_generator()));
@@ -220,7 +256,7 @@ void Trainer::save_checkpoint() {
   save_evaluation(checkpoint);
   checkpoints_.save(step_, checkpoint);
   saved_step_ = step_;
-  write_report(run_);
+  write_beside([&] { write_report(run_); });
 }
 
 void Trainer::save_evaluation(Checkpoint& checkpoint) {
@@ -244,7 +280,7 @@ void Trainer::save_evaluation(Checkpoint& checkpoint) {
   model.train();
   if (!loss) return;
   checkpoint.set_validation_loss(*loss);
-  log_validation(*loss);
+  write_beside([&] { log_validation(*loss); });
 }
 
 void Trainer::log_validation(double loss) {
@@ -262,15 +298,15 @@ void Trainer::save_images() {
   torch::NoGradGuard no_grad;
   torch::nn::Module& model = stage_.model();
   model.eval();
-  for (const ReportImage& image : stage_.images()) {
+  const std::vector<ReportImage> images = stage_.images();
+  model.train();  // before anything is written, which may fail
+  for (const ReportImage& image : images) {
     std::vector<unsigned char> jpeg;
     cv::imencode(".jpg", image.image, jpeg, {cv::IMWRITE_JPEG_QUALITY, 88});
     write_atomically(run_.images() / (image.name + ".jpg"), std::string(jpeg.begin(), jpeg.end()));
     write_atomically(run_.images() / (image.name + ".txt"), fmt::format("step {}: {}\n", step_, image.caption));
     tensorboard_->add_image(step_, image.name, image.image);
   }
-  model.train();
-  write_report(run_);
 }
 
 double Trainer::seconds() const {

@@ -79,17 +79,14 @@ class LiveRun {
         solved_([this] { return solve(); }, 1,
                 preview && !preview->wants_all() ? WhenFull::drop_oldest : WhenFull::wait) {}
 
+  /// Ends early at an image that cannot be read, which `stopped` of the result tells.
   void run() {
-    auto reported = Clock::now();
-    while (true) {
-      Prefetch<Shown>::Arrival arrival = solved_.next_within(kPatience);
-      if (arrival.ended) break;
-      const bool goes_on = arrival.thing ? show(*arrival.thing) : !preview_ || preview_->idle();
-      if (!goes_on || stop_requested()) images_.stop();
-      watch_for_silence();
-      if (seconds_since(reported) < kBetweenReports) continue;
-      reported = Clock::now();
-      log::info("{}", caption());
+    try {
+      follow_results();
+    } catch (const FileError& e) {
+      if (result_.frames.empty()) throw;
+      result_.stopped = e.what();
+      log::warn("{}; the images before it are kept", e.what());
     }
     images_.finish();
     if (preview_) preview_->close();
@@ -104,6 +101,20 @@ class LiveRun {
   }
 
  private:
+  void follow_results() {
+    auto reported = Clock::now();
+    while (true) {
+      Prefetch<Shown>::Arrival arrival = solved_.next_within(kPatience);
+      if (arrival.ended) break;
+      const bool goes_on = arrival.thing ? show(*arrival.thing) : !preview_ || preview_->idle();
+      if (!goes_on || stop_requested()) images_.stop();
+      watch_for_silence();
+      if (seconds_since(reported) < kBetweenReports) continue;
+      reported = Clock::now();
+      log::info("{}", caption());
+    }
+  }
+
   // ---- the stages, each on its thread ----
 
   std::optional<SourceImage> take() {

@@ -99,8 +99,10 @@ TrackReport track_livecap(const Footage& footage, const LivecapCaptureOptions& o
   Progress progress("track", count_frames(chosen));
   TrackReport report;
   report.method = "livecap";
-  for (const FootageSequence& sequence : chosen)
+  for (const FootageSequence& sequence : chosen) {
+    if (is_stopped(report)) break;
     report.sequences.push_back(track_sequence(footage, options, sequence, preview, progress));
+  }
   progress.finish();
   if (preview) preview->close();
   write_results(footage, options, report);

@@ -1,0 +1,82 @@
+#include "doppel/core/appended_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <fstream>
+
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/temporary_name.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::appended_file_test {
+namespace {
+
+namespace fs = std::filesystem;
+using support::TemporaryFolder;
+
+/// Limits the size of files, as a full disk does.
+class SmallDisk {
+ public:
+  explicit SmallDisk(rlim_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~SmallDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, SIG_DFL);
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+
+ private:
+  rlimit before_ = {};
+};
+
+TEST(AppendedFileReference, KeepsWhatIsThereAndAddsRecords) {
+  const TemporaryFolder folder;
+  for (const char* record : {"a\n", "b\n"}) AppendedFile(folder / "log").append(record);
+  EXPECT_EQ(read_file(folder / "log"), "a\nb\n");
+}
+
+TEST(AppendedFileRecovers, WritesWhatAFullDiskRefusedWhenThereIsRoomAgain) {
+  const TemporaryFolder folder;
+  AppendedFile file(folder / "log");
+  file.append("first\n");
+  {
+    const SmallDisk disk(8);
+    EXPECT_NO_THROW(file.append("second\n")) << "the work beside it goes on";
+    EXPECT_NO_THROW(file.append("third\n"));
+    EXPECT_THROW(file.finish(), Error) << "at the end it is told";
+  }
+  EXPECT_EQ(read_file(folder / "log"), "first\nse");
+  file.append("fourth\n");
+  EXPECT_NO_THROW(file.finish());
+  EXPECT_EQ(read_file(folder / "log"), "first\nsecond\nthird\nfourth\n");
+}
+
+TEST(AppendedFileRejects, WhatCannotBeOpened) {
+  const TemporaryFolder folder;
+  EXPECT_THROW(AppendedFile(folder / "absent/log"), Error);
+}
+
+TEST(TemporaryNameReference, OnlyTemporariesOfOurFilesAreRemoved) {
+  const TemporaryFolder folder;
+  const fs::path ours = temporary_beside(folder / "step-000500.pt");
+  const std::vector<std::string> kept = {
+      "step-000500.pt",           "step-000500-good.pt",  ".step-000500.old.pt", ".notes.4711-0.pt",
+      "my-step-000500.4711-0.pt", ".step-000500.4711.pt", ".step-000500.pt.swp", "latest-before"};
+  std::ofstream(ours) << "half";
+  for (const std::string& name : kept) std::ofstream(folder / name) << "mine";
+  remove_temporaries(folder.path(), [](const std::string& name) { return name == "step-000500.pt"; });
+  EXPECT_FALSE(fs::exists(ours));
+  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name)) << name;
+  EXPECT_NO_THROW(remove_temporaries(folder / "absent", [](const std::string&) { return true; }));
+}
+
+}  // namespace
+}  // namespace doppel::appended_file_test
