@@ -1,9 +1,12 @@
 #include "program.h"
 
 #include <ATen/Parallel.h>
+#include <fmt/format.h>
 
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "command.h"
@@ -66,6 +69,21 @@ class Program {
   std::vector<Command> commands_;
 };
 
+/// A message without control characters: names and lines of files from outside stand in it, and a terminal obeys them.
+std::string printable(std::string_view message) {
+  std::string text;
+  for (const char c : message) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte < 0x20 && c != '\n' && c != '\t') || byte == 0x7f)
+      text += fmt::format("\\x{:02x}", byte);
+    else
+      text += c;
+  }
+  return text;
+}
+
+void print_error(const std::exception& e) { std::fprintf(stderr, "doppel: %s\n", printable(e.what()).c_str()); }
+
 }  // namespace
 
 int run_program(int argc, const char* const* argv) {
@@ -78,10 +96,10 @@ int run_program(int argc, const char* const* argv) {
   try {
     return program.run();
   } catch (const UsageError& e) {
-    std::fprintf(stderr, "doppel: %s\n", e.what());
+    print_error(e);
     return 2;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "doppel: %s\n", e.what());
+    print_error(e);
     return 1;
   }
 }

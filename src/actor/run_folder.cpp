@@ -11,6 +11,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
+#include "doppel/core/load_yaml.h"
 #include "doppel/core/temporary_name.h"
 
 namespace doppel {
@@ -72,7 +73,7 @@ void remove_images(const fs::path& folder) {
 std::map<std::string, std::string> flatten(const std::string& yaml) {
   std::map<std::string, std::string> values;
   try {
-    flatten(YAML::Load(yaml), "", values);
+    flatten(load_yaml(yaml), "", values);
   } catch (const YAML::Exception& e) {
     fail("the run's config.yaml is not YAML ({}); use --overwrite or another --out", e.what());
   }

@@ -4,7 +4,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <map>
 #include <set>
 
@@ -12,6 +11,7 @@
 #include "doppel/calibration/format.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -363,13 +363,7 @@ ColmapFiles colmap_files(const CalibrationSource& source) {
   return is_colmap_file(binary.cameras) && is_colmap_file(binary.images) ? binary : files(".txt");
 }
 
-std::string colmap_head(const std::filesystem::path& path) {
-  std::string head(kColmapHeadBytes, '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(as_size(std::max<std::streamsize>(0, file.gcount())));
-  return head;
-}
+std::string colmap_head(const std::filesystem::path& path) { return read_head(path, kColmapHeadBytes); }
 
 template <typename Number>
 Number colmap_at(std::string_view bytes, std::size_t position) {

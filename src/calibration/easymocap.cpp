@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -9,6 +8,7 @@
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/format.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -286,13 +286,7 @@ bool easymocap_is_head(std::string_view head) {
   return has_line("names:") && (has_line("K_") || has_line("R_") || has_line("Rot_") || has_line("T_"));
 }
 
-std::string easymocap_head_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string head(kEasyMocapHeadBytes, '\0');
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
-  return head;
-}
+std::string easymocap_head_of(const fs::path& path) { return read_head(path, kEasyMocapHeadBytes); }
 
 /// The two files as text. fmt prints the shortest decimals that give the same doubles again.
 class EasyMocapWriter {

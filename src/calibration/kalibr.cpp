@@ -8,6 +8,7 @@
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/format.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/load_yaml.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -27,7 +28,7 @@ class KalibrReader {
     const std::size_t begin = text.starts_with("\xEF\xBB\xBF") ? 3 : 0;
     if (text.compare(begin, 5, "%YAML") == 0) text[begin] = '#';
     try {
-      read_chain(YAML::Load(text));
+      read_chain(load_yaml(text));
     } catch (const YAML::Exception& e) {
       fail_at({path_.string(), e.mark.line + 1}, "reading a camera calibration: this is no valid YAML: {}", e.msg);
     }

@@ -11,6 +11,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/file_head.h"
 
 namespace doppel {
 namespace {
@@ -24,11 +25,9 @@ constexpr double kMinUpLength = 0.5, kMinUpCosine = 0.866;  // of the mean direc
 CalibrationSource open_source(const fs::path& path) {
   CalibrationSource source{path, "", fs::is_directory(path)};
   if (source.is_folder) return source;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) fail_at({path.string(), 0}, "reading a camera calibration: the file cannot be opened");
-  source.head.resize(kHeadBytes);
-  file.read(source.head.data(), static_cast<std::streamsize>(kHeadBytes));
-  source.head.resize(as_size(file.gcount()));
+  if (!fs::is_regular_file(path) || !std::ifstream(path).is_open())
+    fail_at({path.string(), 0}, "reading a camera calibration: there is no file that can be opened");
+  source.head = read_head(path, kHeadBytes);
   return source;
 }
 
@@ -101,6 +100,17 @@ void settle_up(Calibration& calibration, const std::string& wanted) {
   for (Camera& camera : calibration.cameras) camera.R = camera.R * turn.transpose();
 }
 
+/// Names become parts of paths of what is written for a camera, so none may lead out of a folder.
+bool is_safe_name(const std::string& name) {
+  constexpr std::size_t kLongestName = 200;  // of a file name's 255 bytes
+  const auto is_control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
+  if (name.empty() || name.size() > kLongestName || std::any_of(name.begin(), name.end(), is_control)) return false;
+  std::string slashed = name;
+  std::replace(slashed.begin(), slashed.end(), '\\', '/');
+  const fs::path parts(slashed);
+  return !parts.is_absolute() && std::none_of(parts.begin(), parts.end(), [](const fs::path& p) { return p == ".."; });
+}
+
 /// Names must be unique, because cameras are later found by name.
 void check_cameras(const std::vector<Camera>& cameras, const FileLocation& where) {
   if (cameras.empty()) fail_at(where, "this calibration holds no camera");
@@ -109,6 +119,11 @@ void check_cameras(const std::vector<Camera>& cameras, const FileLocation& where
     if (camera.width == 0 && camera.height == 0) camera.width = camera.height = 1;  // not stated
     const std::vector<std::string> faults = camera.faults();
     if (!faults.empty()) fail_at(where, "{}", faults.front());
+    if (!is_safe_name(camera.name))
+      fail_at(where,
+              "camera {} has a name that cannot be part of a path; allowed are 1 to 200 characters without control "
+              "characters, \"..\" and a leading slash; rename the camera in this file",
+              names.size() + 1);
     if (!names.insert(camera.name).second) fail_at(where, "two cameras have the name \"{}\"", camera.name);
   }
 }

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <fstream>
 #include <map>
 #include <numbers>
 #include <span>
@@ -10,6 +9,7 @@
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/rig_parts.h"
 #include "doppel/calibration/xml_parts.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -34,11 +34,7 @@ bool is_reality_xmp(std::string_view head) {
 }
 
 bool is_reality_xmp_file(const fs::path& path) {
-  CalibrationSource source{path, std::string(kRealityHeadBytes, '\0'), false};
-  std::ifstream file(path, std::ios::binary);
-  file.read(source.head.data(), static_cast<std::streamsize>(kRealityHeadBytes));
-  source.head.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
-  return is_reality_xmp(readable_head(source));
+  return is_reality_xmp(readable_head({path, read_head(path, kRealityHeadBytes), false}));
 }
 
 /// The XMP files of a folder, sorted by name; empty when it cannot be read.

@@ -7,6 +7,7 @@
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/calibration/format.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/load_yaml.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -22,7 +23,7 @@ class RosReader {
   Calibration read() const {
     const std::string text = read_file(path_, kRosMaxBytes);
     try {
-      return read_camera(YAML::Load(text));
+      return read_camera(load_yaml(text));
     } catch (const YAML::Exception& e) {
       fail_at({path_.string(), e.mark.line + 1}, "reading a camera calibration: this is no valid YAML: {}", e.msg);
     }

@@ -114,13 +114,16 @@ void write_atomically(const fs::path& path, const std::string& content) {
 
 std::string read_file(const fs::path& path, std::uintmax_t max_bytes) {
   const FileLocation where{path.string(), 0};
-  FileDescriptor file(path, O_RDONLY);
+  // Without O_NONBLOCK, opening a pipe waits until another program writes to it.
+  FileDescriptor file(path, O_RDONLY | O_NONBLOCK);
   if (!file) fail_at(where, "cannot read this file: {}", system_reason());
   struct stat status = {};
   if (::fstat(file.get(), &status) != 0) fail_at(where, "cannot read this file: {}", system_reason());
   if (S_ISDIR(status.st_mode)) fail_at(where, "this is a folder, not a file");
+  if (!S_ISREG(status.st_mode))
+    fail_at(where, "this is a pipe or a device, not a file; copy its content into a file and name that one");
 
-  // Pipes report no size, so the size is only the initial capacity.
+  // Files of /proc report no size, so the size is only the initial capacity.
   std::string content;
   const auto known_size = status.st_size > 0 ? static_cast<std::uintmax_t>(status.st_size) : 0;
   std::size_t filled = 0;

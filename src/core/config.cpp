@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/load_yaml.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
 
@@ -140,7 +141,7 @@ std::string apply_override(const YAML::Node& root, const std::string& text) {
   const std::string key = text.substr(0, equals);
   YAML::Node value;
   try {
-    value = YAML::Load(text.substr(equals + 1));
+    value = load_yaml(text.substr(equals + 1));
   } catch (const YAML::Exception& e) {
     fail<UsageError>("--set {}: the value is not YAML: {}", text, e.msg);
   }
@@ -196,7 +197,7 @@ ConfigDocument ConfigDocument::parse(const std::string& text, const std::string&
   ConfigDocument document;
   document.path_ = name;
   try {
-    document.node_ = YAML::Load(text);
+    document.node_ = load_yaml(text);
   } catch (const YAML::Exception& e) {
     fail_at({name, e.mark.line >= 0 ? e.mark.line + 1 : 0}, "reading a configuration: this is not YAML: {}", e.msg);
   }

@@ -7,6 +7,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/json_depth.h"
 
 namespace doppel {
 
@@ -14,6 +15,7 @@ namespace {
 
 using nlohmann::json;
 
+constexpr std::size_t kMostJsonDepth = 100;
 constexpr std::uintmax_t kMostJsonBytes = std::uintmax_t{1} << 30;
 constexpr double kFarthestPixel = 1e7;
 
@@ -75,6 +77,8 @@ void require_scores(const json& list, const json* scores, const FileLocation& wh
 
 std::shared_ptr<const json> parse_keypoint_json(const std::filesystem::path& path) {
   std::string text = read_file(path, kMostJsonBytes);
+  if (is_json_deeper_than(text, kMostJsonDepth))
+    fail_at({path.string(), 0}, "reading keypoints: lists and objects are nested more than {} deep", kMostJsonDepth);
   for (const bool again : {false, true}) {
     try {
       return std::make_shared<const json>(json::parse(text));

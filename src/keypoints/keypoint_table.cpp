@@ -2,11 +2,11 @@
 
 #include <climits>
 #include <cmath>
-#include <fstream>
 #include <set>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/keypoints/format.h"
 #include "doppel/keypoints/json_parts.h"
@@ -103,9 +103,8 @@ class TableKeypoints : public KeypointFormat {
 std::unique_ptr<KeypointFormat> make_table_keypoints() { return std::make_unique<TableKeypoints>(); }
 
 bool is_keypoint_table(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::string line;
-  return std::filesystem::is_regular_file(path) && std::getline(file, line) && has_table_header(line);
+  const std::string head = read_head(path, 4096);
+  return has_table_header(head.substr(0, head.find('\n')));
 }
 
 void write_keypoint_table(const std::filesystem::path& path, const PointLayout& layout,

@@ -23,9 +23,11 @@ double total_confidence(const Person& person) {
 double confidence_inside(const Person& person, const cv::Mat& distance, double reach) {
   double sum = 0.0;
   for (const Keypoint& point : person) {
-    const int x = static_cast<int>(std::floor(point.x)), y = static_cast<int>(std::floor(point.y));
-    if (x < 0 || y < 0 || x >= distance.cols || y >= distance.rows) continue;
-    if (distance.at<float>(y, x) <= reach) sum += point.confidence;
+    // Compared before the conversion: a float beyond the range of int has no int.
+    const bool inside = point.x >= 0 && point.y >= 0 && point.x < static_cast<float>(distance.cols) &&
+                        point.y < static_cast<float>(distance.rows);
+    if (!inside) continue;
+    if (distance.at<float>(static_cast<int>(point.y), static_cast<int>(point.x)) <= reach) sum += point.confidence;
   }
   return sum;
 }

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <climits>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/keypoints/c3d_file.h"
 #include "doppel/keypoints/json_parts.h"
@@ -89,13 +89,9 @@ std::optional<Eigen::Vector3d> point_of_cells(const std::string* cells, double m
 }
 
 std::string beginning_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!std::filesystem::is_regular_file(path) || !file)
+  if (!std::filesystem::is_regular_file(path))
     fail_at({path.string(), 0}, "reading points in space: there is no such file");
-  std::string head(4096, '\0');
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(as_size(file.gcount()));
-  return head;
+  return read_head(path, 4096);
 }
 
 // ---- TRC ----

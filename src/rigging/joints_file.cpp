@@ -5,12 +5,15 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/config.h"
 #include "doppel/core/error.h"
+#include "doppel/core/json_depth.h"
 #include "doppel/rigging/body_joints.h"
 
 namespace doppel {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostJsonDepth = 100;
 
 std::string full_name(const std::string& name) {
   if (name.starts_with("l_")) return "left_" + name.substr(2);
@@ -58,8 +61,12 @@ void check_name(const FileLocation& file, const std::string& written, const std:
 }
 
 Json parse(const std::filesystem::path& path) {
+  const std::string text = read_file(path, 1 << 24);
+  if (is_json_deeper_than(text, kMostJsonDepth))
+    fail_at({path.string(), 0}, "not a JSON file of joints: lists and objects are nested more than {} deep",
+            kMostJsonDepth);
   try {
-    return Json::parse(read_file(path, 1 << 24));
+    return Json::parse(text);
   } catch (const nlohmann::json::exception& error) {
     fail_at({path.string(), 0}, "not a JSON file of joints: {}", error.what());
   }

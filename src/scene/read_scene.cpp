@@ -1,9 +1,9 @@
 #include "doppel/scene/read_scene.h"
 
 #include <algorithm>
-#include <fstream>
 
 #include "doppel/core/error.h"
+#include "doppel/core/file_head.h"
 #include "doppel/scene/finish_scene.h"
 #include "doppel/scene/readers.h"
 
@@ -22,9 +22,7 @@ std::string extension_of(const fs::path& path) {
 
 /// The extension that the first bytes of the file call for; that of its name where they say nothing.
 std::string format_of(const fs::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  std::string start(24, '\0');
-  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
+  const std::string start = read_head(path, 24);
   if (start.rfind("glTF", 0) == 0) return ".glb";
   if (start.rfind("Kaydara FBX Binary", 0) == 0 || start.rfind("; FBX", 0) == 0) return ".fbx";
   return extension_of(path);

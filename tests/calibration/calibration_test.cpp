@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <Eigen/Geometry>
 #include <functional>
@@ -287,6 +288,25 @@ TEST(CalibrationRejects, TwoCamerasOfOneName) {
   const std::string still = std::string(kSkeletool).substr(0, std::string(kSkeletool).find("name          moving"));
   EXPECT_THAT(calibration.refusal(still + still.substr(still.find("name"))),
               HasSubstr("two cameras have the name \"7\""));
+}
+
+TEST(CalibrationRejects, NamesThatLeadOutOfAFolder) {
+  const TemporaryFolder folder;
+  const auto path = folder / "x.calibration";
+  for (const char* name : {"../../../x", "/etc/x", "a/../../x", "a\\..\\x", "..", "x\x1b[2J"}) {
+    write_atomically(path, replaced(kSkeletool, "name          7", std::string("name          ") + name));
+    EXPECT_THROW(read_calibration(path), FileError) << name;
+  }
+  for (const char* name : {"a..b", "rig/left", "GX01-2@4k"}) {
+    write_atomically(path, replaced(kSkeletool, "name          7", std::string("name          ") + name));
+    EXPECT_EQ(read_calibration(path).at(0).name, name);
+  }
+}
+
+TEST(CalibrationRejects, PipesWithoutWaitingForTheirWriter) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "x.json").c_str(), 0600), 0);
+  EXPECT_THROW(read_calibration(folder / "x.json"), FileError);
 }
 
 TEST(CalibrationRejects, WhatOpenCvFilesGetWrong) {

@@ -100,5 +100,11 @@ TEST(ReadFileRejects, MissingFoldersAndTooLargeOnes) {
   EXPECT_THROW(read_file("/dev/zero", 100000), FileError) << "a file without a size must not fill the memory";
 }
 
+TEST(AtomicFile, RefusesAPipeWithoutWaitingForItsWriter) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
+  EXPECT_THROW(read_file(folder / "pipe"), FileError);
+}
+
 }  // namespace
 }  // namespace doppel::atomic_file_test

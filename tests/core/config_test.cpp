@@ -247,5 +247,29 @@ TEST(ConfigRejects, BothNamesOfAKey) {
               AllOf(HasSubstr("both.yaml:2"), HasSubstr("now called new_name")));
 }
 
+TEST(ConfigRejects, WhatWouldGrowWithoutBound) {
+  std::string bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
+  for (int i = 1; i < 10; ++i)
+    bomb += fmt::format("a{0}: &a{0} [*a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}, *a{1}]\n", i, i - 1);
+  std::string ladder = "b0: &b0 x\n";
+  for (int i = 1; i < 120; ++i) ladder += fmt::format("b{0}: &b{0} [*b{1}]\n", i, i - 1);
+  const auto message = [](const std::string& text) {
+    return message_of([&] { ConfigDocument::parse(text, "bad.yaml"); });
+  };
+  EXPECT_THAT(message(bomb), AllOf(StartsWith("bad.yaml:"), HasSubstr("the aliases repeat more than")));
+  EXPECT_THAT(message(ladder), HasSubstr("nested more than 100 deep"));
+  EXPECT_THAT(message("a: &a {b: *a}\n"), AllOf(StartsWith("bad.yaml:1"), HasSubstr("inside of what it names")));
+  EXPECT_THAT(message("a: " + std::string(200000, '[')), HasSubstr("nested more than 100 deep"));
+  std::string json;
+  for (int i = 0; i < 200000; ++i) json += "{\"a\":\n";
+  EXPECT_THAT(message(json), HasSubstr("nested more than 100 deep"));
+  EXPECT_THAT(message("\"a\\0b\": 1\n"), HasSubstr("NUL"));
+}
+
+TEST(Config, ReadsAliases) {
+  const ConfigDocument aliases = ConfigDocument::parse("a: &a {x: 1}\nb: *a\nc: [*a, *a]\n", "good.yaml");
+  EXPECT_EQ(aliases.root().section("b").get<int>("x"), 1);
+}
+
 }  // namespace
 }  // namespace doppel::config_test

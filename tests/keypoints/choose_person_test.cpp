@@ -18,6 +18,8 @@ TEST(ChosenPerson, IsTheSurestOrTheOneOnTheMask) {
   EXPECT_EQ((*choose_person({left, right}, mask))[0].x, 10);
   const Person outside{{-5, 500, 1.0f}};
   EXPECT_EQ((*choose_person({outside, left}, mask))[0].x, 10);
+  const Person far_away{{1e20f, 10, 1.0f}, {-1e20f, -1e20f, 1.0f}};
+  EXPECT_EQ((*choose_person({far_away, left}, mask))[0].x, 10);
   cv::Mat other = cv::Mat::zeros(50, 100, CV_8U);
   cv::rectangle(other, cv::Rect(45, 20, 4, 4), 255, cv::FILLED);
   EXPECT_EQ((*choose_person({left, right}, other))[0].x, 80) << "nobody is on this mask";

@@ -43,6 +43,9 @@ TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(missing.code, 1);
   EXPECT_EQ(missing.err, here.err);
   EXPECT_EQ(missing.out, "");
+  const Outcome escape = start("info 'a\x1b[2Jb.character'");
+  EXPECT_EQ(escape.code, 1);
+  EXPECT_EQ(escape.err.find('\x1b'), std::string::npos) << "a terminal would obey a name of a file";
 }
 
 TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
