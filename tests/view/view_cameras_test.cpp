@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <thread>
 
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/core/error.h"
 #include "doppel/view/view_server.h"
 #include "support/message_of.h"
@@ -66,12 +67,12 @@ TEST_F(ViewCamerasTest, TheMaskIsPaintedGreen) {
 
 TEST_F(ViewCamerasTest, AFilmedCameraSaysWhereItStands) {
   const auto json = nlohmann::json::parse(ViewCameras(capture_, capture_.sequences[1]).description());
-  EXPECT_TRUE(json["masks"]);
+  EXPECT_TRUE(json["masks"].get<bool>());
   ASSERT_EQ(json["cameras"].size(), 2U);
   const CaptureCameras expected = choose_cameras(capture_);
   for (int k = 0; k < 3; ++k) {
-    EXPECT_DOUBLE_EQ(json["cameras"][1]["t"][k], expected.cameras[1].t[k]);
-    EXPECT_DOUBLE_EQ(json["cameras"][1]["R"][0][k], expected.cameras[1].R(0, k));
+    EXPECT_DOUBLE_EQ(json["cameras"][1]["t"][k].get<double>(), expected.cameras[1].t[k]);
+    EXPECT_DOUBLE_EQ(json["cameras"][1]["R"][0][k].get<double>(), expected.cameras[1].R(0, k));
   }
 }
 
