@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "doppel/core/error.h"
+#include "doppel/core/isa_choice.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 
@@ -21,7 +22,7 @@ std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
       add_train(program),   add_adapt(program),     add_evaluate(program), add_compare(program),
       add_animate(program), add_export(program),    add_view(program),     add_info(program)};
   for (Command& command : commands) {
-    command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
+    command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or the granted cores)")
         ->capture_default_str();
     command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
     command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
@@ -32,6 +33,7 @@ std::vector<Command> add_commands(CLI::App& program, CommonOptions& common) {
 
 int run(const Command& command, const CommonOptions& common) {
   setup_logging(common.log_level);
+  check_isa();
   const int threads = resolve_threads(common.threads);
   at::set_num_threads(threads);
   cv::setNumThreads(threads);
