@@ -11,6 +11,7 @@
 
 #include "command.h"
 #include "doppel/core/error.h"
+#include "doppel/core/isa_choice.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 
@@ -18,7 +19,7 @@ namespace doppel::tools {
 namespace {
 
 void add_common_options(Command& command, CommonOptions& common, std::string& shard) {
-  command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or all cores)")
+  command.app->add_option("--threads", common.threads, "Threads to use (0: OMP_NUM_THREADS, or the granted cores)")
       ->capture_default_str();
   command.app->add_flag("--json", common.json, "Print results to stdout as one JSON object");
   command.app->add_option("--log-level", common.log_level, "trace, debug, info, warn, error or off")
@@ -51,6 +52,7 @@ class Program {
   int run() {
     if (!shard_.empty()) common_.shard = parse_shard(shard_);
     setup_logging(common_.log_level);
+    check_isa();
     const int threads = resolve_threads(common_.threads);
     at::set_num_threads(threads);
     cv::setNumThreads(threads);

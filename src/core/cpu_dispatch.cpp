@@ -3,10 +3,15 @@
 #include <cstdlib>
 #include <cstring>
 #include <initializer_list>
+#include <optional>
+#include <string>
 
 #if defined(__x86_64__) || defined(_M_X64)
 #include <cpuid.h>
 #endif
+
+#include "doppel/core/error.h"
+#include "doppel/core/isa_choice.h"
 
 namespace doppel {
 namespace {
@@ -33,20 +38,33 @@ Isa widest_isa() {
 #endif
 }
 
-Isa chosen_isa() {
-  const Isa widest = widest_isa();
+constexpr std::initializer_list<Isa> kIsas{Isa::baseline, Isa::avx2, Isa::avx512};
+
+/// The instruction set that DOPPEL_ISA names, if this CPU has it.
+std::optional<Isa> wished_isa() {
   const char* wish = std::getenv("DOPPEL_ISA");
-  if (!wish) return widest;
-  for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512})
-    if (isa < widest && std::strcmp(wish, isa_name(isa)) == 0) return isa;
-  return widest;
+  for (const Isa isa : kIsas)
+    if (wish && isa <= widest_isa() && std::strcmp(wish, isa_name(isa)) == 0) return isa;
+  return std::nullopt;
 }
 
 }  // namespace
 
 Isa cpu_isa() {
-  static const Isa isa = chosen_isa();
+  static const Isa isa = wished_isa().value_or(widest_isa());
   return isa;
+}
+
+void check_isa() {
+  const char* wish = std::getenv("DOPPEL_ISA");
+  if (!wish || wished_isa()) return;
+  std::string allowed;
+  for (const Isa isa : kIsas)
+    if (isa <= widest_isa()) allowed += std::string(allowed.empty() ? "" : ", ") + isa_name(isa);
+  fail<UsageError>(
+      "choosing the instruction set by the environment variable DOPPEL_ISA: found '{}'; this processor has {}; "
+      "without the variable it is the widest",
+      wish, allowed);
 }
 
 const char* isa_name(Isa isa) {
@@ -56,7 +74,7 @@ const char* isa_name(Isa isa) {
     case Isa::avx2:
       return "avx2";
     default:
-      return "baseline";
+      return "plain";
   }
 }
 

@@ -21,7 +21,7 @@ namespace doppel {
 
 enum class Isa { baseline = 0, avx2 = 1, avx512 = 2 };
 
-/// The instruction set in use. The environment variable DOPPEL_ISA=baseline|avx2|avx512 lowers it (never raises it).
+/// The instruction set in use: that of the environment variable DOPPEL_ISA (core/isa_choice.h), otherwise the widest.
 Isa cpu_isa();
 const char* isa_name(Isa isa);
 

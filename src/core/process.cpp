@@ -5,16 +5,14 @@
 
 #include <atomic>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
-#include <thread>
 
 #if defined(__GLIBC__)
 #include <malloc.h>
 #endif
-#if defined(__linux__)
-#include <sched.h>
-#endif
 
+#include "doppel/core/cpu_quota.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -24,6 +22,8 @@ std::atomic<bool> stop{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
 
 constexpr int kMaxThreads = 1024;
+// What libgomp itself takes where a program has more threads than there are cores: a few microseconds.
+constexpr const char* kSpinCount = "100";
 
 extern "C" void on_stop_signal(int signal) {
   if (stop.exchange(true)) _exit(128 + signal);
@@ -37,16 +37,6 @@ void keep_freed_memory() {
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_TOP_PAD, 16 << 20);
 #endif
-}
-
-int available_cores() {
-#if defined(__linux__)
-  // The cores that taskset or a container allows, not all cores of the machine.
-  cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0 && CPU_COUNT(&set) > 0) return CPU_COUNT(&set);
-#endif
-  const unsigned cores = std::thread::hardware_concurrency();
-  return cores ? static_cast<int>(cores) : 1;
 }
 
 }  // namespace
@@ -64,10 +54,25 @@ void setup_process() {
   if (sigaction(SIGHUP, nullptr, &hang_up) == 0 && hang_up.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
+void limit_spinning(char** argv) {
+#if defined(__linux__)
+  if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
+  std::error_code missing;
+  // The link itself would do, but the process would then be called "exe".
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", missing);
+  if (missing || setenv("GOMP_SPINCOUNT", kSpinCount, 1) != 0) return;
+  execv(program.c_str(), argv);
+#else
+  (void)argv;
+#endif
+}
+
 int resolve_threads(int requested) {
   if (requested < 0 || requested > kMaxThreads) {
-    fail<UsageError>("setting the number of threads: found {}; allowed is 0 (OMP_NUM_THREADS, or all cores) to {}",
-                     requested, kMaxThreads);
+    fail<UsageError>(
+        "setting the number of threads: found {}; allowed is 0 (OMP_NUM_THREADS, or the cores that the process may "
+        "use) to {}",
+        requested, kMaxThreads);
   }
   if (requested > 0) return requested;
   const char* environment = std::getenv("OMP_NUM_THREADS");

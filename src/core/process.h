@@ -9,8 +9,15 @@ namespace doppel {
 /// once.
 void setup_process();
 
+/// Starts the program once more, with the environment variable GOMP_SPINCOUNT set, unless it or OMP_WAIT_POLICY is set
+/// already. Call it first in `main`, before there are threads or open files. Returns where nothing is to be done, and
+/// where the system refuses; the program then runs on as it is.
+/// By default, waiting threads of OpenMP spin for milliseconds. Beside other work they hold the cores that the threads
+/// they wait for need. libgomp reads the variable while it is loaded, which is before `main`.
+void limit_spinning(char** argv);
+
 /// The number of threads to use. `requested` 0 stands for the environment variable OMP_NUM_THREADS or, where this is
-/// not a number from 1 to 1024, for the number of cores that the process may use.
+/// not a number from 1 to 1024, for the number of cores that the process may use (core/cpu_quota.h).
 /// @throws UsageError when `requested` is negative or above 1024
 int resolve_threads(int requested);
 

@@ -10,9 +10,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <string>
 
 #include "doppel/core/cpu_dispatch.h"
 #include "doppel/core/error.h"
+#include "doppel/core/isa_choice.h"
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
 
@@ -87,7 +89,7 @@ TEST(ProcessReference, LargeBlocksStayInTheProcess) {
 
 TEST(CpuDispatchReference, OneInstructionSetForTheWholeProcess) {
   EXPECT_EQ(cpu_isa(), cpu_isa());
-  EXPECT_STREQ(isa_name(Isa::baseline), "baseline");
+  EXPECT_STREQ(isa_name(Isa::baseline), "plain");
   EXPECT_STREQ(isa_name(Isa::avx2), "avx2");
   EXPECT_STREQ(isa_name(Isa::avx512), "avx512");
 }
@@ -95,7 +97,7 @@ TEST(CpuDispatchReference, OneInstructionSetForTheWholeProcess) {
 TEST(CpuDispatchReference, TheEnvironmentLowersIt) {
   EXPECT_EXIT(
       {
-        setenv("DOPPEL_ISA", "baseline", 1);
+        setenv("DOPPEL_ISA", "plain", 1);
         // cpu_isa() has been called in this process if a kernel pointer exists; a fresh one is needed.
         execl("/proc/self/exe", "core_test", "--gtest_brief=1",
               "--gtest_filter=CpuDispatchReference.NeverAboveTheEnvironment", static_cast<char*>(nullptr));
@@ -105,11 +107,52 @@ TEST(CpuDispatchReference, TheEnvironmentLowersIt) {
 // In a process that DOPPEL_ISA lowered (the one above starts it so) as well as in an ordinary one.
 TEST(CpuDispatchReference, NeverAboveTheEnvironment) {
   const char* wish = std::getenv("DOPPEL_ISA");
-  if (wish && std::strcmp(wish, "baseline") == 0) {
+  if (wish && std::strcmp(wish, "plain") == 0) {
     EXPECT_EQ(cpu_isa(), Isa::baseline);
   } else {
     EXPECT_LE(cpu_isa(), Isa::avx512);
   }
+}
+
+TEST(CpuDispatchRejects, UnknownInstructionSets) {
+  const char* found = std::getenv("DOPPEL_ISA");
+  const std::string before = found ? found : "";
+  EXPECT_NO_THROW(check_isa());
+  for (const char* unknown : {"avx1024", "AVX2", "baseline", ""}) {
+    setenv("DOPPEL_ISA", unknown, 1);
+    try {
+      check_isa();
+      ADD_FAILURE() << "accepted '" << unknown << "'";
+    } catch (const UsageError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("found '" + std::string(unknown) + "'; this processor has plain"));
+    }
+  }
+  setenv("DOPPEL_ISA", "plain", 1);
+  EXPECT_NO_THROW(check_isa());
+  found ? setenv("DOPPEL_ISA", before.c_str(), 1) : unsetenv("DOPPEL_ISA");
+}
+
+// Runs in a process of its own, which starts itself once more: then the variable is there.
+TEST(ProcessReference, SpinningIsLimitedByStartingOnceMore) {
+  const auto run = [](const char* policy) {
+    setenv("DOPPEL_TEST_STARTED_AGAIN", "1", 1);
+    unsetenv("GOMP_SPINCOUNT");
+    policy ? setenv("OMP_WAIT_POLICY", policy, 1) : unsetenv("OMP_WAIT_POLICY");
+    std::string name = "core_test", filter = "--gtest_filter=ProcessReference.TheSpinCountIsSet";
+    char* arguments[] = {name.data(), filter.data(), nullptr};
+    limit_spinning(arguments);
+    _exit(std::getenv("GOMP_SPINCOUNT") ? 3 : 4);  // it returned
+  };
+  EXPECT_EXIT(run(nullptr), ExitedWithCode(0), "");
+  EXPECT_EXIT(run("ACTIVE"), ExitedWithCode(4), "");  // the user's choice stays
+}
+TEST(ProcessReference, TheSpinCountIsSet) {
+  if (!std::getenv("DOPPEL_TEST_STARTED_AGAIN")) GTEST_SKIP() << "the test above runs this one";
+  const char* count = std::getenv("GOMP_SPINCOUNT");
+  ASSERT_NE(count, nullptr);
+  EXPECT_GT(std::atoi(count), 0);
+  char* arguments[] = {nullptr};
+  limit_spinning(arguments);  // does not start it a third time
 }
 
 TEST(LogRejects, UnknownLevels) {

@@ -48,6 +48,16 @@ TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(escape.err.find('\x1b'), std::string::npos) << "a terminal would obey a name of a file";
 }
 
+TEST(ProgramRejects, UnknownInstructionSets) {
+  const char* found = std::getenv("DOPPEL_ISA");
+  const std::string before = found ? found : "";
+  setenv("DOPPEL_ISA", "sse9", 1);
+  const Outcome refused = run("info missing.character");
+  found ? setenv("DOPPEL_ISA", before.c_str(), 1) : unsetenv("DOPPEL_ISA");
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_NE(refused.err.find("DOPPEL_ISA: found 'sse9'"), std::string::npos) << refused.err;
+}
+
 TEST(ProgramReference, CalibrationsAreConvertedAndDescribed) {
   const support::TemporaryFolder folder;
   const std::string yml = (folder / "cameras.yml").string(), model = (folder / "model").string(),
