@@ -9,7 +9,7 @@ packages=(
   cmake g++ ninja-build ccache pkg-config
   libtorch-dev libopenblas-dev libopencv-dev libeigen3-dev libopenmesh-dev
   libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
-  libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev
+  libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev libminizip-dev
   liblmdb-dev libprotobuf-dev protobuf-compiler
   libxnnpack-dev libpthreadpool-dev libflatbuffers-dev flatbuffers-compiler-dev flatbuffers-compiler libssl-dev
 )

@@ -8,6 +8,8 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/core/scratch_folder.h"
+#include "doppel/export/script_check.h"
 #include "doppel/layers/reference_scope.h"
 
 namespace doppel {
@@ -48,9 +50,10 @@ torch::jit::script::Module mirror(const torch::nn::Module& module, const std::st
 
 void check_operations(const torch::jit::Block* block) {
   for (const torch::jit::Node* node : block->nodes()) {
-    const std::string space = node->kind().ns().toUnqualString();
-    if (space != "aten" && space != "prim")
-      fail("exporting: the traced function calls {}, which needs Doppel", node->kind().toQualString());
+    const std::string name = node->kind().toQualString();
+    if (name.starts_with("doppel::")) fail("exporting: the traced function calls {}, which needs Doppel", name);
+    if (!is_script_operator(name))
+      fail("exporting: the traced function calls {}, which readers of the file refuse (script_check.cpp)", name);
     for (const torch::jit::Block* inner : node->blocks()) check_operations(inner);
   }
 }
@@ -192,11 +195,17 @@ namespace {
 torch::jit::script::Module load_fused(const std::filesystem::path& path, const std::string& bytes,
                                       const torch::jit::script::Module& module) {
   try {
-    std::istringstream stream(bytes);
-    torch::jit::script::Module fused = torch::jit::load(stream);
+    const ScratchFolder folder;
+    const std::filesystem::path file = folder.path() / kFusedFile;
+    write_atomically(file, bytes);
+    check_script_archive(file, path);
+    torch::jit::script::Module fused = torch::jit::load(file.string());
+    check_script_functions(fused, path);
     share_tensors(fused, module);
     fused.eval();
     return fused;
+  } catch (const FileError&) {
+    throw;
   } catch (const std::exception&) {
     fail_at({path.string()}, "its part {} is damaged; export the run again", kFusedFile);
   }
@@ -213,7 +222,11 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
   torch::jit::ExtraFilesMap extra{
       {"metadata.json", ""}, {kFusedFile, ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
   try {
+    check_script_archive(path, path);
     file.module = torch::jit::load(path.string(), c10::nullopt, extra);
+    check_script_functions(file.module, path);
+  } catch (const FileError&) {
+    throw;
   } catch (const std::exception&) {
     fail_at(where, "is not a TorchScript file, or is damaged; `doppel export` writes {}s", words.name);
   }
