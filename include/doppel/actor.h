@@ -23,7 +23,8 @@ typedef struct doppel_actor doppel_actor;
 /* What went wrong in the last call of this thread that failed. */
 DOPPEL_API const char* doppel_last_error(void);
 
-/* Opens an actor file. NULL: failed, see doppel_last_error. Open only files that you trust: they contain code. */
+/* Opens an actor file. NULL: failed, see doppel_last_error. The file contains code, which is checked:
+   it can call nothing but operators that compute (SECURITY.md). */
 DOPPEL_API doppel_actor* doppel_actor_open(const char* path);
 /* NULL is allowed. */
 DOPPEL_API void doppel_actor_close(doppel_actor* actor);

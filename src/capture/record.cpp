@@ -130,7 +130,9 @@ std::string encode_keypoints(const std::vector<Keypoint>& keypoints) {
   const auto* data = reinterpret_cast<const char*>(keypoints.data());
   const std::size_t size = keypoints.size() * sizeof(Keypoint);
   const std::uint64_t sum = checksum(kKeypointSeed, data, size);
-  return std::string(reinterpret_cast<const char*>(&sum), sizeof(sum)) + std::string(data, size);
+  std::string bytes(reinterpret_cast<const char*>(&sum), sizeof(sum));
+  if (size > 0) bytes.append(data, size);
+  return bytes;
 }
 
 std::vector<Keypoint> decode_keypoints(const std::string& bytes, std::size_t count, const std::string& what) {
@@ -143,7 +145,7 @@ std::vector<Keypoint> decode_keypoints(const std::string& bytes, std::size_t cou
   if (sum != checksum(kKeypointSeed, bytes.data() + sizeof(sum), size))
     fail("{}: the checksum is wrong; the keypoints are damaged: prepare the capture again with --overwrite", what);
   std::vector<Keypoint> keypoints(count);
-  std::memcpy(keypoints.data(), bytes.data() + sizeof(sum), size);
+  if (size > 0) std::memcpy(keypoints.data(), bytes.data() + sizeof(sum), size);
   for (const Keypoint& point : keypoints)
     if (!std::isfinite(point.x) || !std::isfinite(point.y) || !std::isfinite(point.confidence))
       fail("{}: a keypoint is not finite; prepare the capture again with --overwrite", what);

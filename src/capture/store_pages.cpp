@@ -49,6 +49,7 @@ class PageChecker {
   void check() {
     const Meta first = read_meta(0);
     const Meta second = read_meta(first.page_size);
+    if (first.page_size != second.page_size) damaged("its two heads have different page sizes");
     const Meta& meta = second.transaction > first.transaction ? second : first;
     page_size_ = meta.page_size;
     last_page_ = meta.last_page;

@@ -38,6 +38,16 @@ ActorTopology topology_of(const ScriptFile& file, const std::filesystem::path& p
   return topology;
 }
 
+/// A result as the host will read it. A file could return anything.
+torch::Tensor checked(const torch::jit::IValue& result, const std::vector<std::int64_t>& shape,
+                      const std::string& name) {
+  if (!result.isTensor() || result.toTensor().sizes() != shape || result.toTensor().scalar_type() != torch::kFloat32)
+    fail("posing the actor {}: the file returns {}; float32 numbers of shape {} are expected. Export the run again",
+         name, result.isTensor() ? fmt::to_string(fmt::join(result.toTensor().sizes().vec(), " x ")) : "no tensor",
+         fmt::to_string(fmt::join(shape, " x ")));
+  return result.toTensor().contiguous();
+}
+
 }  // namespace
 
 ActorFile ActorFile::load(const std::filesystem::path& path) {
@@ -71,7 +81,8 @@ void ActorFile::check_window(const torch::Tensor& window) const {
 torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
   check_window(window);
   torch::NoGradGuard no_grad;
-  return file_.for_batch(window.size(0)).forward({window}).toTensor();
+  return checked(file_.for_batch(window.size(0)).forward({window}), {window.size(0), description_.num_vertices, 3},
+                 description_.name);
 }
 
 std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
@@ -85,8 +96,14 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
     fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
   torch::NoGradGuard no_grad;
-  const auto result = file_.for_batch(window.size(0)).get_method("textured")({window, projection}).toTuple();
-  return {result->elements()[0].toTensor(), result->elements()[1].toTensor()};
+  const torch::jit::IValue result = file_.for_batch(window.size(0)).get_method("textured")({window, projection});
+  if (!result.isTuple() || result.toTupleRef().elements().size() != 2)
+    fail("texturing the actor {}: the file does not return vertices and a texture; export the run again",
+         description_.name);
+  const auto& parts = result.toTupleRef().elements();
+  const std::int64_t size = description_.texture_size;
+  return {checked(parts[0], {window.size(0), description_.num_vertices, 3}, description_.name),
+          checked(parts[1], {window.size(0), size, size, 3}, description_.name)};
 }
 
 }  // namespace doppel

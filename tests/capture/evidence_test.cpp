@@ -417,6 +417,7 @@ TEST(EvidenceRejects, CapturesPreparedWithoutKeypoints) {
 
 TEST(EvidenceRejects, DamagedRecords) {
   const std::vector<Keypoint> points{{1, 2, 0.5f}, {3, 4, 0.25f}};
+  EXPECT_TRUE(decode_keypoints(encode_keypoints({}), 0, "none").empty());
   const std::string bytes = encode_keypoints(points);
   const std::vector<Keypoint> read = decode_keypoints(bytes, 2, "x");
   EXPECT_EQ(read[1].x, 3.0f);

@@ -66,6 +66,17 @@ TEST(StoreRejects, MissingEmptyAndTruncated) {
   }
 }
 
+TEST(StoreRejects, HeadsWithTwoPageSizes) {
+  const support::TemporaryFolder folder;
+  fill(folder / "store", 10);
+  const fs::path file = folder / "store/data.mdb";
+  std::string bytes = read_file(file);
+  constexpr std::size_t kSecondHead = 4096, kPageSizeField = 16 + 24;
+  bytes[kSecondHead + kPageSizeField + 1] = 0x20;  // 8192 in place of 4096
+  support::write_bytes(file, bytes);
+  EXPECT_THROW(Store(folder / "store", Store::Mode::read), Error);
+}
+
 // LMDB trusts its pages; whatever is damaged must surface as an error or leave the values readable, never crash.
 TEST(StoreRejects, RandomBytes) {
   const support::TemporaryFolder folder;

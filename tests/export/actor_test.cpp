@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <torch/script.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -69,6 +70,20 @@ double largest_difference(const std::vector<float>& a, const std::vector<float>&
   double worst = 0;
   for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::abs(double(a[i]) - double(b[i])));
   return worst;
+}
+
+TEST(ActorFileRejects, ResultsOfAnotherShape) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  torch::jit::ExtraFilesMap parts{{"metadata.json", ""}, {"faces.npy", ""}};
+  torch::jit::load((folder / "actor.pt").string(), c10::nullopt, parts);
+  torch::jit::Module other("__torch__.doppel.Actor");
+  other.define("def forward(self, window):\n  return window.to(torch.float64)\n");
+  other.save((folder / "other.pt").string(), parts);
+  const ActorFile file = ActorFile::load(folder / "other.pt");
+  const int dofs = actor.character.num_dofs();
+  EXPECT_THROW(file.forward(torch::zeros({1, actor.description.past_frames + 1, dofs})), Error);
 }
 
 TEST(ActorFileAgrees, WithTheModelOnUnseenWindowsAndBatches) {
