@@ -39,13 +39,22 @@ constexpr char kDetectExample[] =
 constexpr std::chrono::milliseconds kPollInterval{100};
 
 struct DetectArguments {
-  std::string source, model = "full", network, config, layout;
+  std::string source, model, network, config, layout;  ///< model empty: chosen by the number of cameras
   fs::path out;
   std::vector<double> person;
   bool masks = false, raw_masks = false;
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
+
+/// The user's choice of BlazePose's size. Without one: several cameras are no live recording, and accuracy counts more
+/// than time there.
+std::string model_of(const DetectArguments& arguments, const std::vector<DetectSource>& sources) {
+  if (!arguments.model.empty()) return arguments.model;
+  const bool several = std::any_of(sources.begin(), sources.end(),
+                                   [&](const DetectSource& source) { return source.camera != sources[0].camera; });
+  return several ? "heavy" : "full";
+}
 
 /// Searches the images of one camera.
 using CameraWorker = std::function<std::optional<DetectReport>(const DetectSource&, const DetectFiles&,
@@ -107,11 +116,12 @@ class DetectJob {
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
     if (!arguments.person.empty() && sources_.size() != 1)
       fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
+    arguments_.model = model_of(arguments, sources_);
     const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
     const BodyDetectorOptions options{
-        parse_blazepose_model(arguments.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
+        parse_blazepose_model(arguments_.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
     const auto person = person_hint(arguments);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     for (int i = 0; i < workers && common.merged.empty(); ++i)
@@ -300,9 +310,10 @@ Command add_detect(CLI::App& program) {
   app->add_option("source", arguments->source, "Video file, folder of images, capture folder or capture.yaml")
       ->required();
   app->add_option("--out", arguments->out, "Folder to write into")->required();
-  app->add_option("--model", arguments->model, "Network: larger ones are slower and more accurate")
-      ->check(CLI::IsMember({"lite", "full", "heavy"}))
-      ->capture_default_str();
+  app->add_option("--model", arguments->model,
+                  "Network: larger ones are slower and more accurate (default: heavy for a capture of several cameras, "
+                  "full otherwise)")
+      ->check(CLI::IsMember({"lite", "full", "heavy"}));
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_option("--person", arguments->person,

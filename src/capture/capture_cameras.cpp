@@ -12,6 +12,7 @@ namespace doppel {
 
 namespace {
 
+constexpr int kMacroblock = 16;         // pixels; encoders pad both sides to multiples of it
 constexpr double kExactAspect = 0.002;  // a pixel of rounding in an image 500 wide
 
 std::string joined_names(const std::vector<Camera>& cameras) {
@@ -64,9 +65,25 @@ CaptureCameras choose_cameras(const Capture& capture) {
   return chosen;
 }
 
+bool is_without_padding(const Camera& camera, cv::Size images) {
+  const auto is_cut = [](int calibrated, int seen) {
+    return calibrated % kMacroblock == 0 && seen < calibrated && calibrated - seen < kMacroblock;
+  };
+  return (camera.height == images.height && is_cut(camera.width, images.width)) ||
+         (camera.width == images.width && is_cut(camera.height, images.height));
+}
+
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source) {
   if (camera.width == images.width && camera.height == images.height) return camera;
   if (camera.width == 0) return with_image_size(camera, images.width, images.height);
+  if (is_without_padding(camera, images)) {
+    log::info("camera {}: calibration for {}x{}, {} shows {}x{} pixels, without the padding on the right and below",
+              camera.name, camera.width, camera.height, source, images.width, images.height);
+    Camera cut = camera;
+    cut.width = images.width;
+    cut.height = images.height;
+    return cut;
+  }
   const double calibrated = static_cast<double>(camera.width) / camera.height;
   const double seen = static_cast<double>(images.width) / images.height;
   const double stretch = seen / calibrated - 1.0;

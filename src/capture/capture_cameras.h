@@ -27,8 +27,14 @@ std::vector<Camera> calibrated_cameras(const Capture& capture);
 /// such; FileError as calibrated_cameras
 CaptureCameras choose_cameras(const Capture& capture);
 
-/// The camera scaled to the resolution of its images, or with that resolution if it has none. Logs a line when this
-/// resolution differs from the calibration, as a warning when the aspect ratio differs too.
+/// Whether the images are those of the calibration without the padding of a video encoder: one side is equal, the other
+/// is a multiple of 16 in the calibration and less than 16 pixels shorter in the images (1088 and 1080).
+bool is_without_padding(const Camera& camera, cv::Size images);
+
+/// The camera for its images. Without padding (`is_without_padding`) pixels keep their places, because encoders pad on
+/// the right and below. Otherwise the camera is scaled to the resolution of the images, or gets that resolution if it
+/// has none. Logs a line when this resolution differs from the calibration, as a warning when the aspect ratio differs
+/// too.
 /// @param source path of the images, for messages
 /// @throws Error when the aspect ratios differ by more than kMaxStretch
 Camera fit_to_images(const Camera& camera, cv::Size images, const std::string& source);

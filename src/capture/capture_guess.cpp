@@ -334,6 +334,11 @@ class Guesser {
 
   void check_size(const Camera& camera, const FootageFacts& facts, const std::string& path) {
     if (camera.width == 0 || (camera.width == facts.width && camera.height == facts.height)) return;
+    if (is_without_padding(camera, {facts.width, facts.height})) {
+      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the difference is taken for padding of the encoder",
+            path, facts.width, facts.height, camera.name, camera.width, camera.height);
+      return;
+    }
     const double stretch = static_cast<double>(facts.width) / facts.height * camera.height / camera.width - 1.0;
     if (std::abs(stretch) <= kMaxStretch)
       found("size: {} is {}x{}, the calibration of {} is for {}x{}; the calibration is scaled", path, facts.width,
@@ -429,6 +434,20 @@ class Guesser {
       sequences = by_camera;
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) set_keypoints(i, sequences, tables);
     choose_map(files);
+    find_joints();
+  }
+
+  /// A table of joints in space does not name its camera.
+  void find_joints() {
+    if (content_.joint_tables.empty()) return;
+    SequenceEntry& entry = guess_.capture.sequences.front();
+    if (used_.size() == 1 && filmed_.size() == 1 && content_.joint_tables.size() == 1 && !entry.keypoints.empty()) {
+      entry.joints3d = content_.joint_tables.front();
+      found("sequence {}: joints in space: {}", entry.name, entry.joints3d);
+    } else {
+      found("joints in space: {}; not used, because only one table of one camera with keypoints is certain",
+            some_of(content_.joint_tables));
+    }
   }
 
   void set_keypoints(std::size_t i, const SortedFiles& sequences, const Streams& tables) {

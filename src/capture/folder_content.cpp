@@ -8,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/keypoints/guess_layout.h"
+#include "doppel/keypoints/joint_detections.h"
 #include "doppel/keypoints/keypoint_map.h"
 #include "doppel/keypoints/keypoint_table.h"
 #include "doppel/keypoints/read_keypoints.h"
@@ -20,7 +21,7 @@ namespace {
 
 constexpr int kDepth = 6;
 constexpr std::size_t kMostFiles = 500'000;
-constexpr std::size_t kFilesTried = 20;      // files of a stream that are searched for a person
+constexpr long kFilesTried = 20;             // files of a stream that are searched for a person
 constexpr long kMostCalibrationFiles = 100;  // RealityCapture writes a file per camera; longer streams are frames
 
 /// Reads the folder step by step.
@@ -117,6 +118,7 @@ class FolderReader {
   void inspect_keypoints(const FileStream& stream) {
     std::vector<std::string> maps;
     if (stream.kind == FileKind::table) {
+      if (is_joint_table(full(stream.first_file))) content_.joint_tables.push_back(stream.first_file);
       if (is_keypoint_table(full(stream.first_file))) maps = {"names"};
     } else {
       maps = maps_of(stream);
@@ -125,9 +127,9 @@ class FolderReader {
     if (!maps.empty()) content_.keypoint_maps[stream.first_file] = maps;
   }
 
-  /// The maps whose points the people in the files of a stream have. The first files may show nobody.
+  /// The maps whose points the people in the files of a stream have. Many files may show nobody.
   std::vector<std::string> maps_of(const FileStream& stream) const {
-    const std::vector<std::string> paths = first_files(stream);
+    const std::vector<std::string> paths = some_files(stream);
     std::vector<std::string> maps;
     for (const std::string& name : builtin_keypoint_maps()) {
       const PointLayout layout = read_keypoint_map(name).layout;
@@ -148,10 +150,12 @@ class FolderReader {
     return maps;
   }
 
-  std::vector<std::string> first_files(const FileStream& stream) const {
+  /// Files from the whole recording: it may begin with the empty scene.
+  std::vector<std::string> some_files(const FileStream& stream) const {
     if (!stream.per_frame) return {full(stream.first_file).string()};
     std::vector<std::string> paths;
-    for (long i = 0; i < stream.files && paths.size() < kFilesTried; ++i) {
+    const long step = (stream.files + kFilesTried - 1) / kFilesTried;
+    for (long i = 0; i < stream.files; i += step) {
       const fs::path path = full(expand_pattern(stream.path, 0, "", stream.first_frame + i));
       if (fs::exists(path)) paths.push_back(path.string());
     }

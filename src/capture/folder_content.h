@@ -24,10 +24,11 @@ struct FolderContent {
   std::vector<FoundCalibration> calibrations;   ///< readable ones with poses, in natural order
   std::map<std::string, FootageFacts> footage;  ///< of videos, and of the first images of streams
   std::map<std::string, std::vector<std::string>>
-      keypoint_maps;               ///< first files of streams of keypoints, and the
-                                   ///< built-in map that fits; several where number and limbs do not decide
-                                   ///< ("names": a table)
-  std::vector<std::string> notes;  ///< files that look usable and are not, in sentences
+      keypoint_maps;                      ///< first files of streams of keypoints, and the
+                                          ///< built-in map that fits; several where number and limbs do not decide
+                                          ///< ("names": a table)
+  std::vector<std::string> joint_tables;  ///< tables of joints in space (joint_detections.h), in natural order
+  std::vector<std::string> notes;         ///< files that look usable and are not, in sentences
 };
 
 /// The files of a folder, six levels deep, as in `FolderContent::files`.

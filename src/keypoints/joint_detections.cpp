@@ -1,6 +1,7 @@
 #include "doppel/keypoints/joint_detections.h"
 
 #include <climits>
+#include <fstream>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/text_reader.h"
@@ -10,6 +11,7 @@ namespace doppel {
 
 namespace {
 
+constexpr char kHeader[] = "frame,index,name,x_mm,y_mm,z_mm";
 constexpr double kMillimetre = 1e-3;
 constexpr double kFarthest = 10.0;
 
@@ -24,10 +26,18 @@ std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
 
 }  // namespace
 
+bool is_joint_table(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::string line;
+  if (!std::filesystem::is_regular_file(path) || !std::getline(file, line)) return false;
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  return line == kHeader;
+}
+
 std::map<long, std::vector<JointDetection>> read_joint_detections(const std::filesystem::path& csv,
                                                                   const PointLayout& layout) {
   TextReader reader(csv, "a table of joints in space", Separator::comma);
-  reader.require_header("frame,index,name,x_mm,y_mm,z_mm");
+  reader.require_header(kHeader);
   std::map<long, std::vector<JointDetection>> frames;
   while (reader.next_row(6)) {
     const long frame = reader.integer(0, "the frame", 0, INT_MAX);

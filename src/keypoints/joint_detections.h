@@ -16,6 +16,9 @@ struct JointDetection {
   bool seen = false;                                   ///< false: the network gives no estimate
 };
 
+/// Whether a file begins with the header of a table of joints in space. False for a file that cannot be read.
+bool is_joint_table(const std::filesystem::path& path);
+
 /// Reads a table with the columns `frame,index,name,x_mm,y_mm,z_mm`: the estimates of such a network in the frames of
 /// one camera's video. x right, y down, z forward, relative to the root of the body; the distance of the person from
 /// the camera is unknown. `index` is the index of the point in the layout.
