@@ -313,7 +313,7 @@ class RealShards : public support::BlazePoseTest {};
 TEST_F(RealShards, OfMasksAreComparedBetweenAllCameras) {
   const TemporaryFolder folder;
   const auto at = [&](const std::string& name) { return (folder / name).string(); };
-  step("synth --preset tiny --frames 2 --test-frames 1 --out " + at("capture"));
+  step("synth --preset tiny --frames 8 --test-frames 4 --out " + at("capture"));
   const std::string detect = "detect --model lite --masks --threads 1 " + at("capture");
   step(detect + " --out " + at("out"));
   const Files expected = files_in(at("out"));
