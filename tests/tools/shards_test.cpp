@@ -177,7 +177,8 @@ TEST_F(Shards, OfAnEvaluationBecomeThatOfTheRun) {
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set train.iterations=3 --set capture=" +
        in_common("prepared") + " --out " + at("run"));
   const std::string evaluate = "evaluate --every 4 --split all --run " + at("run");
-  expect_same_files(merged(evaluate, 2), {{"evaluation.json", read_file(at("run/evaluation.json"))}});
+  const Files found = merged(evaluate, 2);
+  expect_same_files(found, {{"evaluation.json", read_file(at("run/evaluation.json"))}});
   const std::string joined = read_file(at("run/evaluation.json"));
   fs::remove(at("run/evaluation.json"));
   step(evaluate + " --threads 1");
