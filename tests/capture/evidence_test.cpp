@@ -256,7 +256,7 @@ TEST(EvidenceDetector, FindsTheSameKeypointsInShards) {
   const auto whole = tables();
   EXPECT_EQ(whole.size(), 8u) << "a table for each camera and sequence, the store and the description";
   for (int i = 0; i < 2; ++i) {
-    PrepareOptions part = options;
+    PrepareOptions part = fixture.prepare_options();
     part.out = fixture.path("part" + std::to_string(i));
     part.shard = Shard{i, 2};
     EXPECT_TRUE(prepare_capture(fixture.capture(), part).finished);
