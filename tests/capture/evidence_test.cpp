@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "capture/detector_fixture.h"
@@ -237,6 +238,33 @@ void add_detector(const CaptureFixture& fixture, const std::string& extra = "") 
 bool lies_on(const cv::Mat& mask, const Keypoint& point) {
   const cv::Rect around(static_cast<int>(point.x) - 2, static_cast<int>(point.y) - 2, 5, 5);
   return point.confidence > 0.0f && cv::countNonZero(mask(around & cv::Rect({}, mask.size()))) > 0;
+}
+
+TEST(EvidenceDetector, FindsTheSameKeypointsInShards) {
+  const CaptureFixture fixture;
+  add_detector(fixture);
+  PrepareOptions options = fixture.prepare_options();
+  prepare_capture(fixture.capture(), options);
+  const auto tables = [&] {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(options.out / "detected"))
+      files[entry.path().filename().string()] = read_file(entry.path());
+    files["store"] = read_file(options.out / "store/data.mdb");
+    files["capture.yaml"] = read_file(options.out / "capture.yaml");
+    return files;
+  };
+  const auto whole = tables();
+  EXPECT_EQ(whole.size(), 8u) << "a table for each camera and sequence, the store and the description";
+  for (int i = 0; i < 2; ++i) {
+    PrepareOptions part = fixture.prepare_options();
+    part.out = fixture.path("part" + std::to_string(i));
+    part.shard = Shard{i, 2};
+    EXPECT_TRUE(prepare_capture(fixture.capture(), part).finished);
+    options.shards.push_back(part.out);
+  }
+  std::filesystem::remove_all(options.out);
+  prepare_capture(fixture.capture(), options);
+  EXPECT_TRUE(tables() == whole);
 }
 
 TEST(EvidenceDetector, FindsKeypointsWhilePreparing) {

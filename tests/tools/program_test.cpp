@@ -33,8 +33,8 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"synth", "calibrate", "capture", "character", "prepare", "doctor",
-                                         "train", "evaluate",  "compare", "animate",   "export",  "info"};
+const std::vector<std::string> kCommands{"synth",    "calibrate", "capture", "character", "prepare", "doctor", "train",
+                                         "evaluate", "merge",     "compare", "animate",   "export",  "info"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);

@@ -177,7 +177,8 @@ TEST_F(Shards, OfAnEvaluationBecomeThatOfTheRun) {
   step("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set train.iterations=3 --set capture=" +
        in_common("prepared") + " --out " + at("run"));
   const std::string evaluate = "evaluate --every 4 --split all --run " + at("run");
-  expect_same_files(merged(evaluate, 2), {{"evaluation.json", read_file(at("run/evaluation.json"))}});
+  const Files found = merged(evaluate, 2);
+  expect_same_files(found, {{"evaluation.json", read_file(at("run/evaluation.json"))}});
   const std::string joined = read_file(at("run/evaluation.json"));
   fs::remove(at("run/evaluation.json"));
   step(evaluate + " --threads 1");
@@ -313,7 +314,7 @@ class RealShards : public support::BlazePoseTest {};
 TEST_F(RealShards, OfMasksAreComparedBetweenAllCameras) {
   const TemporaryFolder folder;
   const auto at = [&](const std::string& name) { return (folder / name).string(); };
-  step("synth --preset tiny --frames 2 --test-frames 1 --out " + at("capture"));
+  step("synth --preset tiny --frames 8 --test-frames 4 --out " + at("capture"));
   const std::string detect = "detect --model lite --masks --threads 1 " + at("capture");
   step(detect + " --out " + at("out"));
   const Files expected = files_in(at("out"));
