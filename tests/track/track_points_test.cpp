@@ -11,7 +11,6 @@
 #include "doppel/core/npy.h"
 #include "doppel/keypoints/landmark_key.h"
 #include "doppel/keypoints/read_space_points.h"
-#include "doppel/track/points/distance_sum.h"
 #include "doppel/track/points/point_files.h"
 #include "support/message_of.h"
 #include "support/reference_points.h"
@@ -72,23 +71,6 @@ double largest_error(const PointMotion& motion) {
       if (const auto& point = motion.frames[f][as_size(k)])
         largest = std::max(largest, (*point - true_point(k, static_cast<double>(f))).norm());
   return largest;
-}
-
-TEST(DistanceSum, AViewThatIsOffPullsNoMoreThanOneThatIsNear) {
-  const Vector3d truth(0.05, 1.1, -0.1);
-  std::vector<Sight> sights;
-  for (const PinholeCamera& pinhole : ring_of_cameras(5, 1000, {0.0, 1.0, 0.0})) {
-    Camera camera;
-    static_cast<PinholeCamera&>(camera) = pinhole;
-    const Eigen::Vector2d error(sights.size() == 2 ? 30.0 : 0.0, 0.0);
-    sights.push_back(sight_of(camera, camera.project(truth) + error).value());
-  }
-  const Vector3d start = truth + Vector3d(0.01, -0.005, 0.008);
-  EXPECT_LT((least_distance_sum(sights, start, 60.0) - truth).norm(), 1e-4);
-  EXPECT_EQ(least_distance_sum(sights, start, 0.5), start) << "no view is near enough";
-  TriangulationOptions all;
-  all.inlier_threshold = 60.0;
-  EXPECT_GT((triangulate(sights, all).value().position - truth).norm(), 5e-3) << "the sum of squares is drawn aside";
 }
 
 TEST(PointMotion, IsThatOfTheBodyWhateverTheClocks) {

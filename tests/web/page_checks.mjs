@@ -10,6 +10,7 @@ export async function openPage(browser, url, viewport = { width: 1280, height: 8
   page.on('console', (message) => { if (message.type() === 'error') complaints.push(message.text()); });
   page.on('pageerror', (error) => complaints.push(String(error)));
   page.on('request', (sent) => { if (!/^(http:\/\/127\.0\.0\.1[:/]|data:|blob:)/.test(sent.url())) outside.push(sent.url()); });
+  page.setDefaultTimeout(180000);  // networks in WebAssembly beside other tests: minutes, but not for ever
   await page.goto(url);
   await drawn(page, 1);
   await idle(page);

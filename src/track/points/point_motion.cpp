@@ -8,7 +8,6 @@
 #include "doppel/core/error.h"
 #include "doppel/fit/pose_sequence.h"
 #include "doppel/geometry/triangulation.h"
-#include "doppel/track/points/distance_sum.h"
 
 namespace doppel {
 
@@ -16,7 +15,6 @@ namespace {
 
 constexpr double kReferenceSide = 1024.0;
 constexpr int kParabola = 2;
-constexpr double kNear = 2.5;  ///< times the residual of an agreeing view: views that still pull the point
 
 /// Triangulates the points of one row after the other.
 class Triangulator {
@@ -57,10 +55,8 @@ class Triangulator {
       sights.push_back(*sight);
       views.push_back(c);
     }
-    std::optional<TriangulatedPoint> found = choose(sights, as_size(k));
+    const std::optional<TriangulatedPoint> found = choose(sights, as_size(k));
     if (!found) return std::nullopt;
-    found->position = least_distance_sum(sights, found->position, kNear * options_.max_residual);
-    found = with_residuals(*found, sights);
     last_[as_size(k)] = found->position;
     for (std::size_t i = 0; i < views.size(); ++i) count(views[i], *found, i);
     return found->position;
