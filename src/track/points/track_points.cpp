@@ -11,6 +11,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/track/points/point_files.h"
+#include "doppel/track/track_results.h"
 
 namespace doppel {
 
@@ -90,7 +91,7 @@ TrackPointsReport track_points(const fs::path& path, const TrackPointsOptions& o
     fail("{} has one camera; points in space need at least two (for one camera: --method livecap)", capture.name);
   fs::create_directories(options.out);
   TrackPointsReport report;
-  for (const SequenceEntry& entry : wanted) {
+  for (const SequenceEntry& entry : own_units(wanted, options)) {
     report.sequences.push_back({entry.name, find_motion(capture, entry, filmed, options)});
     const PointMotion& motion = report.sequences.back().motion;
     const std::string array = wanted.size() > 1 ? entry.name + "_points.npy" : "points.npy";
@@ -99,6 +100,12 @@ TrackPointsReport track_points(const fs::path& path, const TrackPointsOptions& o
   }
   write_atomically(options.out / "track.json", to_json(report).dump(1) + "\n");
   return report;
+}
+
+void merge_points(const fs::path& path, const TrackPointsOptions& options, const std::vector<fs::path>& shards) {
+  std::vector<std::string> names;
+  for (const SequenceEntry& entry : wanted_sequences(find_capture(path), options)) names.push_back(entry.name);
+  merge_sequences(names, options.out, shards);
 }
 
 }  // namespace doppel

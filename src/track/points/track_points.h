@@ -34,4 +34,8 @@ nlohmann::ordered_json to_json(const TrackPointsReport& report);
 /// unknown sequence; FileError as the readers
 TrackPointsReport track_points(const std::filesystem::path& path, const TrackPointsOptions& options);
 
+/// Joins the results of shards in `options.out`. @param shards folders of all shards, by their index
+void merge_points(const std::filesystem::path& path, const TrackPointsOptions& options,
+                  const std::vector<std::filesystem::path>& shards);
+
 }  // namespace doppel
