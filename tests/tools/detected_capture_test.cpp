@@ -104,7 +104,7 @@ TEST_F(CaptureToDetect, KeypointsOfTheCaptureOrOfAnEarlierRunAreUsed) {
 using RealDetectedCapture = support::BlazePoseTest;
 
 // BlazePose and OpenPose place the same joint at different points of the body, hips most, so 35 mm, the bound for
-// OpenPose's own files, cannot hold. 41 mm here.
+// OpenPose's own files, is not reached. 38.4 mm here.
 TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
   const TemporaryFolder folder;
   const fs::path p2s = shared_ / "captures/p2s";
@@ -121,7 +121,7 @@ TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
       read_space_points(folder / "points/walk.trc"), read_space_points(p2s / "reference/pose2sim_filtered.trc"));
   RecordProperty("mean_mm", std::to_string(1e3 * mean));
   EXPECT_EQ(common, 15u);
-  EXPECT_LE(mean, 0.05);
+  EXPECT_LE(mean, 0.04);
 }
 
 }  // namespace
