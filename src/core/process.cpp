@@ -22,7 +22,7 @@ std::atomic<bool> stop{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
 
 constexpr int kMaxThreads = 1024;
-// About 0.1 ms: the least with which an idle machine is as fast as with the default, 0.1 s (docs/benchmarks.md).
+// About 0.1 ms: the least with which an idle machine is as fast as with the default, 300,000 (docs/benchmarks.md).
 constexpr const char* kSpinCount = "3000";
 
 extern "C" void on_stop_signal(int signal) {
