@@ -15,7 +15,7 @@ packages=(
 )
 for extra in "$@"; do
   case "$extra" in
-    tests) packages+=(libgtest-dev libgmock-dev python3-torch python3-numpy chromium) ;;
+    tests) packages+=(libgtest-dev libgmock-dev libceres-dev python3-torch python3-numpy chromium) ;;
     benchmarks) packages+=(libembree-dev libosmesa6-dev libceres-dev) ;;
     *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks)" >&2; exit 2 ;;
   esac
