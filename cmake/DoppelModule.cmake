@@ -35,10 +35,13 @@ target_compile_options(doppel_flags INTERFACE
 if(DOPPEL_SANITIZE)
   # GCC 12 reports uninitialised members inside std::regex, std::function and its own intrinsics once sanitizers are on;
   # there are none.
+  set(sanitizers -fsanitize=address,undefined -fno-sanitize-recover=undefined)
+  if(DOPPEL_SANITIZE STREQUAL thread)
+    set(sanitizers -fsanitize=thread)
+  endif()
   target_compile_options(doppel_flags INTERFACE
-    $<BUILD_INTERFACE:-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
-    -Wno-maybe-uninitialized -Wno-uninitialized>)
-  target_link_options(doppel_flags INTERFACE $<BUILD_INTERFACE:-fsanitize=address,undefined>)
+    "$<BUILD_INTERFACE:${sanitizers};-fno-omit-frame-pointer;-Wno-maybe-uninitialized;-Wno-uninitialized>")
+  target_link_options(doppel_flags INTERFACE "$<BUILD_INTERFACE:${sanitizers}>")
 endif()
 
 # LibTorch's headers as system headers, so that only our own code is held to our warnings.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <new>
 #include <opencv2/core/utility.hpp>
 #include <string>
 #include <string_view>
@@ -86,20 +87,27 @@ std::string printable(std::string_view message) {
 
 void print_error(const std::exception& e) { std::fprintf(stderr, "doppel: %s\n", printable(e.what()).c_str()); }
 
-}  // namespace
-
-int run_program(int argc, const char* const* argv) {
+int parse_and_run(int argc, const char* const* argv) {
   Program program;
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return program.app().exit(e) == 0 ? 0 : 2;
   }
+  return program.run();
+}
+
+}  // namespace
+
+int run_program(int argc, const char* const* argv) {
   try {
-    return program.run();
+    return parse_and_run(argc, argv);
   } catch (const UsageError& e) {
     print_error(e);
     return 2;
+  } catch (const std::bad_alloc&) {
+    std::fputs("doppel: the memory is not enough for this work\n", stderr);
+    return 1;
   } catch (const std::exception& e) {
     print_error(e);
     return 1;

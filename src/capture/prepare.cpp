@@ -27,6 +27,7 @@
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/statistics.h"
+#include "doppel/core/temporary_name.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
 
@@ -484,6 +485,8 @@ PrepareReport prepare_capture(const Capture& capture, const PrepareOptions& opti
   check_out_folder(capture, options.out);
   const PreparePlan plan = plan_preparation(capture, options);
   const FolderLock lock(options.out);
+  remove_temporaries(options.out,
+                     [](const std::string& name) { return name == "capture.yaml" || name == "report.json"; });
   return Preparation(plan, options).run();
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 
@@ -51,9 +52,7 @@ void VideoFile::write(const cv::Mat& image) {
 
 void VideoFile::close() {
   finish_video(writer_, temporary_, frames_);
-  std::error_code code;
-  fs::rename(temporary_, path_, code);
-  if (code) fail("writing {}: {}", path_.string(), code.message());
+  publish_file(temporary_, path_);
   temporary_.clear();
 }
 

@@ -54,18 +54,6 @@ struct TemporaryFile {
   fs::path path;
 };
 
-void flush_to_disk(const fs::path& temporary, const fs::path& path) {
-  FileDescriptor file(temporary, O_RDONLY);
-  if (!file) fail_writing(path, system_reason());
-  if (::fsync(file.get()) != 0) fail_writing(path, system_reason());
-}
-
-/// Makes the rename survive a power failure. Some file systems do not support this; the content is safe in any case.
-void flush_folder(const fs::path& folder) {
-  FileDescriptor descriptor(folder.empty() ? fs::path(".") : folder, O_RDONLY | O_DIRECTORY);
-  if (descriptor) (void)::fsync(descriptor.get());
-}
-
 /// The file to replace. A link stays a link, and its target is replaced.
 fs::path target_of(const fs::path& path) {
   std::error_code code;
@@ -101,11 +89,8 @@ void write_atomically(const fs::path& path, const std::function<void(const fs::p
 
   TemporaryFile temporary(temporary_beside(target));
   write(temporary.path);
-  flush_to_disk(temporary.path, path);
-  fs::rename(temporary.path, target, code);
-  if (code) fail_writing(path, code.message());
+  publish_file(temporary.path, target);
   temporary.path.clear();
-  flush_folder(target.parent_path());
 }
 
 void write_atomically(const fs::path& path, const std::string& content) {

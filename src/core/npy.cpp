@@ -1,7 +1,5 @@
 #include "doppel/core/npy.h"
 
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -12,6 +10,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/temporary_name.h"
 
 namespace doppel {
 namespace {
@@ -183,13 +182,8 @@ void NpyStream::close() {
   const std::string head = header("<f4", shape, kStreamHeaderSize);
   if (std::fseek(file_, 0, SEEK_SET) != 0) fail("writing {}: {}", path_.string(), std::strerror(errno));
   write(file_, head.data(), head.size(), path_);
-  const bool flushed = std::fflush(file_) == 0 && fsync(fileno(file_)) == 0;
-  const int reason = errno;
-  const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
-  if (!flushed || !closed) fail("writing {}: {}", path_.string(), std::strerror(flushed ? errno : reason));
-  std::error_code code;
-  std::filesystem::rename(temporary_, path_, code);
-  if (code) fail("writing {}: {}", path_.string(), code.message());
+  if (std::fclose(std::exchange(file_, nullptr)) != 0) fail("writing {}: {}", path_.string(), std::strerror(errno));
+  publish_file(temporary_, path_);
   temporary_.clear();
 }
 

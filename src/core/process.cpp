@@ -5,8 +5,11 @@
 
 #include <atomic>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <fstream>
+#include <new>
+#include <string_view>
 
 #if defined(__GLIBC__)
 #include <malloc.h>
@@ -18,7 +21,7 @@
 namespace doppel {
 namespace {
 
-std::atomic<bool> stop{false};
+std::atomic<bool> stop_wanted{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only touch lock-free atomics");
 
 constexpr int kMaxThreads = 1024;
@@ -26,7 +29,25 @@ constexpr int kMaxThreads = 1024;
 constexpr const char* kSpinCount = "3000";
 
 extern "C" void on_stop_signal(int signal) {
-  if (stop.exchange(true)) _exit(128 + signal);
+  if (stop_wanted.exchange(true)) _exit(128 + signal);
+}
+
+std::terminate_handler usual_terminate = nullptr;
+
+/// An exception that nothing can catch, such as one in a destructor of a library.
+[[noreturn]] void on_terminate() {
+  try {
+    if (const std::exception_ptr thrown = std::current_exception()) std::rethrow_exception(thrown);
+  } catch (const std::bad_alloc&) {
+    // Formatting a message might need memory.
+    constexpr std::string_view text = "doppel: the memory is not enough for this work\n";
+    (void)!::write(STDERR_FILENO, text.data(), text.size());
+    _exit(1);
+  } catch (...) {
+    // the usual handler prints it
+  }
+  if (usual_terminate) usual_terminate();
+  std::abort();
 }
 
 void keep_freed_memory() {
@@ -43,6 +64,7 @@ void keep_freed_memory() {
 
 void setup_process() {
   keep_freed_memory();
+  usual_terminate = std::set_terminate(on_terminate);
   struct sigaction action = {};
   action.sa_handler = on_stop_signal;
   sigemptyset(&action.sa_mask);
@@ -87,7 +109,7 @@ double private_megabytes() {
   return (resident_pages - file_pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
-bool stop_requested() { return stop.load(std::memory_order_relaxed); }
-void request_stop(bool value) { stop.store(value); }
+bool stop_requested() { return stop_wanted.load(std::memory_order_relaxed); }
+void request_stop(bool value) { stop_wanted.store(value); }
 
 }  // namespace doppel

@@ -5,6 +5,7 @@ namespace doppel {
 /// Sets up the process for numeric work. Call it once, at the start of `main`.
 /// - The process keeps large freed blocks instead of returning them to the system: the page faults of a new 40 MB
 ///   tensor cost more than the arithmetic of most kernels.
+/// - A lack of memory that nothing can catch, say in a library's thread, is a sentence and exit code 1.
 /// - Ctrl-C, SIGTERM and SIGHUP (unless nohup) are requests for `stop_requested`; a second one ends the process at
 /// once.
 void setup_process();

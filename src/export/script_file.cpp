@@ -187,7 +187,10 @@ void ScriptFileWriter::save(const std::filesystem::path& path, const Character& 
     fused_->save(fused);
     files[kFusedFile] = fused.str();
   }
-  write_atomically(path, [&](const std::filesystem::path& temporary) { module_.save(temporary.string(), files); });
+  // Not into a file at once: where a write fails, LibTorch ends the process, and it misses a failure of the last one.
+  std::ostringstream bytes;
+  module_.save(bytes, files);
+  write_atomically(path, bytes.str());
 }
 
 namespace {

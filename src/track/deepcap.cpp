@@ -43,7 +43,7 @@ class DeepcapRun {
     write_poses(footage_.character(), footage_.capture().fps, options_.out, result_);
     const fs::path stem = options_.out / sequence_.name;
     if (has_graph()) write_graphs(stem.string() + "_graph.npy");
-    if ((options_.film || options_.vertices) && result_.stopped.empty()) write_surfaces(stem, progress);
+    if (options_.film || options_.vertices) run_second_pass(result_, [&] { write_surfaces(stem, progress); });
     return report_of(footage_, std::move(result_));
   }
 
@@ -70,10 +70,8 @@ class DeepcapRun {
     const TriangleMesh& mesh = footage_.character().mesh;
     std::optional<FrameFile> vertices;
     std::optional<TrackFilm> film;
-    if (options_.vertices) {
-      result_.vertices = stem.string() + "_vertices.npy";
-      vertices.emplace(result_.vertices, mesh.num_vertices(), 3);
-    }
+    const fs::path path = stem.string() + "_vertices.npy";
+    if (options_.vertices) vertices.emplace(path, mesh.num_vertices(), 3);
     if (options_.film)
       film.emplace(stem.string() + ".mp4", footage_.cameras().front(), mesh, footage_.capture().fps, options_.view);
     const auto reader = options_.film ? footage_.read(sequence_.index) : nullptr;
@@ -86,6 +84,7 @@ class DeepcapRun {
       progress.advance(1, sequence_.name);
     }
     if (vertices) vertices->close();
+    if (vertices) result_.vertices = path;
     if (film) film->close();
   }
 

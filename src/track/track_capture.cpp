@@ -124,13 +124,14 @@ std::vector<std::pair<std::string, double>> named_values(const Character& charac
 SequenceReport finish_sequence(const Footage& footage, const Character& character, const TrackOptions& options,
                                const FootageSequence& sequence, Progress& progress) {
   TrackedSequence tracked = track_sequence(footage, character, options, sequence, progress);
-  const bool surface = options.surface && tracked.stopped.empty();
-  if (surface)
-    tracked.surface = track_surface(footage, sequence, tracked.motion, options.config.surface,
-                                    options.out / sequence.name, options.vertices, progress);
   write_poses(footage.character(), footage.capture().fps, options.out, tracked);
+  if (options.surface)
+    run_second_pass(tracked, [&] {
+      tracked.surface = track_surface(footage, sequence, tracked.motion, options.config.surface,
+                                      options.out / sequence.name, options.vertices, progress);
+    });
   if (options.vertices) tracked.vertices = options.out / (sequence.name + "_vertices.npy");
-  if (options.vertices && !surface) write_vertices(tracked.vertices, footage, tracked);
+  if (options.vertices && !tracked.surface) write_vertices(tracked.vertices, footage, tracked);
   return report_of(footage, std::move(tracked));
 }
 

@@ -44,7 +44,8 @@ void require_masks(const Footage& footage, const std::vector<FootageSequence>& s
 /// Warns once when sequences have no masks: the terms of silhouettes and contours are then off.
 void warn_without_masks(const std::vector<FootageSequence>& sequences);
 
-/// Makes the output folder. @throws UsageError when it holds the capture itself, or `out` is empty
+/// Makes the output folder, and removes temporary files that a killed run left in it. @throws UsageError when it holds
+/// the capture itself, or `out` is empty
 void open_out_folder(const Footage& footage, const std::filesystem::path& out);
 /// @throws UsageError unless `footage` has one camera
 void check_one_camera(const Footage& footage);

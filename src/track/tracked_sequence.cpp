@@ -5,6 +5,8 @@
 #include "doppel/character/bvh.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
 #include "doppel/fit/pose_sequence.h"
 
 namespace doppel {
@@ -43,6 +45,17 @@ void write_poses(const Character& character, double frames_per_second, const fs:
   write_motion(stem.string() + ".motion", tracked.motion, true);
   write_bvh(stem.string() + ".bvh",
             bvh_from_motion(character.skeleton, tracked.motion, frames_per_second, character.rest_dofs));
+}
+
+void run_second_pass(TrackedSequence& tracked, const std::function<void()>& work) {
+  if (!tracked.stopped.empty()) return;
+  try {
+    work();
+  } catch (const Error& e) {
+    if (!stop_requested() && !dynamic_cast<const FileError*>(&e)) throw;
+    tracked.stopped = e.what();
+    log::warn("sequence {}: the poses are complete, their surfaces are not: {}", tracked.sequence.name, e.what());
+  }
 }
 
 }  // namespace doppel

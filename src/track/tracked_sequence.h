@@ -3,6 +3,7 @@
 /// A tracked sequence, and the motion and files that every method makes from it.
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,5 +43,10 @@ void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& ro
 /// Writes `<sequence>.motion` and `<sequence>.bvh` into the folder `out`.
 void write_poses(const Character& character, double frames_per_second, const std::filesystem::path& out,
                  const TrackedSequence& tracked);
+
+/// Runs work on the poses of a sequence that is tracked to its end, such as surfaces and films. When a stop is
+/// requested, or an image cannot be read, `stopped` says why, and the poses stay.
+/// @param work throws an Error then, and leaves no part of a file
+void run_second_pass(TrackedSequence& tracked, const std::function<void()>& work);
 
 }  // namespace doppel

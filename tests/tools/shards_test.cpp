@@ -3,9 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
-#include <regex>
 #include <sstream>
 
 #include "dnn/small_networks.h"
@@ -13,6 +11,7 @@
 #include "run_program.h"
 #include "shard_folder.h"
 #include "support/blazepose_weights.h"
+#include "support/comparable_files.h"
 #include "support/hostile_files.h"
 #include "support/temporary_folder.h"
 
@@ -24,39 +23,13 @@ using support::TemporaryFolder;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using Json = nlohmann::ordered_json;
-using Files = std::map<std::string, std::string>;
+using support::Files;
+using support::files_in;
 
 Outcome step(const std::string& line) {
   const Outcome outcome = run(line);
   EXPECT_EQ(outcome.code, 0) << "doppel " << line << "\n" << outcome.err;
   return outcome;
-}
-
-/// Removes what no two runs have alike: speeds.
-void remove_speeds(Json& node) {
-  if (node.is_object())
-    for (const char* key : {"frames_per_second", "milliseconds"}) node.erase(key);
-  for (Json& child : node)
-    if (child.is_structured()) remove_speeds(child);
-}
-
-std::string comparable(const std::string& name, std::string content) {
-  if (name == "track.html") return std::regex_replace(content, std::regex("[0-9.]+ / s"), "");
-  if (name != "track.json") return content;
-  Json report = Json::parse(content);
-  remove_speeds(report);
-  return report.dump(1);
-}
-
-/// The bytes of all files. The lock of a store is no part of it.
-Files files_in(const fs::path& folder) {
-  Files files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    const std::string name = entry.path().lexically_relative(folder).string();
-    if (entry.is_regular_file() && entry.path().filename() != "lock.mdb")
-      files[name] = comparable(name, read_file(entry.path()));
-  }
-  return files;
 }
 
 void expect_same_files(const Files& found, const Files& expected) {

@@ -1,0 +1,121 @@
+#include "faults/tiny_work.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "dnn/small_networks.h"
+#include "doppel/core/atomic_file.h"
+#include "faults/program_run.h"
+#include "support/hostile_files.h"
+
+namespace doppel::faults {
+
+namespace fs = std::filesystem;
+
+using Words = std::vector<std::string>;
+
+namespace {
+
+Words joined(Words words, const Words& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+}  // namespace
+
+Words Recipe::with_out(const fs::path& out) const {
+  Words result = words;
+  for (std::string& word : result)
+    if (const auto at = word.find("OUT"); at != std::string::npos) word.replace(at, 3, out.string());
+  return result;
+}
+
+TinyWork::TinyWork() {
+  make(synth(at("capture")));
+  make(prepare(at("prepared")));
+  fs::copy_file(DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml", at("egnet.yaml"));
+  make(train(at("run"), 4, 1));
+  make_broken_run();
+  for (const std::string part : {"0", "1"}) make(joined(prepare(at("parts/" + part)), {"--shard", part + "/2"}));
+  make_detector();
+}
+
+Words TinyWork::synth(const std::string& out) const {
+  return {"synth", "--preset", "tiny", "--frames", "4", "--test-frames", "2", "--cameras", "3", "--out", out};
+}
+
+Words TinyWork::prepare(const std::string& out) const {
+  return {"prepare", at("capture"), "--mask-size", "32", "--image-size", "32", "--out", out};
+}
+
+Words TinyWork::train(const std::string& out, int steps, int every) const {
+  return {"train", at("egnet.yaml"),
+          "--set", "capture=" + at("prepared").string(),
+          "--set", "train.iterations=" + std::to_string(steps),
+          "--set", "train.checkpoint_every=" + std::to_string(every),
+          "--set", "train.log_every=1",
+          "--set", "train.keep_last=1000",
+          "--out", out};
+}
+
+Words TinyWork::track(const std::string& out) const {
+  return {"track", at("capture"), "--limit-frames", "2",     "--sheet-frames",
+          "1",     "--surface",   "--vertices",     "--out", out};
+}
+
+void TinyWork::make(const Words& words) const {
+  const Ending ending = run(words);
+  if (!ending.succeeded()) throw std::runtime_error("doppel " + words.front() + ": " + ending.err);
+}
+
+void TinyWork::make_detector() const {
+  using namespace test_networks;
+  support::write_bytes(
+      at("pose.onnx"),
+      centre_net(80, 60, {x_of(0), y_of(0), sum_of(0), x_of(1), y_of(1), sum_of(1), x_of(2), y_of(2), sum_of(2)},
+                 {0, 0, 0, 1, 1, 1, 2, 2, 2}, {1, 3, 3}));
+  support::write_bytes(at("map.yaml"), "points: [blue, green, red]\nevery_point: true\n");
+}
+
+void TinyWork::make_broken_run() const {
+  fs::copy(at("run"), at("broken"), fs::copy_options::recursive);
+  for (const char* step : {"000003", "000004"})
+    fs::remove(at("broken") / "checkpoints" / fmt::format("step-{}.pt", step));
+}
+
+std::vector<Recipe> TinyWork::recipes() const {
+  const std::string character = at("capture/character/actor.character");
+  const std::string motion = at("capture/testing/skeletoolToGTPose/poseAngles.motion");
+  const std::string video = at("capture/testing/videos/stream000.mp4");
+  return {
+      {"synth", synth("OUT"), ""},
+      {"prepare", prepare("OUT"), ""},
+      {"train", train("OUT", 4, 1), ""},
+      {"train resumed", train("OUT", 4, 1), "broken"},
+      {"track", track("OUT"), ""},
+      {"track livecap",
+       {"track", at("capture"), "--method", "livecap", "--camera", "0", "--limit-frames", "2", "--vertices",
+        "--preview", "OUT/film.mp4", "--out", "OUT"},
+       ""},
+      {"track live",
+       {"track", at("capture"), "--method", "livecap", "--camera", "0", "--sequences", "testing", "--source", video,
+        "--vertices", "--out", "OUT"},
+       ""},
+      {"detect",
+       {"detect", at("capture"), "--network", at("pose.onnx"), "--layout", at("map.yaml"), "--out", "OUT"},
+       ""},
+      {"export", {"export", "--run", at("run"), "--out", "OUT/actor.pt"}, ""},
+      {"export onnx", {"export", "--run", at("run"), "--format", "onnx", "--out", "OUT/actor.onnx"}, ""},
+      {"export safetensors",
+       {"export", "--run", at("run"), "--format", "safetensors", "--out", "OUT/actor.safetensors"},
+       ""},
+      {"animate",
+       {"animate", "--character", character, "--motion", motion, "--format", "npy,obj,glb,usda,pc2,mdd,mp4,png",
+        "--video-size", "64", "--out", "OUT"},
+       ""},
+      {"evaluate", {"evaluate", "--run", "OUT", "--split", "all"}, "run"},
+      {"merge", {"merge", at("parts"), "--out", "OUT"}, ""},
+  };
+}
+
+}  // namespace doppel::faults
