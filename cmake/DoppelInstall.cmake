@@ -1,8 +1,14 @@
+# What is installed. Component `program`: what a user of the program and of the C API needs. Component `development`:
 # find_package(Doppel) for the outside world; tests/install builds a consumer against it.
 include(CMakePackageConfigHelpers)
+install(TARGETS doppel RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+install(DIRECTORY configs DESTINATION ${CMAKE_INSTALL_DATADIR}/doppel COMPONENT program)
+install(FILES README.md SECURITY.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright COMPONENT program)
+
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 get_property(modules GLOBAL PROPERTY DOPPEL_MODULES)
 install(TARGETS ${modules} doppel_flags doppel_torch EXPORT DoppelTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(TARGETS doppel RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY src/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/doppel FILES_MATCHING PATTERN "*.h")
 install(EXPORT DoppelTargets NAMESPACE Doppel:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)
 configure_package_config_file(cmake/DoppelConfig.cmake.in DoppelConfig.cmake

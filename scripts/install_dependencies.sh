@@ -3,6 +3,9 @@
 #   scripts/install_dependencies.sh            packages for building and running
 #   scripts/install_dependencies.sh tests      also packages for the tests
 #   scripts/install_dependencies.sh benchmarks also the libraries with which the benchmarks compare
+#   scripts/install_dependencies.sh packages   also the tools that build Debian packages
+#   scripts/install_dependencies.sh arm64      also the cross-compiler of scripts/arm64.sh
+#   scripts/install_dependencies.sh --list     prints the packages for building and running, and installs nothing
 set -euo pipefail
 
 packages=(
@@ -17,7 +20,10 @@ for extra in "$@"; do
   case "$extra" in
     tests) packages+=(libgtest-dev libgmock-dev libceres-dev python3-torch python3-numpy chromium) ;;
     benchmarks) packages+=(libembree-dev libosmesa6-dev libceres-dev) ;;
-    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks)" >&2; exit 2 ;;
+    packages) packages+=(dpkg-dev file) ;;
+    arm64) packages+=(g++-aarch64-linux-gnu qemu-user mmdebstrap) ;;
+    --list) echo "${packages[*]}"; exit ;;
+    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks, packages, arm64, --list)" >&2; exit 2 ;;
   esac
 done
 

@@ -2,6 +2,7 @@
 # From a fresh checkout to a trained actor: installs missing packages, builds, creates a synthetic capture of a person,
 # prepares it, trains a model on its images, evaluates, exports, and renders a video. All results are written to ./demo
 # (or the folder given as $1). A second run keeps the build and the capture, and trains again.
+# DOPPEL names an installed program; then nothing is installed or built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 demo="${1:-demo}"
@@ -9,13 +10,16 @@ export CMAKE_BUILD_PARALLEL_LEVEL="${CMAKE_BUILD_PARALLEL_LEVEL:-$(nproc)}"
 
 step() { printf '\n== %s\n' "$*" >&2; }
 
-step "Packages"
-scripts/install_dependencies.sh
+doppel="${DOPPEL:-}"
+if [ -z "$doppel" ]; then
+  step "Packages"
+  scripts/install_dependencies.sh
 
-step "Build"
-cmake --preset quickstart >/dev/null
-cmake --build --preset quickstart
-doppel=build/release/tools/doppel
+  step "Build"
+  cmake --preset quickstart >/dev/null
+  cmake --build --preset quickstart
+  doppel=build/release/tools/doppel
+fi
 
 if [ ! -f "$demo/capture/capture.yaml" ]; then
   step "A synthetic capture of a person, filmed by eight cameras"

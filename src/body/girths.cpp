@@ -46,7 +46,7 @@ std::vector<SurfaceLoop> plane_section(const TriangleMesh& mesh, const Vector3d&
     for (int c = 0; c < 3; ++c) {
       const int a = f[c], b = f[(c + 1) % 3];
       const bool from = above(a) >= 0, to = above(b) >= 0;
-      if (from != to) (to ? rise : fall) = {std::min(a, b), std::max(a, b)};
+      if (from != to) (to ? rise : fall) = std::array{std::min(a, b), std::max(a, b)};
     }
     if (rise[0] >= 0) next[rise] = fall;
   }

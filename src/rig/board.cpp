@@ -22,26 +22,25 @@ constexpr std::size_t kFewestCorners = 6;
 constexpr double kShareOfSpacing = 0.35;  // of the distance of two corners: half of the window that refines a corner
 constexpr int kLargestHalfWindow = 15;
 
-const std::map<std::string, cv::aruco::PREDEFINED_DICTIONARY_NAME>& dictionaries() {
-  static const std::map<std::string, cv::aruco::PREDEFINED_DICTIONARY_NAME> kAll{
-      {"DICT_4X4_50", cv::aruco::DICT_4X4_50},
-      {"DICT_4X4_100", cv::aruco::DICT_4X4_100},
-      {"DICT_4X4_250", cv::aruco::DICT_4X4_250},
-      {"DICT_4X4_1000", cv::aruco::DICT_4X4_1000},
-      {"DICT_5X5_50", cv::aruco::DICT_5X5_50},
-      {"DICT_5X5_100", cv::aruco::DICT_5X5_100},
-      {"DICT_5X5_250", cv::aruco::DICT_5X5_250},
-      {"DICT_5X5_1000", cv::aruco::DICT_5X5_1000},
-      {"DICT_6X6_50", cv::aruco::DICT_6X6_50},
-      {"DICT_6X6_100", cv::aruco::DICT_6X6_100},
-      {"DICT_6X6_250", cv::aruco::DICT_6X6_250},
-      {"DICT_6X6_1000", cv::aruco::DICT_6X6_1000},
-      {"DICT_7X7_50", cv::aruco::DICT_7X7_50},
-      {"DICT_7X7_100", cv::aruco::DICT_7X7_100},
-      {"DICT_7X7_250", cv::aruco::DICT_7X7_250},
-      {"DICT_7X7_1000", cv::aruco::DICT_7X7_1000},
-      {"DICT_ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL},
-      {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11}};
+const std::map<std::string, int>& dictionaries() {
+  static const std::map<std::string, int> kAll{{"DICT_4X4_50", cv::aruco::DICT_4X4_50},
+                                               {"DICT_4X4_100", cv::aruco::DICT_4X4_100},
+                                               {"DICT_4X4_250", cv::aruco::DICT_4X4_250},
+                                               {"DICT_4X4_1000", cv::aruco::DICT_4X4_1000},
+                                               {"DICT_5X5_50", cv::aruco::DICT_5X5_50},
+                                               {"DICT_5X5_100", cv::aruco::DICT_5X5_100},
+                                               {"DICT_5X5_250", cv::aruco::DICT_5X5_250},
+                                               {"DICT_5X5_1000", cv::aruco::DICT_5X5_1000},
+                                               {"DICT_6X6_50", cv::aruco::DICT_6X6_50},
+                                               {"DICT_6X6_100", cv::aruco::DICT_6X6_100},
+                                               {"DICT_6X6_250", cv::aruco::DICT_6X6_250},
+                                               {"DICT_6X6_1000", cv::aruco::DICT_6X6_1000},
+                                               {"DICT_7X7_50", cv::aruco::DICT_7X7_50},
+                                               {"DICT_7X7_100", cv::aruco::DICT_7X7_100},
+                                               {"DICT_7X7_250", cv::aruco::DICT_7X7_250},
+                                               {"DICT_7X7_1000", cv::aruco::DICT_7X7_1000},
+                                               {"DICT_ARUCO_ORIGINAL", cv::aruco::DICT_ARUCO_ORIGINAL},
+                                               {"DICT_APRILTAG_36h11", cv::aruco::DICT_APRILTAG_36h11}};
   return kAll;
 }
 
@@ -170,11 +169,37 @@ std::optional<BoardView> find_chessboard(const cv::Mat& image, const Board& boar
   return view;
 }
 
+// OpenCV 4.7 changed the types of aruco, and the order of the squares of boards with an even number of rows. The old
+// order is kept, so that every version of OpenCV finds the same boards.
+#if CV_VERSION_MAJOR > 4 || CV_VERSION_MINOR >= 7
+cv::Ptr<cv::aruco::Dictionary> dictionary_of(int name) {
+  return cv::makePtr<cv::aruco::Dictionary>(cv::aruco::getPredefinedDictionary(name));
+}
+
+cv::Ptr<cv::aruco::CharucoBoard> charuco_board(const Board& board, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
+  auto result =
+      cv::makePtr<cv::aruco::CharucoBoard>(cv::Size(board.columns, board.rows), static_cast<float>(board.square),
+                                           static_cast<float>(board.marker), *dictionary);
+  result->setLegacyPattern(true);
+  return result;
+}
+
+cv::Ptr<cv::aruco::DetectorParameters> detector_parameters() { return cv::makePtr<cv::aruco::DetectorParameters>(); }
+#else
+cv::Ptr<cv::aruco::Dictionary> dictionary_of(int name) { return cv::aruco::getPredefinedDictionary(name); }
+
+cv::Ptr<cv::aruco::CharucoBoard> charuco_board(const Board& board, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
+  return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square),
+                                         static_cast<float>(board.marker), dictionary);
+}
+
+cv::Ptr<cv::aruco::DetectorParameters> detector_parameters() { return cv::aruco::DetectorParameters::create(); }
+#endif
+
 std::optional<BoardView> find_charuco(const cv::Mat& image, const Board& board) {
-  const auto dictionary = cv::aruco::getPredefinedDictionary(dictionaries().at(board.dictionary));
-  const auto charuco = cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square),
-                                                       static_cast<float>(board.marker), dictionary);
-  const auto parameters = cv::aruco::DetectorParameters::create();
+  const auto dictionary = dictionary_of(dictionaries().at(board.dictionary));
+  const auto charuco = charuco_board(board, dictionary);
+  const auto parameters = detector_parameters();
   std::vector<std::vector<cv::Point2f>> markers;
   std::vector<int> ids;
   cv::aruco::detectMarkers(image, dictionary, markers, ids, parameters);

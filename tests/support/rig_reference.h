@@ -34,7 +34,7 @@ class RigReferenceTest : public SharedFolderTest, public ::testing::WithParamInt
     if (reference_.contains("animation_index"))
       return scene_.animations.at(reference_["animation_index"].get<std::size_t>());
     for (const SceneAnimation& animation : scene_.animations)
-      if (animation.name == reference_["animation_stack"]) return animation;
+      if (reference_["animation_stack"] == animation.name) return animation;
     fail("no such animation");
   }
 

@@ -1,0 +1,15 @@
+# Cross-builds for arm64 with Debian's g++-aarch64-linux-gnu against a root of arm64 packages, ARM64_ROOT, and runs the
+# tests under qemu-user. scripts/arm64.sh makes the root.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSTEM_PROCESSOR aarch64)
+set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
+set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
+set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
+set(CMAKE_SYSROOT $ENV{ARM64_ROOT})
+set(CMAKE_CROSSCOMPILING_EMULATOR qemu-aarch64;-L;$ENV{ARM64_ROOT})
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(ENV{PKG_CONFIG_SYSROOT_DIR} $ENV{ARM64_ROOT})
+set(ENV{PKG_CONFIG_LIBDIR} $ENV{ARM64_ROOT}/usr/lib/aarch64-linux-gnu/pkgconfig:$ENV{ARM64_ROOT}/usr/share/pkgconfig)
