@@ -10,7 +10,7 @@ set -euo pipefail
 
 packages=(
   cmake g++ ninja-build ccache pkg-config
-  libtorch-dev libopenblas-dev libopencv-dev libeigen3-dev libopenmesh-dev
+  libtorch-dev libgloo-dev libopenblas-dev libopencv-dev libeigen3-dev libopenmesh-dev
   libyaml-cpp-dev libspdlog-dev libfmt-dev libcli11-dev nlohmann-json3-dev
   libpugixml-dev libtomlplusplus-dev libassimp-dev libtinygltf-dev libonnx-dev libcpp-httplib-dev liboscpack-dev zlib1g-dev libminizip-dev
   liblmdb-dev libprotobuf-dev protobuf-compiler

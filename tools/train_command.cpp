@@ -9,6 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/progress.h"
+#include "doppel/distributed/ranks.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
 
@@ -28,6 +29,7 @@ struct TrainArguments {
   std::string config, out;
   std::vector<std::string> overrides, stages;
   bool resume = false, overwrite = false;
+  RankFlags ranks;
 };
 
 /// Paths on the command line are relative to the working directory; paths in a file are relative to the file.
@@ -71,6 +73,16 @@ void print_summaries(const std::vector<StageSummary>& summaries, const fs::path&
   std::printf("report  %s\n", report.c_str());
 }
 
+/// Trains, and tells the other ranks when this one fails.
+std::vector<StageSummary> train_together(const StageChain& chain, const fs::path& out, const ChainOptions& options) {
+  try {
+    return train_stages(chain, out, options);
+  } catch (const std::exception& e) {
+    options.ranks->leave(e.what());
+    throw;
+  }
+}
+
 int run(const TrainArguments& arguments, const CommonOptions& common) {
   if (arguments.resume && arguments.overwrite) fail<UsageError>("--resume and --overwrite cannot be combined");
   std::vector<std::string> overrides = absolute_capture(arguments.overrides);
@@ -82,8 +94,11 @@ int run(const TrainArguments& arguments, const CommonOptions& common) {
   for (const std::string& name : arguments.stages) options.stages.push_back(stage_entry(name).name);
   options.mode = arguments.resume ? RunMode::resume : arguments.overwrite ? RunMode::overwrite : RunMode::automatic;
   const fs::path out = arguments.out.empty() ? fs::path("runs") / chain.name() : fs::path(arguments.out);
-  const auto summaries = train_stages(chain, out, options);
-  print_summaries(summaries, out, chain.single(), common.json);
+  Ranks ranks(read_rank_options(arguments.ranks));
+  if (!ranks.is_first()) setup_logging("warn");  // rank 0 speaks for all
+  options.ranks = &ranks;
+  const auto summaries = train_together(chain, out, options);
+  if (ranks.is_first()) print_summaries(summaries, out, chain.single(), common.json);
   if (summaries.empty() || summaries.back().summary.reason != StopReason::interrupted) return 0;
   log::warn("stopped at step {} of {}; run the same command again to resume", summaries.back().summary.step,
             summaries.back().stage);
@@ -103,6 +118,9 @@ Command add_train(CLI::App& program) {
                   "Stages of a chain to train: egnet,lighting,deltanet,texnet or posenet,defnet (default: all)")
       ->delimiter(',');
   app->add_flag("--resume", arguments->resume, "Resume a run; fail when there is none");
+  app->add_option("--nodes", arguments->ranks.nodes, "Train with several processes: HOST:PORT of rank 0");
+  app->add_option("--rank", arguments->ranks.rank, "The number of this process, from 0");
+  app->add_option("--world", arguments->ranks.world, "The number of processes (docs/clusters.md)");
   app->add_flag("--overwrite", arguments->overwrite, "Replace the run in --out");
   return {app, [arguments](const CommonOptions& common) { return run(*arguments, common); }};
 }

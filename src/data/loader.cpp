@@ -57,6 +57,7 @@ struct Loader::Impl {
   LoaderOptions options;
   SamplePlan plan;
   CropCache cache;
+  BatchShare share;
   std::int64_t next_batch = 0;  ///< the next to return; the stream's position is this * batch_size + first_sample
   std::int64_t first_sample = 0;
 
@@ -71,7 +72,8 @@ struct Loader::Impl {
       : dataset(data),
         options(std::move(chosen)),
         plan(make_plan(data, options)),
-        cache(as_size(options.cache_mb) << 20) {
+        cache(as_size(options.cache_mb) << 20),
+        share{0, options.batch_size, options.batch_size} {
     start();
   }
   Impl(const Impl&) = delete;
@@ -99,7 +101,8 @@ struct Loader::Impl {
     try {
       // Workers record no autograd history. Gradient mode is per thread.
       torch::NoGradGuard no_grad;
-      const auto items = plan.items(first_sample + number * options.batch_size, options.batch_size);
+      const auto items =
+          plan.items(first_sample + number * options.batch_size + share.first, static_cast<int>(share.count));
       loaded.batch = build_batch(dataset, cache, items, batch_options(options));
     } catch (...) {
       loaded.error = std::current_exception();
@@ -160,6 +163,21 @@ Loader::Loader(const Dataset& dataset, LoaderOptions options) {
 Loader::~Loader() = default;
 
 Batch Loader::next() { return impl_->next(); }
+
+void Loader::take_share(int rank, int world) {
+  const int whole = impl_->options.batch_size;
+  if (world > whole)
+    fail<UsageError>(
+        "a batch of {} cannot be shared by {} ranks, because every rank needs a sample; start at most {} ranks, or set "
+        "a "
+        "larger data.batch_size",
+        whole, world, whole);
+  impl_->stop();
+  impl_->share = BatchShare::of(rank, world, whole);
+  impl_->go_to(impl_->position(), impl_->plan.seed());
+}
+
+BatchShare Loader::share() const { return impl_->share; }
 
 std::string Loader::state() const {
   return nlohmann::json{{"loader", 1},

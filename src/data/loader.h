@@ -7,6 +7,7 @@
 
 #include "doppel/data/batch.h"
 #include "doppel/data/dataset.h"
+#include "doppel/distributed/batch_share.h"
 
 namespace doppel {
 
@@ -46,6 +47,10 @@ class Loader {
 
   /// The next batch. Throws the errors of the workers.
   Batch next();
+  /// From now on, a batch has only this rank's rows of it. Position and state remain those of whole batches.
+  /// @throws UsageError when there are more ranks than rows
+  void take_share(int rank, int world);
+  BatchShare share() const;
 
   /// The position of the stream after the last `next()`, as text for a checkpoint.
   std::string state() const;

@@ -2,6 +2,8 @@
 
 #include <torch/types.h>
 
+#include <algorithm>
+
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
@@ -57,6 +59,10 @@ Tensor chroma(const Tensor& image, const Tensor& foreground, const std::vector<d
 
 }  // namespace
 
+std::int64_t chroma_pixels(const Tensor& covered, const Tensor& target_mask) {
+  return chroma_mask(covered, target_mask).count;
+}
+
 Tensor chroma_loss_reference(const Tensor& rendered, const Tensor& covered, const Tensor& target,
                              const Tensor& target_mask, const ChromaOptions& options) {
   check(rendered, covered, target, target_mask, options);
@@ -65,7 +71,7 @@ Tensor chroma_loss_reference(const Tensor& rendered, const Tensor& covered, cons
   const image_loss::PixelMask mask = chroma_mask(covered, target_mask);
   const Tensor foreground = mask.weight.ne(0).unsqueeze(-1);
   const Tensor difference = chroma(rendered, foreground, taps) - chroma(target, foreground, taps);
-  return 0.5 * difference.square().sum() / (2.0 * static_cast<double>(mask.count));
+  return 0.5 * difference.square().sum() / (2.0 * static_cast<double>(std::max<std::int64_t>(mask.count, 1)));
 }
 
 Tensor chroma_loss(const Tensor& rendered, const Tensor& covered, const Tensor& target, const Tensor& target_mask,

@@ -31,7 +31,10 @@ struct ChromaOptions {
 torch::Tensor chroma_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,
                           const torch::Tensor& target_mask, const ChromaOptions& options = {});
 
-/// The same in plain tensor operations: any device and float type.
+/// The number of pixels that the loss is a mean over.
+std::int64_t chroma_pixels(const torch::Tensor& covered, const torch::Tensor& target_mask);
+
+/// The loss in plain tensor operations: any device and float type.
 torch::Tensor chroma_loss_reference(const torch::Tensor& rendered, const torch::Tensor& covered,
                                     const torch::Tensor& target, const torch::Tensor& target_mask,
                                     const ChromaOptions& options = {});

@@ -158,7 +158,8 @@ TORCH_LIBRARY_IMPL(doppel, Autograd, m) { m.impl("image_loss", TORCH_FN(image_lo
 Tensor fused(const Tensor& rendered, const Tensor& target, const PixelMask& mask, Measure measure,
              const std::vector<double>& taps) {
   static const auto op = find_op<decltype(image_loss_cpu)>(kImageLossOp);
-  return op.call(rendered, target, mask.weight, mask.count, static_cast<std::int64_t>(measure), taps);
+  return op.call(rendered, target, mask.weight, std::max<std::int64_t>(mask.count, 1),
+                 static_cast<std::int64_t>(measure), taps);
 }
 
 }  // namespace doppel::image_loss

@@ -49,15 +49,13 @@ std::vector<double> gaussian_taps(double sigma, int half_size) {
 
 Tensor binary(const Tensor& mask) { return mask.ne(0).to(torch::kUInt8); }
 
-std::int64_t count_pixels(const Tensor& mask) {
-  return std::max<std::int64_t>(mask.sum(torch::kInt64).item<std::int64_t>(), 1);
-}
+std::int64_t count_pixels(const Tensor& mask) { return mask.sum(torch::kInt64).item<std::int64_t>(); }
 
 Tensor masked_reference(const Tensor& rendered, const Tensor& target, const PixelMask& mask, Measure measure) {
   const Tensor difference =
       torch::where(mask.weight.ne(0).unsqueeze(-1), 255.0 * (rendered - target), torch::zeros({}, rendered.options()));
   const Tensor sum = measure == Measure::squares ? 0.5 * difference.square().sum() : difference.abs().sum();
-  return sum / (3.0 * static_cast<double>(mask.count));
+  return sum / (3.0 * static_cast<double>(std::max<std::int64_t>(mask.count, 1)));
 }
 
 }  // namespace doppel::image_loss

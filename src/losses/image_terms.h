@@ -19,7 +19,7 @@ enum class Measure : int {
 /// The pixels that count, and the divisor of the sum.
 struct PixelMask {
   torch::Tensor weight;    ///< uint8 [B,C,H,W], 0 or 1
-  std::int64_t count = 0;  ///< of the whole batch, at least 1
+  std::int64_t count = 0;  ///< of the whole batch; 0 where nothing counts, and the sum is 0 then
 };
 
 /// U' and V' without their constants, which cancel in a difference: rows for U and V, columns for R, G, B.
@@ -36,7 +36,7 @@ std::vector<double> gaussian_taps(double sigma, int half_size);
 
 /// Converts a bool or uint8 mask to uint8 [..], 0 or 1.
 torch::Tensor binary(const torch::Tensor& mask);
-/// The number of non-zero pixels, at least 1.
+/// The number of non-zero pixels.
 std::int64_t count_pixels(const torch::Tensor& mask);
 
 /// sum over pixels and channels / (count * channels), in plain tensor operations (squares and absolute only).

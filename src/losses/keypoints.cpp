@@ -46,6 +46,8 @@ Residuals residuals(const Tensor& points, const KeypointTarget& target, const Ke
   return {off.square().sum(-1), or_zero(counts, confidence)};
 }
 
+Tensor cameras_that_count(const Residuals& found) { return (found.confidence > 0).any(-1).sum(); }
+
 }  // namespace
 
 Tensor keypoint_loss(const Tensor& points, const KeypointTarget& target, const Tensor& lambda,
@@ -56,8 +58,12 @@ Tensor keypoint_loss(const Tensor& points, const KeypointTarget& target, const T
     check_shape("keypoint_loss", "lambda", lambda, {points.size(1)}, "[M]");
     weight = weight * lambda.to(points.scalar_type());
   }
-  const Tensor cameras = (found.confidence > 0).any(-1).sum().clamp_min(1);
-  return (weight * found.squared).sum() / cameras;
+  return (weight * found.squared).sum() / cameras_that_count(found).clamp_min(1);
+}
+
+std::int64_t keypoint_cameras(const Tensor& points, const KeypointTarget& target, const KeypointLossOptions& options) {
+  const torch::NoGradGuard no_grad;
+  return cameras_that_count(residuals(points, target, options)).item<std::int64_t>();
 }
 
 Tensor keypoint_error(const Tensor& points, const KeypointTarget& target, const KeypointLossOptions& options) {

@@ -36,6 +36,10 @@ struct KeypointLossOptions {
 torch::Tensor keypoint_loss(const torch::Tensor& points, const KeypointTarget& target, const torch::Tensor& lambda = {},
                             const KeypointLossOptions& options = {});
 
+/// The number of cameras that the mean is over.
+std::int64_t keypoint_cameras(const torch::Tensor& points, const KeypointTarget& target,
+                              const KeypointLossOptions& options = {});
+
 /// Mean distance over the batch between projections and the keypoints that count, in scaled pixels, for reports; 0
 /// without such keypoints. @return scalar without gradient
 torch::Tensor keypoint_error(const torch::Tensor& points, const KeypointTarget& target,

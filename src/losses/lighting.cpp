@@ -24,6 +24,10 @@ image_loss::PixelMask lighting_mask(const Tensor& covered, const Tensor& target_
 
 }  // namespace
 
+std::int64_t lighting_pixels(const Tensor& covered, const Tensor& target_mask, const LightingLossOptions& options) {
+  return lighting_mask(covered, target_mask, options, erode_mask).count;
+}
+
 Tensor lighting_loss_reference(const Tensor& rendered, const Tensor& covered, const Tensor& target,
                                const Tensor& target_mask, const LightingLossOptions& options) {
   image_loss::check_images("lighting_loss", rendered, covered, target, target_mask);

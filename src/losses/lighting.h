@@ -24,6 +24,10 @@ struct LightingLossOptions {
 /// @throws UsageError with what was found
 torch::Tensor lighting_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,
                             const torch::Tensor& target_mask, const LightingLossOptions& options = {});
+/// The number of pixels |M| that the loss is a mean over.
+std::int64_t lighting_pixels(const torch::Tensor& covered, const torch::Tensor& target_mask,
+                             const LightingLossOptions& options = {});
+/// The loss in plain tensor operations.
 torch::Tensor lighting_loss_reference(const torch::Tensor& rendered, const torch::Tensor& covered,
                                       const torch::Tensor& target, const torch::Tensor& target_mask,
                                       const LightingLossOptions& options = {});

@@ -28,6 +28,10 @@ image_loss::Measure photometric_measure(const PhotometricOptions& options) {
 
 }  // namespace
 
+std::int64_t photometric_pixels(const Tensor& covered, const Tensor& target_mask, const PhotometricOptions& options) {
+  return photometric_mask(covered, target_mask, options, erode_mask).count;
+}
+
 Tensor photometric_loss_reference(const Tensor& rendered, const Tensor& covered, const Tensor& target,
                                   const Tensor& target_mask, const PhotometricOptions& options) {
   image_loss::check_images("photometric_loss", rendered, covered, target, target_mask);

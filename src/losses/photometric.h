@@ -27,6 +27,10 @@ struct PhotometricOptions {
 /// @throws UsageError with what was found
 torch::Tensor photometric_loss(const torch::Tensor& rendered, const torch::Tensor& covered, const torch::Tensor& target,
                                const torch::Tensor& target_mask, const PhotometricOptions& options = {});
+/// The number of pixels |M| that the loss is a mean over.
+std::int64_t photometric_pixels(const torch::Tensor& covered, const torch::Tensor& target_mask,
+                                const PhotometricOptions& options = {});
+/// The loss in plain tensor operations.
 torch::Tensor photometric_loss_reference(const torch::Tensor& rendered, const torch::Tensor& covered,
                                          const torch::Tensor& target, const torch::Tensor& target_mask,
                                          const PhotometricOptions& options = {});

@@ -19,6 +19,7 @@ RadianceLoss radiance_loss(const RenderedRays& rays, const RaySamples& samples, 
   check_same_kind(kName, "mask", mask, rays.colour);
   const auto mean = [&](const Tensor& per_ray) { return per_ray.sum() / static_cast<double>(std::max<int64_t>(R, 1)); };
   RadianceLoss loss;
+  loss.rays = R;
   loss.colour = mean((rays.colour - mask.unsqueeze(1) * image).square().sum(1));
   loss.mask = mean((rays.opacity - mask).square());
   const Tensor variance =

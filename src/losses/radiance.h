@@ -27,6 +27,7 @@ struct RadianceLossOptions {
 struct RadianceLoss {
   torch::Tensor colour, mask, variance;  ///< scalars >= 0, unweighted
   torch::Tensor total;                   ///< L of 6.28
+  std::int64_t rays = 0;                 ///< R, the number of rays that the means are over
 };
 
 /// @param rays of render_volume with 3 colour channels

@@ -186,7 +186,7 @@ Tensor ChebyshevNetworkImpl::dense(const Tensor& features) {
 
 Tensor ChebyshevNetworkImpl::forward(const Tensor& features) {
   check_shape("chebyshev network", "features", features, {-1, num_nodes_, inputs_}, "[B,K,Hin]");
-  if (is_training() && config_.norm == SagcnNorm::node && features.size(0) == 1)
+  if (is_training() && config_.norm == SagcnNorm::node && features.size(0) == 1 && !shares_batch_statistics(*this))
     fail<UsageError>(
         "batch normalisation per node needs more than one sample while training: with a batch of 1 every normalised "
         "feature is 0; use a larger batch, `norm: channel` or `norm: none`");

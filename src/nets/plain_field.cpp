@@ -68,13 +68,14 @@ RayInterval PlainFieldImpl::through_box(const Tensor& origin, const Tensor& dire
 }
 
 PlainRays PlainFieldImpl::render(const Tensor& origin, const Tensor& direction,
-                                 const std::optional<at::Generator>& generator) {
+                                 const std::optional<at::Generator>& generator, const BatchShare& share) {
   check_shape("plain field", "direction", direction, {-1, 3}, "[R,3]");
   const auto [near, far] = through_box(origin, direction);
   PlainRays rays;
-  rays.coarse_samples = sample_cells(near, far, config_.coarse, generator);
+  rays.coarse_samples = sample_cells(near, far, config_.coarse, generator, share);
   rays.coarse = seen(coarse_, origin, direction, rays.coarse_samples);
-  rays.fine_samples = sample_by_weight(rays.coarse_samples, rays.coarse.weights.detach(), config_.fine, generator);
+  rays.fine_samples =
+      sample_by_weight(rays.coarse_samples, rays.coarse.weights.detach(), config_.fine, generator, share);
   rays.fine = seen(fine_, origin, direction, rays.fine_samples);
   return rays;
 }

@@ -42,8 +42,9 @@ class PlainFieldImpl : public torch::nn::Module {
   /// Renders rays with both networks. Rays that miss the box are empty.
   /// @param origin [3] or [R,3], direction [R,3] unit
   /// @param generator draws the positions of the samples; without one they are the centres of their intervals
+  /// @param share the rays of a batch that ranks share
   PlainRays render(const torch::Tensor& origin, const torch::Tensor& direction,
-                   const std::optional<at::Generator>& generator = std::nullopt);
+                   const std::optional<at::Generator>& generator = std::nullopt, const BatchShare& share = {});
   /// The image of a camera, without gradients. @param projection [3,4]
   FieldImage draw(const torch::Tensor& projection, int64_t height, int64_t width);
 

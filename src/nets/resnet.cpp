@@ -45,7 +45,7 @@ ResidualUnitImpl::ResidualUnitImpl(int64_t inputs, int64_t width, int64_t output
     register_module("bn" + number, norms_[i]);
   }
   if (stride == 1 && inputs == outputs) return;
-  shortcut_ = torch::nn::Sequential(convolution(inputs, outputs, 1, stride), torch::nn::BatchNorm2d(outputs));
+  shortcut_ = torch::nn::Sequential(convolution(inputs, outputs, 1, stride), ImageNorm(outputs));
   register_module("downsample", shortcut_);
 }
 
@@ -61,7 +61,7 @@ Tensor ResidualUnitImpl::forward(const Tensor& features) {
 ResNetImpl::ResNetImpl(ResNetKind kind, const at::Generator& generator) {
   const Plan plan = plan_of(kind);
   first_ = register_module("conv1", convolution(3, 64, 7, 2));
-  first_norm_ = register_module("bn1", torch::nn::BatchNorm2d(64));
+  first_norm_ = register_module("bn1", ImageNorm(64));
   int64_t channels = 64;
   for (std::size_t layer = 0; layer < plan.units.size(); ++layer) {
     const int64_t width = int64_t{64} << layer, outputs = plan.bottleneck ? 4 * width : width;

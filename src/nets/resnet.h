@@ -4,7 +4,6 @@
 /// weights can be loaded. The classifier `fc` is left out: the network ends with the mean over the image.
 
 #include <torch/nn/module.h>
-#include <torch/nn/modules/batchnorm.h>
 #include <torch/nn/modules/container/sequential.h>
 #include <torch/nn/modules/conv.h>
 #include <torch/nn/modules/linear.h>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "doppel/core/config.h"
+#include "doppel/nets/shared_norm.h"
 
 namespace doppel {
 
@@ -30,7 +30,7 @@ class ResidualUnitImpl : public torch::nn::Module {
 
  private:
   std::vector<torch::nn::Conv2d> convolutions_;  ///< conv1, conv2[, conv3]
-  std::vector<torch::nn::BatchNorm2d> norms_;    ///< bn1, bn2[, bn3]
+  std::vector<ImageNorm> norms_;                 ///< bn1, bn2[, bn3]
   torch::nn::Sequential shortcut_{nullptr};      ///< torchvision's `downsample`, or none
 };
 TORCH_MODULE(ResidualUnit);
@@ -52,7 +52,7 @@ class ResNetImpl : public torch::nn::Module {
  private:
   int64_t features_;
   torch::nn::Conv2d first_{nullptr};
-  torch::nn::BatchNorm2d first_norm_{nullptr};
+  ImageNorm first_norm_{nullptr};
   std::vector<torch::nn::Sequential> layers_;
 };
 TORCH_MODULE(ResNet);

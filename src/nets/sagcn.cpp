@@ -87,12 +87,18 @@ FeatureNormImpl::FeatureNormImpl(int64_t num_nodes, int features, const SagcnCon
 }
 
 NodeNorm FeatureNormImpl::node_norm() const {
-  if (kind_ != SagcnNorm::node) return {};
+  if (kind_ != SagcnNorm::node || is_shared()) return {};
   return {weight, bias, running_mean, running_var, is_training(), momentum_, epsilon_};
 }
 
 Tensor FeatureNormImpl::forward(const Tensor& features) {
   if (kind_ == SagcnNorm::none || features.numel() == 0) return features;
+  if (is_shared()) {
+    const Tensor rows = kind_ == SagcnNorm::node ? features.flatten(1) : features.flatten(0, 1);
+    return shared_batch_norm(rows, weight.flatten(), bias.flatten(), running_mean.view({-1}), running_var.view({-1}),
+                             momentum_, epsilon_, *ranks())
+        .view(features.sizes());
+  }
   if (kind_ == SagcnNorm::node) return node_norm_reference(features, node_norm());
   return at::batch_norm(features.flatten(0, 1), weight, bias, running_mean, running_var, is_training(), momentum_,
                         epsilon_, false)
@@ -107,8 +113,7 @@ SagcnUnitImpl::SagcnUnitImpl(const RingWeights& ring, int inputs, int outputs, c
 }
 
 Tensor SagcnUnitImpl::forward_node_major(const Tensor& features, const Tensor& skip) {
-  const Tensor input =
-      norm->kind() == SagcnNorm::channel ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
+  const Tensor input = norm->is_apart() ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
   return elu_graph_convolution_node_major(input, norm->node_norm(), convolution->kernels, convolution->bias,
                                           convolution->ring(), skip);
 }
@@ -177,7 +182,7 @@ void SagcnImpl::initialise(at::Generator generator) {
 
 void SagcnImpl::check_input(const Tensor& features) const {
   check_shape("sagcn", "features", features, {-1, num_nodes_, inputs_}, "[B,K,Hin]");
-  if (is_training() && config_.norm == SagcnNorm::node && features.size(0) == 1)
+  if (is_training() && config_.norm == SagcnNorm::node && features.size(0) == 1 && !shares_batch_statistics(*this))
     fail<UsageError>(
         "batch normalisation per node needs more than one sample while training: with a batch of 1 every normalised "
         "feature is 0; use a larger batch, `norm: channel` or `norm: none`");

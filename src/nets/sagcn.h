@@ -22,6 +22,7 @@
 #include "doppel/core/config.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/nets/graph_network.h"
+#include "doppel/nets/shared_norm.h"
 
 namespace doppel {
 
@@ -58,22 +59,27 @@ struct SagcnConfig {
   void check() const;
 };
 
-/// The batch normalisation that SagcnNorm selects. In training mode it uses the statistics of the batch and updates the
-/// running ones. In evaluation mode it uses the running ones.
-class FeatureNormImpl : public torch::nn::Module {
+/// The batch normalisation that SagcnNorm selects. In training mode it uses the statistics of the batch, which may be
+/// shared by ranks, and updates the running ones. In evaluation mode it uses the running ones.
+class FeatureNormImpl : public torch::nn::Module, public BatchStatistics {
  public:
   FeatureNormImpl(int64_t num_nodes, int features, const SagcnConfig& config);
 
   /// Plain tensor operations. `none` returns the input. @param features [B,K,H] @return [B,K,H]
   torch::Tensor forward(const torch::Tensor& features);
   /// The parameters and statistics, in the form that the fused convolution takes. For `channel` and `none` the tensors
-  /// of the result are undefined, and the fused convolution does not normalise.
+  /// of the result are undefined, and the fused convolution does not normalise. So they are while the batch is shared.
   NodeNorm node_norm() const;
   SagcnNorm kind() const { return kind_; }
+  /// Whether `forward` must be called, because the fused convolution does not normalise.
+  bool is_apart() const { return kind_ == SagcnNorm::channel || (kind_ == SagcnNorm::node && is_shared()); }
 
   torch::Tensor weight, bias, running_mean, running_var;  ///< `node`: [K,H]; `channel`: [H]; `none`: undefined
 
  private:
+  /// Whether the statistics are those of a batch that ranks share.
+  bool is_shared() const { return ranks() && is_training(); }
+
   SagcnNorm kind_;
   double momentum_, epsilon_;
 };

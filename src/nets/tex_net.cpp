@@ -114,9 +114,9 @@ Tensor TexNetImpl::base(const Tensor& input) const {
   return static_texture_ * sh_basis(normals).matmul(lighting_.t()).permute({0, 3, 1, 2});
 }
 
-Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> generator) {
+Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> generator, const BatchShare& share) {
   check_shape("texnet", "input", input, {-1, config_.num_inputs(), config_.size, config_.size}, "[B,3(F+1)+6,T,T]");
-  const Tensor raw = at::tanh(unet_->forward(input, std::move(generator)));
+  const Tensor raw = at::tanh(unet_->forward(input, std::move(generator), share));
   if (!config_.residual) return ((raw + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
   const Tensor sum = base(input) + raw;
   // The gradient ignores the clamping: otherwise a texel outside the range would get no gradient.

@@ -67,9 +67,10 @@ class TexNetImpl : public torch::nn::Module {
                       const torch::Tensor& lighting = {}, std::optional<at::Generator> generator = std::nullopt);
 
   /// @param input [B,3(F+1)+6,T,T], result of texnet_input
-  /// @param generator of the dropout; needed while training unless dropout is 0
+  /// @param generator of the dropout; needed while training unless dropout is 0 @param share the rows of a shared batch
   /// @return [B,T,T,3] RGB 0..1; row 0 is the top (v = 1)
-  torch::Tensor forward(const torch::Tensor& input, std::optional<at::Generator> generator = std::nullopt);
+  torch::Tensor forward(const torch::Tensor& input, std::optional<at::Generator> generator = std::nullopt,
+                        const BatchShare& share = {});
 
   const TexNetConfig& config() const { return config_; }
 

@@ -22,9 +22,8 @@ constexpr double kInitialDeviation = 0.02;
 
 const std::vector<std::string> kUpsamplingWords{"transposed", "bilinear_conv"};
 
-torch::nn::BatchNorm2d make_norm(int64_t channels, const UNetConfig& config) {
-  return torch::nn::BatchNorm2d(
-      torch::nn::BatchNorm2dOptions(channels).eps(config.norm_epsilon).momentum(config.norm_momentum));
+ImageNorm make_norm(int64_t channels, const UNetConfig& config) {
+  return ImageNorm(channels, config.norm_epsilon, config.norm_momentum);
 }
 
 }  // namespace
@@ -65,10 +64,11 @@ int64_t UNetConfig::channels(int level) const {
   return std::max<int64_t>(1, std::llround(full * width));
 }
 
-Tensor dropout(const Tensor& features, double probability, const at::Generator& generator) {
+Tensor dropout(const Tensor& features, double probability, const at::Generator& generator, const BatchShare& share) {
   if (probability <= 0.0) return features;
-  const Tensor kept = at::empty(features.sizes(), features.options()).bernoulli_(1.0 - probability, generator);
-  return features * kept.div_(1.0 - probability);
+  const Tensor kept =
+      at::empty(share.whole_sizes(features.sizes()), features.options()).bernoulli_(1.0 - probability, generator);
+  return features * share.rows(kept).div_(1.0 - probability);
 }
 
 Tensor transposed_convolution(const Tensor& features, const Tensor& weight, const Tensor& bias) {
@@ -124,7 +124,8 @@ Tensor UNetImpl::down(int level, const Tensor& features) {
   return at::leaky_relu(level == 0 ? x : down_norm_[level - 1]->forward(x), config_.leaky_slope);
 }
 
-Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::Generator>& generator) {
+Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::Generator>& generator,
+                    const BatchShare& share) {
   const int step = config_.levels - 1 - level;
   Tensor x;
   if (config_.upsample == Upsampling::transposed) {
@@ -135,7 +136,8 @@ Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::G
   }
   if (level == 0) return x;
   x = up_norm_[step]->forward(x);
-  if (step < kDropoutLevels && is_training() && config_.dropout > 0.0) x = dropout(x, config_.dropout, *generator);
+  if (step < kDropoutLevels && is_training() && config_.dropout > 0.0)
+    x = dropout(x, config_.dropout, *generator, share);
   return at::relu(x);
 }
 
@@ -146,7 +148,7 @@ void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
     fail<UsageError>("a UNet of {} levels takes images whose sides are multiples of {}, found {} x {}", config_.levels,
                      step, H, W);
   if (!is_training()) return;
-  if (config_.levels > 1 && image.size(0) * (H / step) * (W / step) == 1)
+  if (config_.levels > 1 && image.size(0) * (H / step) * (W / step) == 1 && !shares_batch_statistics(*this))
     fail<UsageError>(
         "batch normalisation of a single value gives 0: a training batch of 1 whose innermost map is one pixel ({} "
         "levels, {} x {}) cannot be used; use a larger batch or fewer levels",
@@ -155,7 +157,7 @@ void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
     fail<UsageError>("a UNet in training needs the generator of its dropout; pass one, or set dropout: 0");
 }
 
-Tensor UNetImpl::forward(const Tensor& image, const std::optional<at::Generator>& generator) {
+Tensor UNetImpl::forward(const Tensor& image, const std::optional<at::Generator>& generator, const BatchShare& share) {
   check_input(image, generator.has_value());
   if (image.size(0) == 0) {
     const int64_t outputs = named_parameters()["up0.bias"].size(0);
@@ -165,7 +167,7 @@ Tensor UNetImpl::forward(const Tensor& image, const std::optional<at::Generator>
   Tensor x = image;
   for (int level = 0; level < config_.levels; ++level) skips.push_back(x = down(level, x));
   for (int level = config_.levels - 1; level >= 0; --level)
-    x = up(level, level == config_.levels - 1 ? x : at::cat({x, skips[level]}, 1), generator);
+    x = up(level, level == config_.levels - 1 ? x : at::cat({x, skips[level]}, 1), generator, share);
   return x;
 }
 

@@ -4,7 +4,6 @@
 /// image.
 
 #include <torch/nn/module.h>
-#include <torch/nn/modules/batchnorm.h>
 #include <torch/nn/modules/conv.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
@@ -13,6 +12,8 @@
 #include <vector>
 
 #include "doppel/core/config.h"
+#include "doppel/distributed/batch_share.h"
+#include "doppel/nets/shared_norm.h"
 
 namespace doppel {
 
@@ -40,7 +41,8 @@ struct UNetConfig {
 
 /// Dropout that draws from `generator` only, so that a resumed run draws the same numbers as an uninterrupted run.
 /// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
-torch::Tensor dropout(const torch::Tensor& features, double probability, const at::Generator& generator);
+torch::Tensor dropout(const torch::Tensor& features, double probability, const at::Generator& generator,
+                      const BatchShare& share = {});
 
 /// A transposed 4x4 convolution of stride 2 and padding 1, computed as an ordinary convolution. Each of the four kinds
 /// of output pixel depends on 2x2 inputs. All four are computed as 3x3 convolutions with zeros, and a pixel shuffle
@@ -58,24 +60,26 @@ class UNetImpl : public torch::nn::Module {
            std::optional<at::Generator> generator = std::nullopt);
 
   /// @param image [B,Cin,H,W], H and W multiples of 2^levels @param generator of the dropout; needed while training
-  /// unless dropout is 0
+  /// unless dropout is 0 @param share the rows of a shared batch
   /// @return [B,Cout,H,W], any real numbers: no activation follows the last convolution
   /// @throws UsageError for another size; for a training batch of 1 whose innermost map is one pixel, which batch
   /// normalisation would set to 0
-  torch::Tensor forward(const torch::Tensor& image, const std::optional<at::Generator>& generator = std::nullopt);
+  torch::Tensor forward(const torch::Tensor& image, const std::optional<at::Generator>& generator = std::nullopt,
+                        const BatchShare& share = {});
 
   const UNetConfig& config() const { return config_; }
 
  private:
   torch::Tensor down(int level, const torch::Tensor& features);
-  torch::Tensor up(int level, const torch::Tensor& features, const std::optional<at::Generator>& generator);
+  torch::Tensor up(int level, const torch::Tensor& features, const std::optional<at::Generator>& generator,
+                   const BatchShare& share);
   void check_input(const torch::Tensor& image, bool has_generator) const;
   void initialise(const at::Generator& generator);
 
   UNetConfig config_;
   int64_t inputs_;
   std::vector<torch::nn::Conv2d> down_;
-  std::vector<torch::nn::BatchNorm2d> down_norm_, up_norm_;  // none for the first level down and the last up
+  std::vector<ImageNorm> down_norm_, up_norm_;  // none for the first level down and the last up
   std::vector<torch::nn::ConvTranspose2d> up_transposed_;
   std::vector<torch::nn::Conv2d> up_convolution_;
 };

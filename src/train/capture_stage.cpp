@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/render/boundary.h"
 #include "doppel/train/overlay.h"
@@ -34,6 +35,7 @@ LossTerms CaptureStage::loss(StepContext& context) {
   {
     ProfileScope scope(*context.profile, "load");
     last_batch_ = loader_.next();
+    context.share = loader_.share();
   }
   return loss(last_batch_, context);
 }
@@ -120,6 +122,16 @@ std::vector<ReportImage> CaptureStage::outline_images(
   }
   return images;
 }
+
+BatchShare share_of_rays(const Ranks* ranks, std::int64_t rays) {
+  if (!ranks) return {0, rays, rays};
+  if (rays < ranks->world())
+    fail<UsageError>("a step of {} rays cannot be shared by {} ranks; start fewer ranks, or set a larger rays.count",
+                     rays, ranks->world());
+  return ranks->share(rays);
+}
+
+double silhouette_views(const Batch& batch) { return batch.valid.sum().item<double>(); }
 
 SilhouetteTarget silhouette_target(const Batch& batch) {
   return {batch.projection, batch.distance, batch.pixel_scale, batch.valid, batch.contour, batch.contour_offsets};

@@ -22,6 +22,8 @@ class CaptureStage : public Stage {
   /// @param dataset, character must outlive the stage
   CaptureStage(const Dataset& dataset, const Character& character, const LoaderOptions& options);
 
+  /// Shares the samples of a batch.
+  void share_batches(Ranks& ranks) override { loader_.take_share(ranks.rank(), ranks.world()); }
   LossTerms loss(StepContext& context) override;
   /// The loss on a given batch.
   virtual LossTerms loss(const Batch& batch, StepContext& context) = 0;
@@ -62,6 +64,13 @@ class CaptureStage : public Stage {
   Loader loader_;
   Batch last_batch_;
 };
+
+/// This rank's rays of a step. @param ranks null: the rays are not shared
+/// @throws UsageError when there are more ranks than rays
+BatchShare share_of_rays(const Ranks* ranks, std::int64_t rays);
+
+/// The number of views that the silhouette loss of a batch is a mean over.
+double silhouette_views(const Batch& batch);
 
 /// The masks of a batch in the form that the silhouette loss needs.
 SilhouetteTarget silhouette_target(const Batch& batch);

@@ -56,9 +56,12 @@ LossTerms DefNetStage::loss(const Batch& batch, StepContext& context) {
   placed.valid = batch.valid & counts.unsqueeze(1);
   const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, placed, config_.silhouette, profile);
   ProfileScope scope(profile, "keypoints");
-  return {{"silhouette", silhouette.total(), config_.silhouette_weight},
-          {"keypoints", keypoint_loss(landmarks, keypoint_target(batch, counts), {}, pose_.detections.loss),
-           config_.keypoint_weight},
+  const KeypointTarget target = keypoint_target(batch, counts);
+  return {{"silhouette", silhouette.total(), config_.silhouette_weight, [placed] { return silhouette_views(placed); }},
+          {"keypoints", keypoint_loss(landmarks, target, {}, pose_.detections.loss), config_.keypoint_weight,
+           [this, landmarks, target] {
+             return static_cast<double>(keypoint_cameras(landmarks, target, pose_.detections.loss));
+           }},
           {"arap", arap_loss(A, T, arap_graph_), config_.arap_weight}};
 }
 

@@ -66,7 +66,7 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
 
 LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
-  const torch::Tensor noisy = noise_.apply(batch.dofs, *network_, context.generator);
+  const torch::Tensor noisy = noise_.apply(batch.dofs, *network_, context.generator, context.share);
   torch::Tensor A, T, coarse, fine;
   {
     ProfileScope scope(profile, "egnet");
@@ -84,16 +84,17 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
     fine = network_->displaced(actor_.surface, last_rows(batch.dofs, config_.model.past_frames), A, T, D);
   }
   LossTerms terms;
-  if (config_.chroma_weight > 0.0) terms.push_back({"chroma", chroma(batch, fine, profile), config_.chroma_weight});
+  if (config_.chroma_weight > 0.0) terms.push_back(chroma(batch, fine, profile));
   const SilhouetteLoss silhouette = batch_silhouette_loss(fine, actor_.mesh->faces, batch, config_.silhouette, profile);
-  terms.push_back({"model_to_data", silhouette.model_to_data, config_.silhouette_weight});
-  terms.push_back({"data_to_model", silhouette.data_to_model, config_.silhouette_weight});
+  const auto views = [batch] { return silhouette_views(batch); };
+  terms.push_back({"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views});
+  terms.push_back({"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views});
   ProfileScope scope(profile, "laplacian");
   terms.push_back({"laplacian", laplacian_loss(fine, coarse, laplacian_graph_), config_.laplacian_weight});
   return terms;
 }
 
-torch::Tensor DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile) {
+LossTerm DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile) {
   ShadedImage drawn;
   torch::Tensor target;
   {
@@ -106,7 +107,9 @@ torch::Tensor DeltaNetStage::chroma(const Batch& batch, const torch::Tensor& ver
       target = target_on_surface(vertices, batch.image_projection, *actor_.mesh, target, TargetOptions{}, &drawn);
   }
   ProfileScope scope(profile, "chroma");
-  return chroma_loss(drawn.colour, drawn.mask, target, batch.image_mask, config_.chroma);
+  return {"chroma", chroma_loss(drawn.colour, drawn.mask, target, batch.image_mask, config_.chroma),
+          config_.chroma_weight,
+          [mask = drawn.mask, person = batch.image_mask] { return static_cast<double>(chroma_pixels(mask, person)); }};
 }
 
 std::pair<torch::Tensor, torch::Tensor> DeltaNetStage::surfaces(const torch::Tensor& dof_window) {

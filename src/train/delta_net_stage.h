@@ -52,7 +52,7 @@ class DeltaNetStage : public CaptureStage {
   DeltaNet& network() { return network_; }
 
  private:
-  torch::Tensor chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile);
+  LossTerm chroma(const Batch& batch, const torch::Tensor& vertices, Profile& profile);
   /// V_co and V_fi of motion windows, both [B,N,3], without noise.
   std::pair<torch::Tensor, torch::Tensor> surfaces(const torch::Tensor& dof_window);
 

@@ -32,7 +32,8 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   torch::Tensor A, T, vertices;
   {
     ProfileScope scope(profile, "network");
-    std::tie(A, T) = network_->forward(noise_.apply(batch.dofs, *network_, context.generator), batch.dofs);
+    std::tie(A, T) =
+        network_->forward(noise_.apply(batch.dofs, *network_, context.generator, context.share), batch.dofs);
   }
   {
     ProfileScope scope(profile, "layers");
@@ -41,8 +42,9 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, batch, config_.silhouette, profile);
   ProfileScope scope(profile, "arap");
   const torch::Tensor arap = arap_loss(A, T, arap_graph_);
-  return {{"model_to_data", silhouette.model_to_data, config_.silhouette_weight},
-          {"data_to_model", silhouette.data_to_model, config_.silhouette_weight},
+  const auto views = [batch] { return silhouette_views(batch); };
+  return {{"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views},
+          {"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views},
           {"arap", arap, config_.arap_weight}};
 }
 

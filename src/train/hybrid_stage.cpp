@@ -113,15 +113,16 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
       terms.chamfer = cloud_loss(batch, views, vertices, context);
     compare_surface(batch, vertices, context, terms);
   }
-  return {{"colour", terms.field.colour, 1.0},
-          {"mask", terms.field.mask, 1.0},
-          {"variance", terms.field.variance, place.variance},
-          {"chamfer", terms.chamfer, config_.chamfer_weight},
-          {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight},
-          {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight},
-          {"laplacian", terms.laplacian, config_.laplacian_weight},
-          {"isometry", terms.isometry, config_.isometry_weight},
-          {"anchor", terms.anchor, config_.anchor_weight}};
+  const auto rays = [count = static_cast<double>(terms.field.rays)] { return count; };
+  return {{"colour", terms.field.colour, 1.0, rays},
+          {"mask", terms.field.mask, 1.0, rays},
+          {"variance", terms.field.variance, place.variance, rays},
+          {"chamfer", terms.chamfer, config_.chamfer_weight, same_on_all_ranks},
+          {"model_to_data", terms.silhouette.model_to_data, config_.silhouette_weight, same_on_all_ranks},
+          {"data_to_model", terms.silhouette.data_to_model, config_.silhouette_weight, same_on_all_ranks},
+          {"laplacian", terms.laplacian, config_.laplacian_weight, same_on_all_ranks},
+          {"isometry", terms.isometry, config_.isometry_weight, same_on_all_ranks},
+          {"anchor", terms.anchor, config_.anchor_weight, same_on_all_ranks}};
 }
 
 LossTerms HybridStage::validation_terms(const Batch& batch, StepContext& context) {
@@ -152,8 +153,11 @@ HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& 
     mask.push_back(at_pixels(foreground, pixels));
   }
   if (origin.empty()) return {};
-  return {torch::cat(origin), torch::cat(direction), torch::cat(near),
-          torch::cat(far),    torch::cat(colour),    torch::cat(mask)};
+  // Every rank draws all rays, and keeps its share of them.
+  const Tensor all = torch::cat(direction);
+  const BatchShare part = share_of_rays(context.ranks, all.size(0));
+  const auto rows = [&](const std::vector<Tensor>& parts) { return part.rows(torch::cat(parts)); };
+  return {rows(origin), part.rows(all), rows(near), rows(far), rows(colour), rows(mask), part};
 }
 
 RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices,
@@ -170,7 +174,8 @@ RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, co
     carried = model_->vertex_values(batch.dofs);
   }
   ProfileScope scope(*context.profile, "field");
-  const RaySamples samples = sample_cells(rays.near, rays.far, config_.field_rays.samples, context.generator);
+  const RaySamples samples =
+      sample_cells(rays.near, rays.far, config_.field_rays.samples, context.generator, rays.share);
   const RenderedRays seen =
       render_field(model_->field, viewer_.closest(), {vertices, carried}, rays.origin, rays.direction, samples);
   RadianceLossOptions options;

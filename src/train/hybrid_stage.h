@@ -62,6 +62,8 @@ class HybridStage : public CaptureStage {
   HybridStage(const Dataset& dataset, TrainedActor& actor, const HybridRunConfig& config);
 
   std::string name() const override { return "radiance"; }
+  /// Shares the rays of a step. The losses of the mesh are about one frame; every rank computes them alike.
+  void share_batches(Ranks&) override {}
   torch::nn::Module& model() override { return *model_; }
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;
@@ -86,6 +88,7 @@ class HybridStage : public CaptureStage {
   struct ImageRays {
     torch::Tensor origin, direction, near, far;  ///< [R,3], [R,3], [R], [R]
     torch::Tensor colour, mask;                  ///< [R,3], [R]
+    BatchShare share;                            ///< of all R rays
   };
   /// @param views int64 [V] into the batch's cameras @param vertices [N,3]
   ImageRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,

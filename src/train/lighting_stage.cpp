@@ -45,8 +45,11 @@ LossTerms LightingStage::loss(const Batch& batch, StepContext& context) {
   ProfileScope scope(profile, "compare");
   LossTerms terms{{"lighting",
                    lighting_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
-                   config_.weight}};
-  if (config_.deviation_weight > 0.0) terms.push_back({"deviation", lighting_->deviation(), config_.deviation_weight});
+                   config_.weight, [this, batch, mask = drawn.mask] {
+                     return static_cast<double>(lighting_pixels(mask, batch.image_mask, config_.loss));
+                   }}};
+  if (config_.deviation_weight > 0.0)
+    terms.push_back({"deviation", lighting_->deviation(), config_.deviation_weight, same_on_all_ranks});
   return terms;
 }
 

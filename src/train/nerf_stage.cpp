@@ -59,13 +59,18 @@ LossTerms NerfStage::loss(const Batch& batch, StepContext& context) {
     colour.push_back(image_float(at_pixels(batch.image[0][c], pixels)));
     mask.push_back(at_pixels(foreground, pixels).to(torch::kFloat32));
   }
+  // Every rank draws all rays, and renders its share of them.
+  const Tensor all = torch::cat(direction);
+  context.share = share_of_rays(context.ranks, all.size(0));
+  const auto rows = [&](const std::vector<Tensor>& parts) { return context.share.rows(torch::cat(parts)); };
+  const Tensor colours = rows(colour), masks = rows(mask);
   PlainRays seen;
   {
     ProfileScope scope(*context.profile, "field");
-    seen = model_->render(torch::cat(origin), torch::cat(direction), context.generator);
+    seen = model_->render(rows(origin), context.share.rows(all), context.generator, context.share);
   }
   const auto compare = [&](const RenderedRays& rays, const RaySamples& samples) {
-    return radiance_loss(rays, samples, torch::cat(colour), torch::cat(mask));
+    return radiance_loss(rays, samples, colours, masks);
   };
   const RadianceLoss coarse = compare(seen.coarse, seen.coarse_samples), fine = compare(seen.fine, seen.fine_samples);
   return {{"colour", fine.colour, 1.0},

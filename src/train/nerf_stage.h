@@ -28,6 +28,8 @@ class NerfStage : public CaptureStage {
   NerfStage(const Dataset& dataset, TrainedActor& actor, const NerfRunConfig& config);
 
   std::string name() const override { return "nerf"; }
+  /// Shares the rays of a step.
+  void share_batches(Ranks&) override {}
   torch::nn::Module& model() override { return *model_; }
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;

@@ -73,7 +73,10 @@ LossTerms PoseNetStage::loss(const Batch& batch, StepContext& context) {
   return {{"keypoints",
            keypoint_loss(captured.landmarks, target, landmark_weights(landmark_names_, place.progress),
                          config_.detections.loss),
-           place.phase->keypoints},
+           place.phase->keypoints,
+           [this, points = captured.landmarks, target] {
+             return static_cast<double>(keypoint_cameras(points, target, config_.detections.loss));
+           }},
           {"limits", limits_loss(captured.theta, pose_.lower(), pose_.upper()),
            place.phase->limits_weight(place.progress)}};
 }

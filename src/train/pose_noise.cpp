@@ -33,16 +33,15 @@ PoseNoise::PoseNoise(const Skeleton& skeleton, const PoseNoiseOptions& options)
     : options_(options), radians_to_dof_(radians_to_dof(skeleton)) {}
 
 torch::Tensor PoseNoise::apply(const torch::Tensor& dof_window, const torch::nn::Module& network,
-                               const at::Generator& generator) const {
+                               const at::Generator& generator, const BatchShare& share) const {
   if (!network.is_training()) return dof_window;
+  const auto normal = [&](std::vector<std::int64_t> sizes, double deviation) {
+    return share.rows(torch::empty(share.whole_sizes(sizes)).normal_(0.0, deviation, generator));
+  };
   torch::Tensor out = dof_window;
-  if (options_.pose > 0.0) {
-    const auto shared =
-        torch::empty({dof_window.size(0), 1, dof_window.size(2)}).normal_(0.0, options_.pose, generator);
-    out = out + shared * radians_to_dof_;
-  }
-  if (options_.input > 0.0)
-    out = out + torch::empty(dof_window.sizes()).normal_(0.0, options_.input, generator) * radians_to_dof_;
+  if (options_.pose > 0.0)
+    out = out + normal({dof_window.size(0), 1, dof_window.size(2)}, options_.pose) * radians_to_dof_;
+  if (options_.input > 0.0) out = out + normal(dof_window.sizes().vec(), options_.input) * radians_to_dof_;
   return out;
 }
 

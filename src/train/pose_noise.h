@@ -5,6 +5,7 @@
 
 #include "doppel/character/skeleton.h"
 #include "doppel/core/config.h"
+#include "doppel/distributed/batch_share.h"
 
 namespace doppel {
 
@@ -24,9 +25,10 @@ class PoseNoise {
 
   /// Noise for the input of a network in training mode. In evaluation mode the window stays as it is, and no random
   /// number is drawn.
-  /// @param dof_window [B,F+1,D]; translations stay as they are @return the same shape
-  torch::Tensor apply(const torch::Tensor& dof_window, const torch::nn::Module& network,
-                      const at::Generator& generator) const;
+  /// @param dof_window [B,F+1,D]; translations stay as they are @param share the rows of a batch that ranks
+  /// share @return the same shape
+  torch::Tensor apply(const torch::Tensor& dof_window, const torch::nn::Module& network, const at::Generator& generator,
+                      const BatchShare& share = {}) const;
 
  private:
   PoseNoiseOptions options_;

@@ -3,12 +3,14 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
+#include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "doppel/distributed/ranks.h"
 #include "doppel/train/profile.h"
 
 namespace doppel {
@@ -18,7 +20,12 @@ struct LossTerm {
   std::string name;
   torch::Tensor value;  ///< scalar, differentiable
   double weight = 1.0;
+  /// How many items of this rank's share `value` is a mean of (pixels, cameras, ...), asked for only when ranks share
+  /// the batch: their mean is weighted by it. Empty: the samples of the share.
+  std::function<double()> items{};
 };
+/// The items of a term that every rank computes alike.
+inline double same_on_all_ranks() { return 1.0; }
 using LossTerms = std::vector<LossTerm>;
 
 /// The context of a training step.
@@ -26,6 +33,8 @@ struct StepContext {
   std::int64_t step = 0;    ///< steps done before this one
   at::Generator generator;  ///< the run's random numbers; checkpoints contain its state
   Profile* profile = nullptr;
+  Ranks* ranks = nullptr;  ///< that share the batch; null: none
+  BatchShare share{};      ///< this rank's rows; by default the batch is not shared
 };
 
 /// An image for the report.
@@ -44,6 +53,11 @@ class Stage {
   virtual std::string name() const = 0;
   /// The module whose parameters are trained and whose buffers are saved.
   virtual torch::nn::Module& model() = 0;
+
+  /// From now on, `loss` works on this rank's share of each batch, and sets `StepContext::share`. All ranks draw the
+  /// same random numbers, those of the whole batch. @param ranks outlives the stage
+  /// @throws UsageError when the batch cannot be shared by so many ranks
+  virtual void share_batches(Ranks& ranks);
 
   /// Draws the next batch and computes the loss on it. Terms keep their order and names over the whole run.
   virtual LossTerms loss(StepContext& context) = 0;

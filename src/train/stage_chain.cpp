@@ -107,8 +107,10 @@ void open_chain_folder(const fs::path& out, const std::string& text) {
 std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& out, const ChainOptions& options) {
   for (const std::string& stage : options.stages)
     if (!chain.has(stage)) fail<UsageError>("{} has no section `{}`", chain.document().path().string(), stage);
-  const FolderLock lock(out);
-  if (!chain.single()) open_chain_folder(out, chain.document().resolved());
+  const bool writes = !options.ranks || options.ranks->is_first();
+  std::optional<FolderLock> lock;
+  if (writes) lock.emplace(out);
+  if (writes && !chain.single()) open_chain_folder(out, chain.document().resolved());
   std::vector<StageSummary> summaries;
   for (const StageEntry& entry : stage_table()) {
     const bool wanted = options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name);
@@ -121,8 +123,10 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
     if (!chain.single()) log::info("stage {}", entry.name);
     const ConfigDocument document = chain.stage(entry.name);
     const std::string head = document.root().has("stage") ? "" : fmt::format("stage: {}\n", entry.name);
-    summaries.push_back({entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode})});
-    write_run_report(out);
+    summaries.push_back(
+        {entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode, options.ranks})});
+    if (writes) write_run_report(out);
+    if (options.ranks) options.ranks->broadcast(std::string("the stage is written"));
     if (summaries.back().summary.reason == StopReason::interrupted) break;
   }
   return summaries;

@@ -57,6 +57,7 @@ struct StageSummary {
 struct ChainOptions {
   std::vector<std::string> stages;  ///< stages to train; empty: all in the configuration
   RunMode mode = RunMode::automatic;
+  Ranks* ranks = nullptr;  ///< that train together; null: this process alone. Only rank 0 writes into `out`
 };
 
 /// Trains the stages of a chain one after the other into `out`. Each stage is resumed if it was begun; an interrupted

@@ -18,6 +18,7 @@ struct StageTask {
   std::filesystem::path run;       ///< the run with the earlier stages
   const RunFolder& folder;         ///< the folder of this stage
   RunMode mode = RunMode::automatic;
+  Ranks* ranks = nullptr;  ///< that train together; null: this process alone
 };
 
 /// One kind of stage. The files of a stage define its entry; `stage_table.cpp` lists all entries.
@@ -33,6 +34,9 @@ struct StageEntry {
   void (*evaluate)(const ActorEvaluation& evaluation, nlohmann::ordered_json& rows) = nullptr;
 };
 
+/// Opens the run folder. Of several ranks, only rank 0 writes it; the others wait, and compare their configuration.
+void open_folder(const StageTask& task);
+
 /// Trains a stage that begins a chain and needs only the character.
 template <typename StageType, typename Config>
 TrainSummary train_first(const StageTask& task) {
@@ -40,8 +44,8 @@ TrainSummary train_first(const StageTask& task) {
   const Dataset dataset = config.subject.open_dataset();
   const Character character = load_character(dataset.character_path(), config.subject.character);
   StageType stage(dataset, character, config);
-  task.folder.open(task.resolved, task.mode);  // last, because it may erase an earlier run
-  return Trainer(stage, config.trainer, task.folder).run();
+  open_folder(task);  // last, because it may erase an earlier run
+  return Trainer(stage, config.trainer, task.folder, task.ranks).run();
 }
 
 /// Trains a stage that builds on earlier stages. @param trained a TrainedActor or a TrainedPose
@@ -50,8 +54,8 @@ TrainSummary train_on(Trained trained, const StageTask& task) {
   const Dataset dataset = trained.subject.open_dataset();
   const Config config = Config::read(task.document);
   StageType stage(dataset, trained, config);
-  task.folder.open(task.resolved, task.mode);  // last, because it may erase an earlier run
-  return Trainer(stage, config.trainer, task.folder).run();
+  open_folder(task);  // last, because it may erase an earlier run
+  return Trainer(stage, config.trainer, task.folder, task.ranks).run();
 }
 
 /// Adds the row `static`, the static texture without lighting, unless an earlier stage added it.

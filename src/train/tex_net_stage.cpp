@@ -50,12 +50,13 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
   {
     ProfileScope scope(profile, "input");
     torch::NoGradGuard no_grad;
-    input = texture_input(actor_, texture_space_, config_.model, noise_.apply(batch.dofs, *network_, context.generator),
+    input = texture_input(actor_, texture_space_, config_.model,
+                          noise_.apply(batch.dofs, *network_, context.generator, context.share),
                           batch.image_projection.select(1, 0), vertices);
   }
   {
     ProfileScope scope(profile, "network");
-    texture = network_->forward(input, context.generator);
+    texture = network_->forward(input, context.generator, context.share);
   }
   ShadedImage drawn;
   {
@@ -66,7 +67,9 @@ LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
   ProfileScope scope(profile, "compare");
   return {{"photometric",
            photometric_loss(drawn.colour, drawn.mask, image_float(batch.image), batch.image_mask, config_.loss),
-           config_.weight}};
+           config_.weight, [this, batch, mask = drawn.mask] {
+             return static_cast<double>(photometric_pixels(mask, batch.image_mask, config_.loss));
+           }}};
 }
 
 std::vector<ReportImage> TexNetStage::images() {

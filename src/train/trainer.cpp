@@ -13,6 +13,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/nets/shared_norm.h"
 #include "doppel/train/report.h"
 #include "doppel/train/tensorboard.h"
 
@@ -85,13 +86,15 @@ TrainerOptions TrainerOptions::read_phased(const ConfigReader& reader, std::int6
   return o;
 }
 
-Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run)
+Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run, Ranks* ranks)
     : stage_(stage),
       options_(options),
       run_(run),
       checkpoints_(run.checkpoints(), options.keep_last, options.keep_every, options.keep_best),
       adam_(stage.model(), options.adam),
-      generator_(at::detail::createCPUGenerator(static_cast<std::uint64_t>(options.seed))) {
+      generator_(at::detail::createCPUGenerator(static_cast<std::uint64_t>(options.seed))),
+      ranks_(ranks && ranks->several() ? ranks : nullptr),
+      gradients_(stage.model(), ranks_) {
   global_generator().set_current_seed(static_cast<std::uint64_t>(options.seed));
 }
 
@@ -105,39 +108,83 @@ TrainSummary Trainer::run() {
         "train.keep: best needs validation frames; name them in the section `validation` of the configuration, or as "
         "`split: validation` in capture.yaml");
   resume();
+  join_ranks();
   summary.resumed_at = step_;
-  metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
-  tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
-  if (options_.keep_start && saved_step_ < 0) save_checkpoint();
-  {
-    Progress progress(stage_.name(), options_.iterations, step_);
-    while (step_ < options_.iterations && !stop_requested() && !out_of_time()) {
-      const double loss = step();
-      if (step_ % options_.log_every == 0 || step_ == options_.iterations) log_metrics();
-      if (step_ % options_.checkpoint_every == 0) save_checkpoint();
-      if (options_.images_every > 0 && step_ % options_.images_every == 0) write_beside([&] { save_images(); });
-      progress.advance(1, fmt::format("loss {:.4g}", loss));
-    }
+  if (writes()) {
+    metrics_ = std::make_unique<MetricsFile>(run_.metrics(), step_);
+    tensorboard_ = std::make_unique<TensorBoardWriter>(run_.path(), step_);
+    if (options_.keep_start && saved_step_ < 0) save_checkpoint();
   }
-  if (saved_step_ != step_) save_checkpoint();
-  summary.reason = step_ >= options_.iterations ? StopReason::finished
-                   : out_of_time()              ? StopReason::time_limit
-                                                : StopReason::interrupted;
-  // From here on the checkpoint is safe, so that what cannot be written is an error.
-  metrics_->finish();
-  if (validation_) validation_->finish();
-  tensorboard_->finish();
-  if (summary.reason != StopReason::interrupted) save_images();
-  write_report(run_);
+  train();
+  summary.reason =
+      step_ >= options_.iterations ? StopReason::finished : reason_to_stop().value_or(StopReason::interrupted);
+  if (writes()) finish_files(summary.reason);
   summary.step = step_;
   summary.seconds = seconds();
   summary.loss = last_loss_;
   return summary;
 }
 
+void Trainer::train() {
+  std::optional<Progress> progress;
+  if (writes()) progress.emplace(stage_.name(), options_.iterations, step_);
+  while (step_ < options_.iterations && !reason_to_stop()) {
+    const double loss = step();
+    log_and_save();
+    if (progress) progress->advance(1, fmt::format("loss {:.4g}", loss));
+  }
+}
+
+/// What is due after a step.
+void Trainer::log_and_save() {
+  if (step_ % options_.log_every == 0 || step_ == options_.iterations) log_metrics();
+  if (!writes()) return;
+  if (step_ % options_.checkpoint_every == 0) save_checkpoint();
+  if (options_.images_every > 0 && step_ % options_.images_every == 0) write_beside([&] { save_images(); });
+}
+
+void Trainer::finish_files(StopReason reason) {
+  if (saved_step_ != step_) save_checkpoint();
+  // From here on the checkpoint is safe, so that what cannot be written is an error.
+  metrics_->finish();
+  if (validation_) validation_->finish();
+  tensorboard_->finish();
+  if (reason != StopReason::interrupted) save_images();
+  write_report(run_);
+}
+
+std::optional<StopReason> Trainer::reason_to_stop() const {
+  if (ranks_) return agreed_stop_;
+  if (out_of_time()) return StopReason::time_limit;
+  return stop_requested() ? std::optional(StopReason::interrupted) : std::nullopt;
+}
+
+/// The ranks make sure that they train the same, and share the batches from now on.
+void Trainer::join_ranks() {
+  if (!ranks_) return;
+  ranks_->check_same("the instruction set (set DOPPEL_ISA alike on all)", isa_name(cpu_isa()));
+  ranks_->check_same("the data or the character", stage_.identity());
+  const torch::NoGradGuard no_grad;
+  for (const torch::Tensor& tensor : stage_.model().parameters()) ranks_->broadcast(tensor);
+  for (const torch::Tensor& tensor : stage_.model().buffers()) ranks_->broadcast(tensor);
+  stage_.share_batches(*ranks_);
+  share_batch_statistics(stage_.model(), ranks_);
+}
+
+/// The newest checkpoint; rank 0 chooses it for all.
+std::optional<std::pair<std::int64_t, Checkpoint>> Trainer::find_checkpoint() {
+  if (!ranks_) return checkpoints_.load_latest();
+  std::optional<std::pair<std::int64_t, Checkpoint>> found;
+  if (writes()) found = checkpoints_.load_latest();
+  const std::string step = ranks_->broadcast(found ? std::to_string(found->first) : std::string());
+  if (step.empty() || found) return found;
+  const std::int64_t number = std::stoll(step);
+  return std::pair(number, Checkpoint::load(checkpoints_.path(number)));
+}
+
 void Trainer::resume() {
   stage_.model().train();
-  auto found = checkpoints_.load_latest();
+  auto found = find_checkpoint();
   if (!found) return;
   const Checkpoint& checkpoint = found->second;
   if (checkpoint.text("stage") != stage_.name())
@@ -155,29 +202,28 @@ void Trainer::resume() {
   earlier_seconds_ = checkpoint.number("seconds");
   last_loss_ = checkpoint.number("loss");
   step_ = saved_step_ = checkpoint.integer("step");
-  checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
+  if (writes()) checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
   warn_of_other_machine(checkpoint);
   log::info("resuming {} at step {}", stage_.name(), step_);
 }
 
 double Trainer::step() {
   Profile profile;
-  StepContext context{step_, generator_, &profile};
+  StepContext context{step_, generator_, &profile, ranks_, {}};
   adam_.zero_grad();
   const LossTerms terms = stage_.loss(context);
-  const auto values = evaluate(terms);
+  std::vector<double> share;
+  const auto values = evaluate(terms, context.share, share);
   double loss = 0.0;
   for (const auto& value : values) loss += value.weighted;
 
-  torch::Tensor total;
-  for (const LossTerm& term : terms) {
-    if (term.weight == 0.0) continue;
-    const torch::Tensor weighted = term.value * term.weight;
-    total = total.defined() ? total + weighted : weighted;
-  }
-  if (total.defined() && total.requires_grad()) {
+  {
     ProfileScope scope(profile, "backward");
-    total.backward();
+    backward(terms, share);
+  }
+  if (ranks_) {
+    ProfileScope scope(profile, "ranks");
+    gradients_.finish();
   }
   double norm = 0.0;
   {
@@ -191,14 +237,50 @@ double Trainer::step() {
   return loss;
 }
 
-std::vector<MetricsRecord::Term> Trainer::evaluate(const LossTerms& terms) const {
+void Trainer::backward(const LossTerms& terms, const std::vector<double>& share) {
+  torch::Tensor total;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (terms[i].weight == 0.0) continue;
+    const torch::Tensor weighted = terms[i].value * (terms[i].weight * share[i]);
+    total = total.defined() ? total + weighted : weighted;
+  }
+  if (total.defined() && total.requires_grad()) total.backward();
+}
+
+std::vector<MetricsRecord::Term> Trainer::evaluate(const LossTerms& terms, const BatchShare& batch,
+                                                   std::vector<double>& share) {
+  std::vector<double> raw;
+  for (const LossTerm& term : terms) raw.push_back(term.value.item<double>());
+  share.assign(terms.size(), 1.0);
+  if (ranks_) average_over_ranks(terms, batch, raw, share);
   std::vector<MetricsRecord::Term> values;
-  for (const LossTerm& term : terms) {
-    const double raw = term.value.item<double>();
-    if (!std::isfinite(raw)) fail_not_finite(fmt::format("the loss term `{}` is {}", term.name, raw));
-    values.push_back({term.name, raw, raw * term.weight});
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    if (!std::isfinite(raw[i])) fail_not_finite(fmt::format("the loss term `{}` is {}", terms[i].name, raw[i]));
+    values.push_back({terms[i].name, raw[i], raw[i] * terms[i].weight});
   }
   return values;
+}
+
+/// The means of the terms over the whole batch, and this rank's share of each. The wish to stop travels along.
+void Trainer::average_over_ranks(const LossTerms& terms, const BatchShare& batch, std::vector<double>& raw,
+                                 std::vector<double>& share) {
+  const std::size_t n = terms.size();
+  std::vector<double> sums(2 * n + 2, 0.0);
+  for (std::size_t i = 0; i < n; ++i) {
+    share[i] = terms[i].items ? terms[i].items() : static_cast<double>(batch.count);
+    sums[i] = raw[i] * share[i];
+    sums[n + i] = share[i];
+  }
+  sums[2 * n] = stop_requested() ? 1.0 : 0.0;
+  sums[2 * n + 1] = writes() && out_of_time() ? 1.0 : 0.0;  // by the clock of rank 0
+  ranks_->sum(torch::from_blob(sums.data(), {static_cast<std::int64_t>(sums.size())}, torch::kFloat64));
+  for (std::size_t i = 0; i < n; ++i) {
+    const double all = sums[n + i];
+    raw[i] = all > 0.0 ? sums[i] / all : sums[i];
+    share[i] = all > 0.0 ? share[i] / all : 0.0;
+  }
+  if (sums[2 * n] > 0.0) agreed_stop_ = StopReason::interrupted;
+  if (sums[2 * n + 1] > 0.0) agreed_stop_ = StopReason::time_limit;
 }
 
 void Trainer::check_gradients(double norm, const LossTerms& terms) {
@@ -226,6 +308,7 @@ void Trainer::log_metrics() {
   record.learning_rate = options_.schedule.rate(step_ - 1);
   record.memory_mb = private_megabytes();
   last_loss_ = record.loss;
+  if (!writes()) return;
   metrics_->append(record);
   std::vector<std::pair<std::string, double>> scalars = {
       {"loss", record.loss}, {"learning_rate", record.learning_rate}, {"gradient_norm", record.gradient_norm}};
@@ -269,6 +352,7 @@ void Trainer::save_evaluation(Checkpoint& checkpoint) {
 
   auto parameters = model.named_parameters();
   for (const auto& [name, mean] : adam_.mean_weights()) parameters[name].copy_(mean);
+  share_batch_statistics(model, nullptr);  // the other ranks take no part in this
   stage_.prepare_evaluation();
   for (const auto& item : model.named_buffers())
     if (item.value().defined()) checkpoint.set_tensor("evaluation." + item.key(), item.value().clone());
@@ -278,6 +362,7 @@ void Trainer::save_evaluation(Checkpoint& checkpoint) {
   if (step_ % options_.checkpoint_every == 0 || step_ == options_.iterations) loss = stage_.validation_loss(step_);
   load_module(model, "", present);
   model.train();
+  share_batch_statistics(model, ranks_);
   if (!loss) return;
   checkpoint.set_validation_loss(*loss);
   write_beside([&] { log_validation(*loss); });

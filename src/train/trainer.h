@@ -8,6 +8,7 @@
 #include "doppel/actor/run_folder.h"
 #include "doppel/core/config.h"
 #include "doppel/train/adam.h"
+#include "doppel/train/gradient_sum.h"
 #include "doppel/train/metrics.h"
 #include "doppel/train/schedule.h"
 #include "doppel/train/stage.h"
@@ -65,7 +66,9 @@ class Trainer {
  public:
   /// Sets the seed of LibTorch's global random generator to `options.seed`.
   /// @param stage must outlive the trainer @param run a folder on which `RunFolder::open` was called
-  Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run);
+  /// @param ranks that train together, each with its own Trainer; null: this process alone. They see what one rank
+  /// sees: the same batches, losses and weights up to rounding. Only rank 0 writes; all must read the same folder
+  Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run, Ranks* ranks = nullptr);
   ~Trainer();
 
   /// Resumes from the newest checkpoint, if there is one. Trains until all iterations are done, the time limit is
@@ -77,9 +80,22 @@ class Trainer {
 
  private:
   void resume();
+  std::optional<std::pair<std::int64_t, Checkpoint>> find_checkpoint();
+  void join_ranks();
+  void train();
+  void log_and_save();
+  void finish_files(StopReason reason);
+  std::optional<StopReason> reason_to_stop() const;
+  /// Whether this process writes the run: it is alone, or rank 0.
+  bool writes() const { return !ranks_ || ranks_->is_first(); }
   /// Takes one step. @return the sum of the weighted loss terms
   double step();
-  std::vector<MetricsRecord::Term> evaluate(const LossTerms& terms) const;
+  /// The values of the terms on the whole batch. @param share of each term's gradient that this rank contributes
+  std::vector<MetricsRecord::Term> evaluate(const LossTerms& terms, const BatchShare& batch,
+                                            std::vector<double>& share);
+  void average_over_ranks(const LossTerms& terms, const BatchShare& batch, std::vector<double>& raw,
+                          std::vector<double>& share);
+  void backward(const LossTerms& terms, const std::vector<double>& share);
   void check_gradients(double norm, const LossTerms& terms);
   [[noreturn]] void fail_not_finite(const std::string& what) const;
   void log_metrics();
@@ -97,6 +113,9 @@ class Trainer {
   CheckpointFolder checkpoints_;
   Adam adam_;
   at::Generator generator_;
+  Ranks* ranks_;  ///< null: one
+  GradientSum gradients_;
+  std::optional<StopReason> agreed_stop_;  ///< what several ranks decided in the last step
   MetricsWindow window_;
   std::unique_ptr<MetricsFile> metrics_, validation_;
   std::unique_ptr<TensorBoardWriter> tensorboard_;

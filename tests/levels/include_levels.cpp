@@ -13,7 +13,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::map<std::string, int> kLevels = {
-    {"core", 0},          {"fetch", 1},         {"geometry", 1},    {"solver", 1},  {"html", 1},    {"dnn", 1},
+    {"core", 0},          {"distributed", 1},   {"fetch", 1},         {"geometry", 1},    {"solver", 1},  {"html", 1},    {"dnn", 1},
     {"character", 2},     {"onnx_writer", 1},   {"calibration", 2}, {"scene", 2},   {"scan", 2},    {"rig_import", 3},
     {"figure_export", 3}, {"keypoints", 3},     {"rig", 3},         {"rigging", 3}, {"layers", 3},  {"render", 3},
     {"body", 4},          {"motion_import", 4}, {"vmc", 4},         {"detect", 4},  {"capture", 4}, {"losses", 4},

@@ -43,20 +43,30 @@ Tensor RaySamples::points(const Tensor& origin, const Tensor& direction) const {
   return origin.unsqueeze(-2) + t.unsqueeze(-1) * direction.unsqueeze(-2);
 }
 
-RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples,
-                        std::optional<at::Generator> generator) {
+namespace {
+
+/// Uniform numbers for the rays of one rank, [R,K] in the type of `like`.
+Tensor uniform(const BatchShare& share, int64_t rays, int64_t samples, const at::Generator& generator,
+               const Tensor& like) {
+  return share.rows(torch::rand(share.whole_sizes({rays, samples}), generator, torch::kFloat32)).to(like.options());
+}
+
+}  // namespace
+
+RaySamples sample_cells(const Tensor& near, const Tensor& far, int64_t samples, std::optional<at::Generator> generator,
+                        const BatchShare& share) {
   check_shape("sample_cells", "near", near, {-1}, "[R]");
   check_shape("sample_cells", "far", far, {near.size(0)}, "[R]");
   check_same_kind("sample_cells", "far", far, near);
   if (samples < 1) fail<UsageError>("sample_cells: {} samples per ray; there must be at least 1", samples);
   Tensor place = torch::full({near.size(0), samples}, 0.5, near.options());
-  if (generator) place = torch::rand({near.size(0), samples}, *generator, torch::kFloat32).to(near.options());
+  if (generator) place = uniform(share, near.size(0), samples, *generator, near);
   const Tensor cell = (torch::arange(samples, near.options()) + place) / static_cast<double>(samples);
   return {near, far, near.unsqueeze(1) + cell * (far - near).unsqueeze(1), {}};
 }
 
 RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int64_t count,
-                            std::optional<at::Generator> generator) {
+                            std::optional<at::Generator> generator, const BatchShare& of_batch) {
   const torch::NoGradGuard no_grad;
   const int64_t R = coarse.t.size(0), K = coarse.t.size(1);
   check_shape("sample_by_weight", "weights", weights, {R, K}, "[R,K]");
@@ -64,7 +74,7 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
   const Tensor share = weights.to(coarse.t.options()) + kLeastShare;
   const Tensor sum = (share / share.sum(1, true)).cumsum(1).contiguous();
   Tensor quantile = torch::full({R, count}, 0.5, coarse.t.options());
-  if (generator) quantile = torch::rand({R, count}, *generator, torch::kFloat32).to(coarse.t.options());
+  if (generator) quantile = uniform(of_batch, R, count, *generator, coarse.t);
   quantile = ((torch::arange(count, coarse.t.options()) + quantile) / static_cast<double>(count)).contiguous();
   const Tensor cell = torch::searchsorted(sum, quantile).clamp_max(K - 1);
   const Tensor above = sum.gather(1, cell), below = above - (share / share.sum(1, true)).gather(1, cell);

@@ -16,6 +16,8 @@
 
 #include <optional>
 
+#include "doppel/distributed/batch_share.h"
+
 namespace doppel {
 
 /// One point in each of the K cells of [near, far].
@@ -33,18 +35,20 @@ struct RaySamples {
 /// The samples of 6.24, for any interval.
 /// @param near, far [R]; gradients to both
 /// @param generator draws a position in each cell; undefined: the middle of the cell
+/// @param share the rays of a batch that ranks share
 /// @throws UsageError naming the argument, with what was found
 RaySamples sample_cells(const torch::Tensor& near, const torch::Tensor& far, int64_t samples,
-                        std::optional<at::Generator> generator = std::nullopt);
+                        std::optional<at::Generator> generator = std::nullopt, const BatchShare& share = {});
 
 /// Importance sampling: adds `count` samples to each ray, drawn in proportion to the weights of the cells, and keeps
 /// the earlier samples. The new cells reach half way to the neighbouring samples.
 /// @param coarse samples in equal cells @param weights [R,K] of volume_weights, no gradient
 /// @param generator draws the samples; undefined: evenly spread quantiles
+/// @param of_batch the rays of a batch that ranks share
 /// @return K + count samples, without gradients
 /// @throws UsageError naming the argument, with what was found
 RaySamples sample_by_weight(const RaySamples& coarse, const torch::Tensor& weights, int64_t count,
-                            std::optional<at::Generator> generator = std::nullopt);
+                            std::optional<at::Generator> generator = std::nullopt, const BatchShare& of_batch = {});
 
 /// The colour, opacity and depth along rays.
 struct RenderedRays {
