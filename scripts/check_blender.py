@@ -2,12 +2,17 @@
 
     blender --background --factory-startup --python scripts/check_blender.py -- FILE.glb ...
 
-Exit code 1: the vertices of a frame are more than 2 mm off on average, or one is more than 8 mm off.
+With camera.json beside a file, Blender also draws the textured surface without light in the same frames, and its
+pictures are compared with those of `--format png --camera camera.json --light flat --background '#00ff00'`.
+
+Exit code 1: the vertices of a frame are more than 2 mm off on average, one is more than 8 mm off, or a picture has an
+IoU below .99 or a PSNR below 30 dB inside of the silhouette.
 """
 import json
 import os
 import struct
 import sys
+import tempfile
 
 import bpy
 import numpy as np
@@ -17,6 +22,7 @@ if not hasattr(np, "bool"):
 
 FRAMES = 5
 MEAN_LIMIT, WORST_LIMIT = 2.0, 8.0  # millimetres
+COVER_LIMIT, PSNR_LIMIT = 0.99, 30.0  # IoU, decibel
 
 
 def template_vertices(path):
@@ -41,6 +47,78 @@ def posed_vertices(figure):
     return np.c_[points[:, 0], points[:, 2], -points[:, 1]]
 
 
+def show_texture_alone(figure):
+    """The surface shines with the colours of its texture, so that no light counts."""
+    for material in figure.data.materials:
+        tree = material.node_tree
+        image = next((node for node in tree.nodes if node.type == "TEX_IMAGE"), None)
+        if image is None:
+            return False
+        emission = tree.nodes.new("ShaderNodeEmission")
+        tree.links.new(image.outputs["Color"], emission.inputs["Color"])
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    return True
+
+
+def set_camera(scene, view):
+    """The camera of camera.json: its principal point is in the middle and its pixels are square."""
+    to_blender = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
+    turn, shift = np.array(view["R"]).reshape(3, 3), np.array(view["t"])
+    world = np.eye(4)
+    world[:3, :3] = to_blender @ turn.T @ np.diag([1, -1, -1])  # a camera of Blender looks along its -z
+    world[:3, 3] = to_blender @ -turn.T @ shift
+    data = bpy.data.cameras.new("view")
+    data.sensor_fit, data.sensor_width = "HORIZONTAL", 36.0
+    data.lens = view["K"][0] * data.sensor_width / view["width"]
+    camera = bpy.data.objects.new("view", data)
+    camera.matrix_world = world.T.tolist()
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = view["width"], view["height"]
+    scene.render.resolution_percentage = 100
+
+
+def set_renderer(scene):
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples, scene.cycles.use_denoising = "CPU", 16, False
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.render.film_transparent = True
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGBA"
+
+
+def pixels_of(path):
+    """[H, W, 4], the stored values, 0 to 1."""
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    image.alpha_mode = "CHANNEL_PACKED"
+    values = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return values
+
+
+def inner(mask):
+    """The pixels whose eight neighbours are in the mask too."""
+    height, width = mask.shape
+    padded = np.pad(mask, 1)
+    shifted = [padded[y:y + height, x:x + width] for y in range(3) for x in range(3)]
+    return np.logical_and.reduce(shifted)
+
+
+def difference(scene, ours_path):
+    """IoU of the silhouettes, and PSNR of the colours inside both, in dB."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene.render.filepath = os.path.join(folder, "theirs.png")
+        bpy.ops.render.render(write_still=True)
+        theirs = pixels_of(scene.render.filepath)
+    ours = pixels_of(ours_path)
+    here, there = ours[..., 1] - np.maximum(ours[..., 0], ours[..., 2]) < 0.5, theirs[..., 3] > 0.5
+    both = inner(here & there)
+    error = np.mean((ours[both][:, :3] - theirs[both][:, :3]) ** 2)
+    return (here & there).sum() / (here | there).sum(), -10 * np.log10(max(error, 1e-12))
+
+
 def check(path):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=path, merge_vertices=False)
@@ -49,15 +127,25 @@ def check(path):
     truth = np.load(os.path.join(os.path.dirname(path), "vertices.npy"))
     index, duration = template_vertices(path)
     scene = bpy.context.scene
-    mean, worst = 0.0, 0.0
+    mean, worst, cover, psnr = 0.0, 0.0, 1.0, np.inf
+    camera_file = os.path.join(os.path.dirname(path), "camera.json")
+    pictures = os.path.exists(camera_file) and show_texture_alone(figure)
+    if pictures:
+        set_camera(scene, json.load(open(camera_file))["cam0"])
+        set_renderer(scene)
     for i in range(FRAMES):
         frame = round(i * (len(truth) - 1) / (FRAMES - 1))
         time = duration * frame / (len(truth) - 1) * scene.render.fps / scene.render.fps_base
         scene.frame_set(int(time), subframe=time - int(time))
         off = 1000 * np.linalg.norm(posed_vertices(figure) - truth[frame][index], axis=1)
         mean, worst = max(mean, off.mean()), max(worst, off.max())
+        if pictures:
+            found = difference(scene, os.path.join(os.path.dirname(path), f"camera_0_{frame:06d}.png"))
+            cover, psnr = min(cover, found[0]), min(psnr, found[1])
     print(f"{path}: Blender {bpy.app.version_string}: {mean:.3f} mm off on average, {worst:.2f} mm at most")
-    return mean <= MEAN_LIMIT and worst <= WORST_LIMIT
+    if pictures:
+        print(f"{path}: worst picture: IoU {cover:.4f}, PSNR {psnr:.1f} dB inside of the silhouette")
+    return mean <= MEAN_LIMIT and worst <= WORST_LIMIT and cover >= COVER_LIMIT and psnr >= PSNR_LIMIT
 
 
 if __name__ == "__main__":
