@@ -50,8 +50,21 @@ void append_seal(std::vector<char>& archive) {
   archive.insert(archive.end(), comment.begin(), comment.end());
 }
 
+/// The system cannot read a checkpoint. It may be whole, so an older one must not stand in for it.
+struct UnreadableCheckpoint : FileError {
+  explicit UnreadableCheckpoint(const FileError& reason) : FileError(reason) {}
+};
+
+std::string read_bytes(const fs::path& path) {
+  try {
+    return read_file(path);
+  } catch (const FileError& e) {
+    throw UnreadableCheckpoint(e);
+  }
+}
+
 c10::IValue unpickle(const fs::path& path) {
-  const std::string bytes = read_file(path);
+  const std::string bytes = read_bytes(path);
   const FileLocation where{path.string(), 0};
   const std::size_t size = bytes.size() < kSealSize ? 0 : bytes.size() - kSealSize;
   if (size == 0 || bytes.compare(0, 2, "PK") != 0)
@@ -195,6 +208,8 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_latest
   for (auto step = candidates.rbegin(); step != candidates.rend(); ++step) {
     try {
       return std::make_pair(*step, Checkpoint::load(path(*step)));
+    } catch (const UnreadableCheckpoint&) {
+      throw;
     } catch (const Error& e) {
       log::warn("{}", e.what());
       if (first_error.empty()) first_error = e.what();
@@ -221,6 +236,8 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_for_us
   if (const auto step = best()) {
     try {
       return std::make_pair(*step, Checkpoint::load(path(*step)));
+    } catch (const UnreadableCheckpoint&) {
+      throw;
     } catch (const Error& e) {
       log::warn("{}; the newest checkpoint is used instead", e.what());
     }
@@ -237,6 +254,8 @@ void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint
     try {
       const auto least = Checkpoint::load(path(*so_far)).validation_loss();
       if (least && *least <= *loss) return;
+    } catch (const UnreadableCheckpoint&) {
+      throw;
     } catch (const Error& e) {
       log::warn("{}; step {} takes its place as the best", e.what(), step);
     }

@@ -45,6 +45,14 @@ void remove_leftovers(const fs::path& folder) {
   remove_temporaries(folder, [](const std::string& name) { return ours.count(name) > 0; });
 }
 
+/// The same for images and their captions.
+void remove_image_leftovers(const fs::path& folder) {
+  remove_temporaries(folder, [](const std::string& name) {
+    const std::string extension = fs::path(name).extension().string();
+    return extension == ".jpg" || extension == ".txt";
+  });
+}
+
 /// Whether a caption is one of ours: "step 500: ...".
 bool is_caption(const fs::path& file) {
   std::ifstream text(file);
@@ -63,10 +71,7 @@ void remove_images(const fs::path& folder) {
     fs::remove(fs::path(caption).replace_extension(".jpg"), ignored);
     fs::remove(caption, ignored);
   }
-  remove_temporaries(folder, [](const std::string& name) {
-    const std::string extension = fs::path(name).extension().string();
-    return extension == ".jpg" || extension == ".txt";
-  });
+  remove_image_leftovers(folder);
   fs::remove(folder, ignored);
 }
 
@@ -102,6 +107,7 @@ void RunFolder::open(const std::string& new_config, RunMode mode) const {
   if (fs::exists(path_) && !fs::is_directory(path_))
     fail<UsageError>("--out {}: this is a file; a run needs a folder", path_.string());
   remove_leftovers(path_);
+  remove_image_leftovers(images());
   const bool has_run = fs::exists(config());
   if (!has_run && !is_unused_folder(path_))
     fail<UsageError>("--out {}: the folder contains files that are not a run; choose another one", path_.string());

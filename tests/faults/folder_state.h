@@ -14,7 +14,7 @@ using support::Files;
 Files state_of(const std::filesystem::path& folder);
 
 /// Whether the content belongs to work that is not finished: a store with a part of its records, a log with its first
-/// lines.
+/// lines, the name of a checkpoint.
 bool is_part_of(const std::string& name, const std::string& content, const std::string& whole);
 
 /// The first difference between two states, as a sentence; empty when they are equal.

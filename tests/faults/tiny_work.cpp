@@ -40,8 +40,9 @@ TinyWork::TinyWork() {
   make_detector();
 }
 
-Words TinyWork::synth(const std::string& out) const {
-  return {"synth", "--preset", "tiny", "--frames", "4", "--test-frames", "2", "--cameras", "3", "--out", out};
+Words TinyWork::synth(const std::string& out, int frames) const {
+  return {"synth",     "--preset", "tiny",  "--frames", std::to_string(frames), "--test-frames", "2",
+          "--cameras", "3",        "--out", out};
 }
 
 Words TinyWork::prepare(const std::string& out) const {

@@ -25,7 +25,7 @@ class TinyWork {
   const std::filesystem::path& folder() const { return folder_.path(); }
   std::filesystem::path at(const std::string& name) const { return folder_ / name; }
 
-  std::vector<std::string> synth(const std::string& out) const;
+  std::vector<std::string> synth(const std::string& out, int frames = 4) const;
   std::vector<std::string> prepare(const std::string& out) const;
   /// @param steps of EGNet; a checkpoint after each `every`
   std::vector<std::string> train(const std::string& out, int steps, int every) const;

@@ -13,10 +13,11 @@ namespace doppel::support {
 /// Contents by names relative to a folder.
 using Files = std::map<std::string, std::string>;
 
-/// Removes what no two runs have alike: speeds.
+/// Removes what no two runs have alike: speeds and memory.
 inline void remove_speeds(nlohmann::ordered_json& node) {
   if (node.is_object())
-    for (const char* key : {"frames_per_second", "milliseconds"}) node.erase(key);
+    for (const char* key : {"frames_per_second", "milliseconds", "latency_ms", "pictures_behind", "memory_mb"})
+      node.erase(key);
   for (nlohmann::ordered_json& child : node)
     if (child.is_structured()) remove_speeds(child);
 }
