@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/rig/charuco_versions.h"
 
 namespace doppel {
 namespace {
@@ -169,37 +169,10 @@ std::optional<BoardView> find_chessboard(const cv::Mat& image, const Board& boar
   return view;
 }
 
-// OpenCV 4.7 changed the types of aruco, and the order of the squares of boards with an even number of rows. The old
-// order is kept, so that every version of OpenCV finds the same boards.
-#if CV_VERSION_MAJOR > 4 || CV_VERSION_MINOR >= 7
-cv::Ptr<cv::aruco::Dictionary> dictionary_of(int name) {
-  return cv::makePtr<cv::aruco::Dictionary>(cv::aruco::getPredefinedDictionary(name));
-}
-
-cv::Ptr<cv::aruco::CharucoBoard> charuco_board(const Board& board, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
-  auto result =
-      cv::makePtr<cv::aruco::CharucoBoard>(cv::Size(board.columns, board.rows), static_cast<float>(board.square),
-                                           static_cast<float>(board.marker), *dictionary);
-  result->setLegacyPattern(true);
-  return result;
-}
-
-cv::Ptr<cv::aruco::DetectorParameters> detector_parameters() { return cv::makePtr<cv::aruco::DetectorParameters>(); }
-#else
-cv::Ptr<cv::aruco::Dictionary> dictionary_of(int name) { return cv::aruco::getPredefinedDictionary(name); }
-
-cv::Ptr<cv::aruco::CharucoBoard> charuco_board(const Board& board, const cv::Ptr<cv::aruco::Dictionary>& dictionary) {
-  return cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square),
-                                         static_cast<float>(board.marker), dictionary);
-}
-
-cv::Ptr<cv::aruco::DetectorParameters> detector_parameters() { return cv::aruco::DetectorParameters::create(); }
-#endif
-
 std::optional<BoardView> find_charuco(const cv::Mat& image, const Board& board) {
-  const auto dictionary = dictionary_of(dictionaries().at(board.dictionary));
-  const auto charuco = charuco_board(board, dictionary);
-  const auto parameters = detector_parameters();
+  const auto dictionary = aruco_dictionary(dictionaries().at(board.dictionary));
+  const auto charuco = charuco_board(board.columns, board.rows, board.square, board.marker, dictionary);
+  const auto parameters = aruco_parameters();
   std::vector<std::vector<cv::Point2f>> markers;
   std::vector<int> ids;
   cv::aruco::detectMarkers(image, dictionary, markers, ids, parameters);

@@ -2,10 +2,9 @@
 
 #include <gmock/gmock.h>
 
-#include <opencv2/aruco/charuco.hpp>
-
 #include "doppel/core/error.h"
 #include "doppel/rig/calibrate_board.h"
+#include "doppel/rig/charuco_versions.h"
 #include "rig/drawn_board.h"
 #include "rig/rig_error.h"
 #include "support/message_of.h"
@@ -96,11 +95,9 @@ TEST(Board, NumbersAnAsymmetricBoardInOneWay) {
 
 TEST(Board, FindsACharucoBoardThatIsCutOff) {
   const Board board = parse_board("charuco:6x5:40mm:30mm:DICT_4X4_50");
-  const auto drawing =
-      cv::aruco::CharucoBoard::create(6, 5, 0.04F, 0.03F, cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50));
+  const auto drawing = charuco_board(6, 5, 0.04, 0.03, aruco_dictionary(cv::aruco::DICT_4X4_50));
   constexpr int kPixelsOfSquare = 160;
-  cv::Mat paper;
-  drawing->draw({6 * kPixelsOfSquare, 5 * kPixelsOfSquare}, paper);
+  const cv::Mat paper = draw_charuco(drawing, {6 * kPixelsOfSquare, 5 * kPixelsOfSquare});
   // OpenCV numbers the corners from the row that its drawing has at the bottom or at the top, depending on its version.
   const auto found_on_paper = find_board(paper, board);
   ASSERT_TRUE(found_on_paper);
