@@ -46,6 +46,7 @@ struct AnimateOptions {
   double turns_per_second = 0.1;
   // The figure for other programs.
   std::string names = "skeletool";
+  FigureRights rights;
   int morphs = 8;
   double tolerance_mm = 0.1;
   bool loop = false;
@@ -267,6 +268,9 @@ FigureOptions figure_options(const AnimateOptions& options, double fps) {
   figure.names = options.names == "mixamo" ? BoneNames::mixamo
                  : options.names == "vrm"  ? BoneNames::vrm
                                            : BoneNames::skeletool;
+  if (!options.rights.authors.empty() && figure.names != BoneNames::vrm)
+    fail<UsageError>("--author belongs to --names vrm");
+  figure.rights = options.rights;
   figure.morphs = options.morphs;
   figure.tolerance = 0.001 * options.tolerance_mm;
   return figure;
@@ -407,6 +411,10 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--names", options.names, "Names of the bones in a .glb: the character's own, Mixamo's or VRM's")
       ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
       ->capture_default_str();
+  app.add_option("--author", options.rights.authors,
+                 "With --names vrm: the .glb is an avatar of VRM 1.0 by this author; may be repeated")
+      ->allow_extra_args(false);
+  app.add_option("--licence", options.rights.licence, "With --author: the address of a licence of one's own");
   app.add_option("--morphs", options.morphs,
                  "Largest number of morph targets of a .glb that move in a frame; they hold the motion of the clothes")
       ->check(CLI::Range(0, 256))

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,6 +24,7 @@
 #include "doppel/track/shape/scale_bones.h"
 #include "doppel/track/track_capture.h"
 #include "doppel/track/track_results.h"
+#include "doppel/view/view_sender.h"
 #include "doppel/vmc/vmc_sender.h"
 #include "shared_work.h"
 
@@ -148,6 +150,18 @@ void learn_empty_scene(const TrackArguments& arguments, FrameSource& source, Liv
   view.learn_empty_scene(images);
 }
 
+/// Sends poses to a viewer or to an avatar program, as the address says.
+std::function<void(const std::vector<double>&, double, bool)> sending_to(const std::string& address,
+                                                                         const Character& character) {
+  if (ViewSender::recognises(address))
+    return [sender = std::make_shared<ViewSender>(address)](const auto& dofs, double, bool tracked) {
+      sender->send(dofs, tracked);
+    };
+  return [sender = std::make_shared<VmcSender>(address, character)](const auto& dofs, double seconds, bool tracked) {
+    sender->send(dofs, seconds, tracked);
+  };
+}
+
 /// Tracks live images with one of the methods for one camera.
 TrackReport track_source(const TrackArguments& arguments) {
   const bool deepcap = arguments.method == "deepcap";
@@ -173,11 +187,7 @@ TrackReport track_source(const TrackArguments& arguments) {
   options.method = arguments.method;
   options.filter = !deepcap && config.filter;
   options.smoothing = deepcap ? 0.0 : config.smoothing;
-  std::optional<VmcSender> sender;
-  if (!arguments.send.empty()) {
-    sender.emplace(arguments.send, view.character());
-    options.on_pose = [&](const auto& dofs, double seconds, bool tracked) { sender->send(dofs, seconds, tracked); };
-  }
+  if (!arguments.send.empty()) options.on_pose = sending_to(arguments.send, view.character());
   return track_live(*source, view, *tracker, options, preview.get());
 }
 
@@ -385,8 +395,10 @@ Command add_track(CLI::App& program) {
       ->check(CLI::Range(0, 1000));
   app->add_flag("--live", arguments->playing.live,
                 "Play a file as the source at its own rate; images that come too fast are dropped");
-  app->add_option("--send", arguments->send,
-                  "With --source: send each pose to an avatar program by the VMC protocol, e.g. vmc://127.0.0.1:39539");
+  app->add_option(
+      "--send", arguments->send,
+      "With --source: send each pose to an avatar program by the VMC protocol, e.g. vmc://127.0.0.1:39539, or to "
+      "a page of `doppel view`, by the address that it prints");
   app->add_option("--repeat", arguments->playing.repeat, "How often to play a file as the source")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();

@@ -46,7 +46,7 @@ Command add_view(CLI::App& program) {
   auto arguments = std::make_shared<ViewArguments>();
   CLI::App* app = program.add_subcommand("view", "Show a double in the browser: play its motion, pose it by hand");
   app->add_option("target", arguments->target,
-                  "A run of egnet or ddc, an exported actor (.pt), a .character file, a capture or a prepared capture")
+                  "A run, an exported actor (.pt), a .character file, a capture or a prepared capture")
       ->required();
   app->add_option("--motion", arguments->motion,
                   "The motion to play, as for `doppel animate` (default: that of the capture)");

@@ -1,7 +1,6 @@
 #include "doppel/export/figure_writer.h"
 
 #include "doppel/core/as_size.h"
-#include "doppel/figure_export/write_figure.h"
 #include "doppel/geometry/mesh.h"
 
 namespace doppel {
@@ -24,8 +23,8 @@ class FigureWriter : public SequenceWriter {
   }
 
   void close() override {
-    const FigureFile file{character_.name, character_.mesh, clip_};
-    if (options_.glb) close_glb(file);
+    const FigureFile file{character_.name, character_.mesh, clip_, options_.rights};
+    if (options_.glb || options_.usda) write_skinned(file);
     if (options_.usda) write_usda(folder_ / "animation.usda", file);
     if (options_.pc2 || options_.mdd) write_obj(folder_ / "animation.obj", character_.mesh, 1.0);
     if (options_.pc2) write_pc2(folder_ / "animation.pc2", clip_);
@@ -33,7 +32,7 @@ class FigureWriter : public SequenceWriter {
   }
 
  private:
-  void close_glb(const FigureFile& file) {
+  void write_skinned(const FigureFile& file) {
     const MorphTargets morphs = fit_morphs(figure_, character_.skeleton, clip_, options_.morphs);
     const FigureTracks tracks = thin_tracks(figure_, character_.skeleton, clip_, morphs, options_.tolerance);
     const FigureError error = figure_error(figure_, clip_, morphs, tracks);
@@ -45,7 +44,8 @@ class FigureWriter : public SequenceWriter {
     report_.mean_error_mm = error.mean;
     report_.worst_error_mm = error.worst;
     report_.largest_dropped_weight = figure_.largest_dropped_weight;
-    write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
+    if (options_.glb) write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
+    if (options_.usda) write_usda_skel(folder_ / "animation_skel.usda", file, figure_, morphs, tracks, "animation.png");
   }
 
   std::filesystem::path folder_;

@@ -5,6 +5,7 @@
 
 #include "doppel/export/animation.h"
 #include "doppel/figure_export/figure.h"
+#include "doppel/figure_export/write_figure.h"
 
 namespace doppel {
 
@@ -13,11 +14,12 @@ struct FigureOptions {
   bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
   double frames_per_second = 25.0;
   BoneNames names = BoneNames::skeletool;
-  int morphs = 8;           ///< of the .glb: largest number of morph targets that are active in a frame
-  double tolerance = 1e-4;  ///< of the .glb: error of interpolated keys, metres
+  int morphs = 8;           ///< of files with a skin: largest number of morph targets that are active in a frame
+  FigureRights rights;      ///< of the .glb
+  double tolerance = 1e-4;  ///< of files with a skin: error of interpolated keys, metres
 };
 
-/// What was lost on the way into the .glb file.
+/// What was lost on the way into the files with a skin.
 struct FigureReport {
   int nodes = 0, morphs = 0;
   std::size_t keys = 0;                              ///< of all channels
@@ -25,8 +27,9 @@ struct FigureReport {
   double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
 };
 
-/// `folder/animation.glb`, `.usda` (with its texture), `.pc2` and `.mdd` (with `animation.obj`, whose vertices they
-/// move). Holds all frames in memory until `close`, 12 bytes per vertex and frame.
+/// `folder/animation.glb`, `.usda` and `animation_skel.usda` (with their texture `animation.png`), `.pc2` and `.mdd`
+/// (with `animation.obj`, whose vertices they move). Holds all frames in memory until `close`, 12 bytes per vertex and
+/// frame.
 /// @param report filled by `close`; must outlive the writer
 std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
                                                    const FigureOptions& options, FigureReport& report);

@@ -7,6 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/figure_export/glb_buffer.h"
+#include "doppel/figure_export/vrm.h"
 #include "doppel/figure_export/write_figure.h"
 
 namespace doppel {
@@ -69,6 +70,10 @@ class GlbWriter {
     add_mesh();
     add_skin();
     if (file.clip.num_frames() > 0) add_animation();
+    if (!file.rights.authors.empty()) {
+      model_.extensions["VRMC_vrm"] = vrm_extension(figure, file.name, file.rights, /*first_node=*/1);
+      model_.extensionsUsed.emplace_back("VRMC_vrm");
+    }
   }
 
   std::string bytes() {

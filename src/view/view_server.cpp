@@ -20,6 +20,7 @@
 #include "doppel/core/scratch_folder.h"
 #include "doppel/export/animation.h"
 #include "doppel/layers/kinematics/kinematics.h"
+#include "doppel/view/live_poses.h"
 #include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
 #include "doppel/view/view_training.h"
@@ -30,6 +31,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLargestRequest = 1 << 20, kLargestMotion = 64 << 20;
+constexpr std::chrono::milliseconds kLivePatience = kLiveBreak;
 constexpr int kSecondsToWait = 5, kSecondsKeptAlive = 2;
 constexpr std::size_t kConnections = 32;  // a browser opens six
 // Scripts, pictures and data from this server alone. The page sets styles of its own elements.
@@ -103,6 +105,23 @@ std::string safe_extension(const std::string& name) {
   return extension;
 }
 
+/// How many poses the longest window of the stages has.
+std::size_t longest_window(const std::vector<ViewStage>& stages) {
+  int past = 0;
+  for (const ViewStage& stage : stages) past = std::max(past, stage.past_frames);
+  return as_size(past) + 1;
+}
+
+/// The newest poses as a motion window; before the first one, all rows are that one. @return [F+1,D]
+torch::Tensor live_window(const std::vector<std::vector<float>>& rows, int past_frames) {
+  std::vector<torch::Tensor> window;
+  for (int back = past_frames; back >= 0; --back) {
+    const std::size_t last = rows.size() - 1;
+    window.push_back(torch::tensor(rows[last - std::min(last, as_size(back))]));
+  }
+  return torch::stack(window);
+}
+
 }  // namespace
 
 struct ViewServer::State {
@@ -117,10 +136,14 @@ struct ViewServer::State {
   std::atomic<std::shared_ptr<const Shown>> shown;
   std::string token = random_token();
   httplib::Server server;
+  LivePoses live;
   std::mutex networks;  ///< one request at a time runs the networks
   int port = 0;
 
-  explicit State(ViewSubject given) : subject(std::move(given)), kinematics(subject.character) { show(subject.motion); }
+  explicit State(ViewSubject given)
+      : subject(std::move(given)), kinematics(subject.character), live(longest_window(subject.stages)) {
+    show(subject.motion);
+  }
 
   void show(const Motion& motion) { shown = std::make_shared<const Shown>(Shown{motion, view_files(subject, motion)}); }
 
@@ -157,11 +180,35 @@ struct ViewServer::State {
     return geometry(stage, request, motion_window(now->motion, i, stage.past_frames));
   }
 
+  /// @return [1,D]
+  torch::Tensor one_pose(const httplib::Request& request) const {
+    torch::Tensor row = poses_of(request, subject.character.num_dofs());
+    if (row.size(0) != 1) fail<UsageError>("one pose is needed, found {}", row.size(0));
+    return row;
+  }
+
   std::string pose(const httplib::Request& request) {
     const ViewStage& stage = stage_of(request);
-    const torch::Tensor row = poses_of(request, subject.character.num_dofs());
-    if (row.size(0) != 1) fail<UsageError>("one pose is needed, found {}", row.size(0));
+    const torch::Tensor row = one_pose(request);
     return geometry(stage, request, row.repeat({stage.past_frames + 1, 1}));
+  }
+
+  std::string take_live(const httplib::Request& request) {
+    const torch::Tensor row = one_pose(request);
+    const float* values = row.data_ptr<float>();
+    live.push({values, values + row.numel()}, parameter<int>(request, "tracked") != 0);
+    return {};
+  }
+
+  std::string newest_live(const httplib::Request& request) {
+    const ViewStage& stage = stage_of(request);
+    const auto latest = live.newer_than(parameter<std::uint32_t>(request, "after"), kLivePatience);
+    if (!latest) return {};
+    const std::uint32_t head[] = {latest->number, latest->tracked};
+    const std::vector<float>& dofs = latest->rows.back();
+    std::string bytes(reinterpret_cast<const char*>(head), sizeof(head));
+    bytes.append(reinterpret_cast<const char*>(dofs.data()), dofs.size() * sizeof(float));
+    return bytes + geometry(stage, request, live_window(latest->rows, stage.past_frames));
   }
 
   std::string joint_bytes(const httplib::Request& request) {
@@ -259,6 +306,8 @@ struct ViewServer::State {
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });
     answer("/api/joints", true, [this](const httplib::Request& request) { return joint_bytes(request); });
+    answer("/api/live", true, [this](const httplib::Request& request) { return take_live(request); });
+    answer("/api/live", false, [this](const httplib::Request& request) { return newest_live(request); });
     add_footage();
     answer(
         "/api/motion", true, [this](const httplib::Request& request) { return take_motion(request); },
@@ -321,6 +370,9 @@ ViewServer::ViewServer(ViewSubject subject, int port) : state_(std::make_unique<
 ViewServer::~ViewServer() = default;
 
 void ViewServer::serve() { state_->server.listen_after_bind(); }
-void ViewServer::stop() { state_->server.stop(); }
+void ViewServer::stop() {
+  state_->live.close();
+  state_->server.stop();
+}
 
 }  // namespace doppel

@@ -24,6 +24,10 @@ namespace doppel {
 /// - `GET /api/picture?camera=0&frame=0&mask=0`: a JPEG of what the camera filmed (ViewCameras::picture)
 /// - `GET /api/training`: the curves and images of the run so far, JSON (view_training.h); 400 for other targets
 /// - `GET /api/training_image?stage=0&image=0`: one of these images, JPEG
+/// - `POST /api/live?tracked=1` with float32 [D]: a pose of somebody who is tracked now (view_sender.h)
+/// - `GET /api/live?after=0&stage=skinning`: waits up to two seconds for a live pose after that number; then uint32 its
+///   number and whether the person is seen, float32 [D], and what `/api/frame` gives, for a window of the newest poses.
+///   Empty: there was none
 /// - `POST /api/joints` with float32 [B,D]: float32 joints [B,J,3], world metres
 class ViewServer {
  public:

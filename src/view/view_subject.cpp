@@ -71,8 +71,9 @@ ViewSubject of_prepared(const fs::path& folder) {
 }
 
 ViewSubject of_run(const fs::path& run, const ViewOptions& options) {
+  // A run of posenet or deepcap has no actor: its person is shown with the skin alone.
   const fs::path checkpoints = RunFolder(stage_folder(run, "egnet")).checkpoints();
-  if (!fs::exists(checkpoints) || fs::is_empty(checkpoints))
+  if (captures_poses(run) || !fs::exists(checkpoints) || fs::is_empty(checkpoints))
     return of_prepared(options.capture.empty() ? run_subject(run).capture : options.capture);
   const auto capture = options.capture.empty() ? std::nullopt : std::make_optional(options.capture);
   const auto trained = std::make_shared<TrainedActor>(TrainedActor::load(run, capture));
@@ -137,9 +138,6 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
   if (extension == ".pt") return of_actor_file(target, options.character);
   if (is_prepared(target)) return of_prepared(target);
   if (fs::exists(target / "config.yaml")) {
-    if (captures_poses(target))
-      fail<UsageError>("viewing {}: a run of posenet or deepcap has no actor; track with it, then view the character",
-                       target.string());
     ViewSubject subject = of_run(target, options);
     subject.run = target;
     return subject;

@@ -43,7 +43,8 @@ struct ViewOptions {
   bool geometry_only = false;       ///< for a run: without TexNet
 };
 
-/// Opens a run of egnet or ddc (before its first checkpoint, its character is shown), an exported actor (`.pt`, with
+/// Opens a run of egnet or ddc (before its first checkpoint, its character is shown), of posenet or deepcap (its
+/// character and its capture are shown), an exported actor (`.pt`, with
 /// options.character), a `.character` file, a capture (a `capture.yaml` or its folder) or a prepared capture.
 /// @throws UsageError for another target, and for an actor file without a character; Error as the readers
 ViewSubject open_view_subject(const std::filesystem::path& target, const ViewOptions& options = {});

@@ -22,7 +22,9 @@ constexpr std::size_t kLargestImage = 64 << 20, kPoints = 500;
 std::vector<RunFolder> begun_stages(const fs::path& run) {
   std::vector<RunFolder> found;
   if (fs::exists(RunFolder(run).metrics())) found.emplace_back(run);
-  for (const std::string& stage : ddc_stages())
+  std::vector<std::string> stages = ddc_stages();
+  stages.insert(stages.end(), {"posenet", "defnet"});
+  for (const std::string& stage : stages)
     if (fs::exists(RunFolder(run / stage).metrics())) found.emplace_back(run / stage);
   return found;
 }

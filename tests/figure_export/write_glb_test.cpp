@@ -7,6 +7,7 @@
 #include "doppel/figure_export/write_figure.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/scene/read_scene.h"
+#include "figure_export/waving_clip.h"
 #include "support/gltf_pose.h"
 #include "support/message_of.h"
 #include "support/shared_folder.h"
@@ -18,22 +19,7 @@ namespace {
 
 using support::GltfPose;
 using support::TemporaryFolder;
-
-/// Dual quaternions, and a wave that runs over the surface: neither is a linear blend.
-FigureClip waving_clip(const Character& character, int frames, double wave) {
-  FigureClip clip;
-  for (int t = 0; t < frames; ++t) {
-    std::vector<double> dofs = character.rest_dofs;
-    for (std::size_t d = 0; d < dofs.size(); ++d) dofs[d] += 0.4 * std::sin(0.13 * t + static_cast<double>(d));
-    clip.dofs.push_back(dofs);
-    std::vector<float> values;
-    for (const Eigen::Vector3d& v : posed_vertices(character, dofs))
-      for (int i = 0; i < 3; ++i)
-        values.push_back(static_cast<float>(v[i] + wave * std::sin(0.2 * t + 8.0 * v.y() + i)));
-    clip.vertices.push_back(values);
-  }
-  return clip;
-}
+using support::waving_clip;
 
 struct Exported {
   Figure figure;

@@ -370,8 +370,8 @@ TEST_F(ProgramRecovers, TheWholeChainTrainsIsEvaluatedAndCompared) {
   const nlohmann::json glb = nlohmann::json::parse(figure.out)["glb"];
   EXPECT_LT(glb["mean_error_mm"].get<double>(), 2.0);
   EXPECT_LT(glb["worst_error_mm"].get<double>(), 8.0);
-  for (const char* name : {"animation.glb", "animation.usda", "animation.png", "animation.pc2", "animation.mdd",
-                           "animation.obj", "texture_000000.png"})
+  for (const char* name : {"animation.glb", "animation.usda", "animation_skel.usda", "animation.png", "animation.pc2",
+                           "animation.mdd", "animation.obj", "texture_000000.png"})
     EXPECT_TRUE(std::filesystem::exists(at(std::string("figure/") + name))) << name;
   EXPECT_NE(cv::norm(cv::imread(at("figure/texture_000000.png")), cv::imread(at("figure/texture_000005.png"))), 0.0);
   EXPECT_EQ(run(play + "--format texture --out " + at("none")).code, 2);

@@ -51,6 +51,16 @@ TEST(ViewTraining, FollowsARunThatTrains) {
   EXPECT_EQ(stages[1]["curves"]["arap"].back(), (nlohmann::json{2, 0.125}));
 }
 
+TEST(ViewTraining, FollowsARunThatCapturesPoses) {
+  const TemporaryFolder folder;
+  log_steps(folder / "posenet", 1, 3);
+  log_steps(folder / "defnet", 1, 2);
+  const auto stages = state_of(folder.path())["stages"];
+  ASSERT_EQ(stages.size(), 2U);
+  EXPECT_EQ(stages[0]["name"], "posenet");
+  EXPECT_EQ(stages[1]["steps"], 2);
+}
+
 TEST(ViewTraining, ShowsItsImages) {
   const TemporaryFolder folder;
   log_steps(folder.path(), 1, 1);

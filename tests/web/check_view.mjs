@@ -2,14 +2,14 @@
 //   node check_view.mjs [--picture FILE.png] [--cameras FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
 // --cameras: the target is a capture with pictures, which must stand where its cameras saw them; a screenshot.
 // --other: a motion file of this many frames, which the page opens.
-// The double plays, follows a slider, and its hand follows the mouse to 1 cm; the page fits a phone; the console stays
-// silent; no request leaves the loopback interface; a wrong token gets 403. Exit code 1: one of these fails.
+// The double plays, follows a slider and live poses, and its hand follows the mouse to 1 cm; the page fits a phone; the
+// console stays silent; no request leaves the loopback interface; a wrong token gets 403. Exit code 1: one of these fails.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { request } from 'node:http';
 import { launch } from './browser.mjs';
 import {
-  checkCameras, checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
+  checkCameras, checkLive, checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
 } from './page_checks.mjs';
 
 const given = process.argv.slice(2);
@@ -43,6 +43,7 @@ async function checkAccess(url) {
   assert.equal(await status(plain), 403);
   assert.equal(await status(`${plain}?token=wrong`), 403);
   assert.equal(await status(`${plain}assets/page.js`), 403);
+  assert.equal(await status(`${plain}api/live?tracked=1`, { body: Buffer.alloc(8) }), 403);
   assert.equal(await status(url, { headers: { Host: 'example.com' } }), 403);
   assert.equal(await status(url, { path: `/../../etc/passwd?${token}` }), 404);
   assert.equal(await status(url, { path: `/assets/..%2f..%2fetc%2fpasswd?${token}` }), 404);
@@ -63,6 +64,7 @@ try {
   await checkPlaying(page);
   await checkSlider(page);
   await checkReach(page);
+  await checkLive(page, url);
   if (picture) await page.screenshot({ path: picture });
   if (await page.evaluate(() => window.doppel.source.about.training)) await checkTraining(page);
   if (cameras) {

@@ -129,6 +129,40 @@ export async function checkCameras(page) {
   console.log(`${cameras.length} cameras of the capture hold their pictures behind the double`);
 }
 
+// Sends poses as a tracker does; the double follows each, and the page says that it is live. @param url of the page
+export async function checkLive(page, url) {
+  await idle(page);
+  const { rest, window } = await page.evaluate(() => {
+    const { about } = window.doppel.source;
+    return { rest: about.rest, window: 1 + Math.max(...about.stages.map(({ past_frames }) => past_frames)) };
+  });
+  const send = (values) => fetch(url.replace('/?', '/api/live?tracked=1&'), { method: 'POST', body: Float32Array.from(values) });
+  // A page that is slow for two seconds takes a pose for an old one, so it is sent again.
+  const shown = (pose) => page.waitForFunction((last) => window.doppel.state.live?.dofs.at(-1) === last,
+    Math.fround(pose.at(-1)), { timeout: 2000 }).then(() => true, () => false);
+  let pose = rest;
+  for (let k = 1; k <= 20; ++k) {
+    pose = [...rest.slice(0, -1), rest.at(-1) + 0.02 * k];
+    do assert.equal((await send(pose)).status, 200); while (!(await shown(pose)));
+  }
+  for (let row = 0; row < window; ++row)  // a window of equal poses
+    do await send(pose); while (!(await shown(pose)));
+  await page.waitForTimeout(200);
+  const { off, moved } = await page.evaluate(async () => {
+    const { state, source, picture } = window.doppel, far = (a, b) => a.reduce((most, v, i) => Math.max(most, Math.abs(v - b[i])), 0);
+    const at = async (dofs) => (await source.pose(dofs, state.stage, picture.projection())).vertices;
+    return { off: far(state.geometry.vertices, await at(state.edited)), moved: far(state.geometry.vertices, await at(Float32Array.from(source.about.rest))) };
+  });
+  assert.ok(off < 1e-6, `the live double is ${off} m from its pose`);
+  assert.ok(moved > 1e-3, 'the live poses move nothing');
+  do await send(pose); while (!(await shown(pose)));
+  const text = await page.locator('#rate').textContent();
+  assert.match(text, /^live, [0-9.]+ poses a second$/);
+  await page.waitForFunction(() => window.doppel.state.live === null);
+  assert.equal((await send([0])).status, 400);
+  console.log(`the double follows live poses; the page says: ${text}`);
+}
+
 // The curves of a run's training.
 export async function checkTraining(page) {
   await page.waitForFunction(() => document.querySelectorAll('#progress polyline').length > 0);

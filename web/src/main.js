@@ -1,5 +1,6 @@
 import './style.css';
 import { open } from './source.js';
+import { followLive } from './live.js';
 import { reach } from './reach.js';
 import { Picture } from './scene.js';
 import { followTraining } from './training.js';
@@ -130,6 +131,24 @@ function app(source) {
     element('training').hidden = false;
     followTraining(source.training, element('progress'), complain);
   }
+
+  // Somebody who is tracked now.
+  const showLive = (latest) => {
+    if (!latest && !state.live) return;
+    state.live = latest;
+    element('rate').textContent = latest
+      ? `${latest.tracked ? 'live' : 'the person is lost'}, ${latest.rate.toFixed(1)} poses a second` : 'no poses come';
+    if (!latest) return;
+    element('mirror').hidden = false;
+    Object.assign(state, { playing: false, edited: latest.dofs, geometry: latest.geometry });
+    picture.show([{ stage: latest.stage, ...latest.geometry }], latest.stage, latest.geometry.joints);
+    showNumbers();
+  };
+  const askLive = async (number) => {
+    const { stage } = state, latest = await source.live(number, stage, picture.projection());
+    return latest && { ...latest, stage };
+  };
+  if (source.live) followLive(askLive, showLive, () => element('live').checked && state.framed, complain);
 
   // A motion or a texture from the visitor's disk.
   const take = newestOnly(async (file) => {

@@ -23,6 +23,13 @@ function serverNetworks(about) {
   return {
     frame: async (i, stage, projection) => split(await bytesOf(address('api/frame', stage, projection, { i })), stage),
     pose: async (dofs, stage, projection) => split(await bytesOf(address('api/pose', stage, projection), dofs), stage),
+    // Waits for a pose that is tracked now and comes after pose number `after`; null: there was none
+    live: async (after, stage, projection) => {
+      const bytes = await bytesOf(address('api/live', stage, projection, { after }));
+      if (!bytes.byteLength) return null;
+      const [number, tracked] = new Uint32Array(bytes, 0, 2), end = 8 + 4 * about.dofs.length;
+      return { number, tracked: tracked === 1, dofs: new Float32Array(bytes.slice(8, end)), geometry: split(bytes.slice(end), stage) };
+    },
     joints: async (poses) => new Float32Array(await bytesOf('api/joints', poses)),
   };
 }
