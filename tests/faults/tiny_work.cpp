@@ -117,7 +117,7 @@ std::vector<Recipe> TinyWork::recipes() const {
         "--video-size", "64", "--out", "OUT"},
        ""},
       {"evaluate", {"evaluate", "--run", "OUT", "--split", "all"}, "run"},
-      {"merge", {"merge", at("parts"), "--out", "OUT"}, ""},
+      {"merge", {"merge", at("parts"), "--out", "OUT"}, "", true},
   };
 }
 
