@@ -155,7 +155,7 @@ void Trainer::resume() {
   earlier_seconds_ = checkpoint.number("seconds");
   last_loss_ = checkpoint.number("loss");
   step_ = saved_step_ = checkpoint.integer("step");
-  checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
+  checkpoints_.note(step_, checkpoint);  // a kill may have come between the checkpoint and its note
   warn_of_other_machine(checkpoint);
   log::info("resuming {} at step {}", stage_.name(), step_);
 }
