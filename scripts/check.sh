@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Checks before each merge.
-#   scripts/check.sh                     everything below
-#   scripts/check.sh PIECE...            some of it:
+#   scripts/check.sh                     format tests headers tidy
+#   scripts/check.sh PIECE...            the pieces of these names:
 #     format    the sources have the form that clang-format gives them
 #     tests     release build and all tests (including the include levels)
 #     headers   every header compiles alone
@@ -10,7 +10,7 @@
 #     leak      the same build: memory that is never freed
 #     tsan      tests with the sanitizer of threads
 #   scripts/check.sh --format            only reformat the sources
-# SANITIZED_TESTS names the tests of the last three; a build for them takes half an hour, so only these are built.
+# SANITIZED_TESTS names the tests of the last three; a build for all takes half an hour, so only theirs are built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 mapfile -t sources < <(git ls-files '*.h' '*.cpp')
@@ -62,7 +62,7 @@ check_leak() { run_sanitized asan leak core geometry character calibration keypo
 check_tsan() { run_sanitized tsan tsan core capture data train track; }
 
 pieces=("$@")
-[ $# -gt 0 ] || pieces=(format tests headers tidy asan leak tsan)
+[ $# -gt 0 ] || pieces=(format tests headers tidy)
 for piece in "${pieces[@]}"; do
   declare -F "check_$piece" >/dev/null || { echo "check.sh: unknown piece '$piece'; see the head of the script" >&2; exit 2; }
   echo "== $piece"

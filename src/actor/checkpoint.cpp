@@ -245,6 +245,12 @@ std::optional<std::pair<std::int64_t, Checkpoint>> CheckpointFolder::load_for_us
   return load_latest();
 }
 
+void CheckpointFolder::note(std::int64_t step, const Checkpoint& checkpoint) const {
+  const fs::path latest = folder_ / "latest";
+  if (!fs::exists(latest) || read_file(latest) != path(step).filename().string() + "\n") name_step("latest", step);
+  note_best(step, checkpoint);
+}
+
 /// Among equal losses, the earlier step stays the best.
 void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint) const {
   const auto loss = checkpoint.validation_loss();
@@ -266,8 +272,7 @@ void CheckpointFolder::note_best(std::int64_t step, const Checkpoint& checkpoint
 void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
   fs::create_directories(folder_);
   checkpoint.save(path(step));
-  name_step("latest", step);
-  note_best(step, checkpoint);
+  note(step, checkpoint);
   remove_leftovers();
   prune();
 }

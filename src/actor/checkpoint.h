@@ -72,8 +72,9 @@ class CheckpointFolder {
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
   /// The checkpoint to use: the one that `best` names, or else the newest. @throws as load_latest
   std::optional<std::pair<std::int64_t, Checkpoint>> load_for_use() const;
-  /// Makes a saved checkpoint the best if its validation loss is the smallest. Repeated calls change nothing.
-  void note_best(std::int64_t step, const Checkpoint& checkpoint) const;
+  /// Writes a saved checkpoint's name into `latest`, and into `best` if its validation loss is the smallest. Repeated
+  /// calls change nothing.
+  void note(std::int64_t step, const Checkpoint& checkpoint) const;
   /// Saves a checkpoint, updates `latest`, and removes checkpoints that need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);
   /// Removes all checkpoints except that of `step`. @throws Error when there is no checkpoint of this step
@@ -82,6 +83,7 @@ class CheckpointFolder {
   void clear();
 
  private:
+  void note_best(std::int64_t step, const Checkpoint& checkpoint) const;
   void name_step(const char* file, std::int64_t step) const;
   std::optional<std::int64_t> best() const;
   void prune() const;

@@ -202,7 +202,8 @@ void Trainer::resume() {
   earlier_seconds_ = checkpoint.number("seconds");
   last_loss_ = checkpoint.number("loss");
   step_ = saved_step_ = checkpoint.integer("step");
-  if (writes()) checkpoints_.note_best(step_, checkpoint);  // a kill may have come between the checkpoint and this note
+  // A kill may have come between the checkpoint and its note.
+  if (writes()) checkpoints_.note(step_, checkpoint);
   warn_of_other_machine(checkpoint);
   log::info("resuming {} at step {}", stage_.name(), step_);
 }

@@ -154,6 +154,7 @@ class Sweep {
 
   std::string after_another_run(const Ending& first) {
     if (first.succeeded() || state_of(out_) == before_) return "";  // another run would be the undisturbed one
+    if (recipe_.into_empty) fs::remove_all(out_);
     const Ending ending = run(recipe_.with_out(out_));
     if (!ending.succeeded()) return fmt::format("it does not run again: {}\nbefore: {}", ending.err, first.err);
     const std::string lost = difference(state_of(out_), whole_);

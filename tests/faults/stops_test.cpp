@@ -77,7 +77,9 @@ class Stops : public ::testing::Test {
   }
   /// A capture long enough for a signal to come before its end.
   static fs::path long_capture() {
-    if (!fs::exists(at("long"))) EXPECT_TRUE(faults::run(work_->synth(at("long"), 24)).succeeded());
+    if (!fs::exists(at("long"))) {
+      EXPECT_TRUE(faults::run(work_->synth(at("long"), 24)).succeeded());
+    }
     return at("long");
   }
   static Words livecap(const fs::path& capture, Words more) {

@@ -75,6 +75,7 @@ void TinyWork::make_detector() const {
       at("pose.onnx"),
       centre_net(80, 60, {x_of(0), y_of(0), sum_of(0), x_of(1), y_of(1), sum_of(1), x_of(2), y_of(2), sum_of(2)},
                  {0, 0, 0, 1, 1, 1, 2, 2, 2}, {1, 3, 3}));
+  support::write_bytes(at("net.yaml"), "input: [80, 60]\n");
   support::write_bytes(at("map.yaml"), "points: [blue, green, red]\nevery_point: true\n");
 }
 
@@ -103,7 +104,8 @@ std::vector<Recipe> TinyWork::recipes() const {
         "--vertices", "--out", "OUT"},
        ""},
       {"detect",
-       {"detect", at("capture"), "--network", at("pose.onnx"), "--layout", at("map.yaml"), "--out", "OUT"},
+       {"detect", at("capture"), "--network", at("pose.onnx"), "--config", at("net.yaml"), "--layout", at("map.yaml"),
+        "--out", "OUT"},
        ""},
       {"export", {"export", "--run", at("run"), "--out", "OUT/actor.pt"}, ""},
       {"export onnx", {"export", "--run", at("run"), "--format", "onnx", "--out", "OUT/actor.onnx"}, ""},
@@ -115,7 +117,7 @@ std::vector<Recipe> TinyWork::recipes() const {
         "--video-size", "64", "--out", "OUT"},
        ""},
       {"evaluate", {"evaluate", "--run", "OUT", "--split", "all"}, "run"},
-      {"merge", {"merge", at("parts"), "--out", "OUT"}, ""},
+      {"merge", {"merge", at("parts"), "--out", "OUT"}, "", true},
   };
 }
 

@@ -14,6 +14,8 @@ struct Recipe {
   std::vector<std::string> words;
   std::string before;  ///< a folder of `TinyWork` that OUT is a copy of before the command; empty: OUT is missing
 
+  bool into_empty = false;  ///< the command refuses a folder with files, and its message says to remove it
+
   std::vector<std::string> with_out(const std::filesystem::path& out) const;
 };
 
