@@ -107,9 +107,10 @@ Exchange::~Exchange() = default;
 bool Exchange::wait(std::chrono::milliseconds limit) {
   try {
     return impl_->work->wait(limit);
-  } catch (const std::exception&) {
-    if (impl_->work->isCompleted()) throw;
-    return false;  // the limit is over
+  } catch (const std::exception& e) {
+    if (!impl_->work->isCompleted()) return false;  // the limit is over
+    const std::string text = e.what();
+    throw Error(text.substr(0, text.find('\n')));  // without the stack
   }
 }
 

@@ -155,7 +155,10 @@ void Ranks::sum(const torch::Tensor& tensor) {
 
 void Ranks::broadcast(const torch::Tensor& tensor) {
   if (!several() || tensor.numel() == 0) return;
-  Exchange exchange = exchanges_->broadcast(tensor);
+  // As bytes, because Gloo does not know all types.
+  const torch::Tensor bytes =
+      torch::from_blob(tensor.data_ptr(), {static_cast<std::int64_t>(tensor.nbytes())}, torch::kUInt8);
+  Exchange exchange = exchanges_->broadcast(bytes);
   wait(exchange);
 }
 

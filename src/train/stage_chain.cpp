@@ -111,6 +111,10 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
   std::optional<FolderLock> lock;
   if (writes) lock.emplace(out);
   if (writes && !chain.single()) open_chain_folder(out, chain.document().resolved());
+  const auto wait_for_files = [&] {  // of rank 0
+    if (options.ranks) options.ranks->broadcast(std::string("written"));
+  };
+  wait_for_files();
   std::vector<StageSummary> summaries;
   for (const StageEntry& entry : stage_table()) {
     const bool wanted = options.stages.empty() ? chain.has(entry.name) : contains(options.stages, entry.name);
@@ -126,7 +130,7 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
     summaries.push_back(
         {entry.name, entry.train({document, head + document.resolved(), out, folder, options.mode, options.ranks})});
     if (writes) write_run_report(out);
-    if (options.ranks) options.ranks->broadcast(std::string("the stage is written"));
+    wait_for_files();
     if (summaries.back().summary.reason == StopReason::interrupted) break;
   }
   return summaries;

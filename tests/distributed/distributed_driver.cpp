@@ -43,7 +43,7 @@ int main(int argc, char** argv) {
   if (argc < 6) return 2;
   doppel::RankOptions options = doppel::support::test_rank(std::atoi(argv[1]), std::atoi(argv[2]), std::atoi(argv[3]));
   options.dead_after = std::chrono::milliseconds(std::atoi(argv[4]));
-  options.join_limit = std::chrono::seconds(5);
+  options.join_limit = std::chrono::seconds(4);
   try {
     doppel::Ranks ranks(options);
     return run(ranks, options, std::atoi(argv[5]), argc > 6 ? argv[6] : "", argc > 7 ? std::atoi(argv[7]) : -1);
