@@ -45,7 +45,7 @@ for ((r = 0; r < 4; r++)); do
   ip -n "$name" link set lo up
   ip -n "$name" link set eth0 up
   ip -n "$name" addr add "10.77.0.$((r + 1))/24" dev eth0
-  # Half a millisecond out of each machine: 1 ms from one to another and back takes two such ways.
+  # 1 ms on the way out of each machine.
   if ip netns exec "$name" tc qdisc add dev eth0 root netem delay 1ms rate 1gbit 2>/dev/null; then :
   elif ip netns exec "$name" tc qdisc add dev eth0 root tbf rate 1gbit burst 256kb latency 50ms 2>/dev/null; then shaped="1 Gbit/s without delay (no netem)"
   else shaped=no; fi
@@ -87,7 +87,6 @@ worst = 0.0
 for w in worlds:
     gap = max(abs(a["loss"] - b["loss"]) / max(1, abs(a["loss"])) for a, b in zip(runs[worlds[0]], runs[w]))
     worst = max(worst, gap)
-    waits = [r["ms"].get("ranks", 0) if "ms" in r else 0 for r in runs[w]]
     print(f"{w} ranks: {len(runs[w])} steps, {pace(runs[w]):.1f} ms a step, {pace(runs[worlds[0]]) / pace(runs[w]):.2f} x "
           f"the samples a second of {worlds[0]}, largest difference of the loss {gap:.1e}")
 if worst > 1e-5:
