@@ -54,7 +54,10 @@ std::optional<Vector3d> nearest_point(const Chosen& sights) {
 struct Inliers {
   Chosen sights;
   double squares = 0.0;
+  std::optional<double> cost;            ///< of all sights under a kernel
+  Vector3d proposed = Vector3d::Zero();  ///< the point with which they agree
   bool better_than(const Inliers& other) const {
+    if (cost && other.cost) return *cost < *other.cost;
     return sights.size() > other.sights.size() || (sights.size() == other.sights.size() && squares < other.squares);
   }
 };
@@ -64,29 +67,34 @@ double distance_in_view(const Sight& sight, const Vector3d& point) {
   return residual ? residual->norm() : std::numeric_limits<double>::infinity();
 }
 
-Inliers inliers_of(std::span<const Sight> sights, const Vector3d& point, double within) {
+/// s / (1 + s / kernel^2), Geman-McClure. @param kernel infinite: s itself
+double under_kernel(double distance, double kernel) {
+  return std::isfinite(distance) ? distance * distance / (1.0 + std::pow(distance / kernel, 2)) : kernel * kernel;
+}
+
+/// Weighted squared residuals under a kernel. Without a kernel infinite when the point lies behind a camera.
+double cost_of(const Chosen& sights, const Vector3d& point, double kernel) {
+  double cost = 0.0;
+  for (const Sight* sight : sights) cost += sight->weight * under_kernel(distance_in_view(*sight, point), kernel);
+  return cost;
+}
+
+Inliers inliers_of(std::span<const Sight> sights, const Vector3d& point, const TriangulationOptions& options) {
   Inliers result;
+  result.proposed = point;
+  if (options.kernel > 0.0) result.cost = 0.0;
   for (const Sight& sight : sights) {
     const double distance = distance_in_view(sight, point);
-    if (!(distance <= within)) continue;
+    if (result.cost) *result.cost += sight.weight * under_kernel(distance, options.kernel);
+    if (!(distance <= options.inlier_threshold)) continue;
     result.sights.push_back(&sight);
     result.squares += distance * distance;
   }
   return result;
 }
 
-/// Weighted squared residuals; infinite when the point lies behind a camera.
-double cost_of(const Chosen& sights, const Vector3d& point) {
-  double cost = 0.0;
-  for (const Sight* sight : sights) {
-    const double distance = distance_in_view(*sight, point);
-    cost += sight->weight * distance * distance;
-  }
-  return cost;
-}
-
 /// One Gauss-Newton step, taken if it lowers the cost.
-bool refine(const Chosen& sights, Vector3d& point, double& cost) {
+bool refine(const Chosen& sights, double kernel, Vector3d& point, double& cost) {
   Matrix3d hessian = Matrix3d::Zero();
   Vector3d gradient = Vector3d::Zero();
   for (const Sight* sight : sights) {
@@ -94,12 +102,14 @@ bool refine(const Chosen& sights, Vector3d& point, double& cost) {
     Eigen::Matrix<double, 2, 3> projection;
     projection << 1.0 / p.z(), 0.0, -p.x() / (p.z() * p.z()), 0.0, 1.0 / p.z(), -p.y() / (p.z() * p.z());
     const Eigen::Matrix<double, 2, 3> jacobian = sight->unit_from_plane * projection * sight->R;
-    hessian += sight->weight * jacobian.transpose() * jacobian;
-    gradient += sight->weight * jacobian.transpose() * (sight->unit_from_plane * (p.hnormalized() - sight->plane));
+    const Vector2d residual = sight->unit_from_plane * (p.hnormalized() - sight->plane);
+    const double weight = sight->weight / std::pow(1.0 + residual.squaredNorm() / (kernel * kernel), 2);
+    hessian += weight * jacobian.transpose() * jacobian;
+    gradient += weight * jacobian.transpose() * residual;
   }
   if (!is_regular(hessian)) return false;
   const Vector3d moved = point - hessian.inverse() * gradient;
-  const double after = cost_of(sights, moved);
+  const double after = cost_of(sights, moved, kernel);
   if (!(after < cost)) return false;
   point = moved;
   cost = after;
@@ -117,7 +127,7 @@ Inliers best_of_pairs(std::span<const Sight> sights, const TriangulationOptions&
       if (pair++ % stride != 0) continue;
       const auto point = meeting_point(sights[i], sights[j], options.smallest_angle);
       if (!point) continue;
-      Inliers found = inliers_of(sights, *point, options.inlier_threshold);
+      Inliers found = inliers_of(sights, *point, options);
       if (found.sights.size() >= 2 && found.better_than(best)) best = std::move(found);
     }
   return best;
@@ -159,13 +169,15 @@ std::optional<Vector3d> meeting_point(const Sight& a, const Sight& b, double sma
 std::optional<TriangulatedPoint> triangulate(std::span<const Sight> sights, const TriangulationOptions& options) {
   const Inliers best = best_of_pairs(sights, options);
   if (best.sights.size() < 2) return std::nullopt;
-  const auto nearest = nearest_point(best.sights);
+  // Under a kernel, the middle of views that disagree is no start: it may lead to another minimum.
+  const auto nearest = best.cost ? best.proposed : nearest_point(best.sights);
   if (!nearest) return std::nullopt;
   TriangulatedPoint point;
   point.position = *nearest;
-  double cost = cost_of(best.sights, point.position);
+  const double kernel = options.kernel > 0.0 ? options.kernel : std::numeric_limits<double>::infinity();
+  double cost = cost_of(best.sights, point.position, kernel);
   for (int step = 0; step < options.refinement_steps && std::isfinite(cost); ++step)
-    if (!refine(best.sights, point.position, cost)) break;
+    if (!refine(best.sights, kernel, point.position, cost)) break;
   double squares = 0.0;
   for (const Sight& sight : sights) {
     point.residuals.push_back(distance_in_view(sight, point.position));

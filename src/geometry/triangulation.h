@@ -38,6 +38,8 @@ struct TriangulationOptions {
   int most_pairs = 0;              ///< pairs of rays that propose a point, evenly chosen; 0: all
   int refinement_steps = 4;        ///< Gauss-Newton steps on the weighted residuals of the inlier views; 0: the point
                                    ///< nearest to the inlier rays is kept
+  double kernel = 0.0;             ///< residual beyond which a view counts less (Geman-McClure), in the unit of the
+                                   ///< sights; 0: the inlier views count by their squared residuals
 };
 
 /// A triangulated point, world metres.
@@ -54,7 +56,9 @@ struct TriangulatedPoint {
 
 /// Triangulates a point robustly. Every pair of rays proposes a point. The point with the most inlier views wins; among
 /// equals, the one with the smaller error. Its inlier views then give the point by least squares. Gross outliers in a
-/// minority of views do no harm.
+/// minority of views do no harm. With a kernel, the proposed point with the smallest cost of all views wins instead,
+/// and the kernel weighs its inlier views. The threshold may then be wide: a view of a camera that was pushed counts
+/// little, and does not come and go from frame to frame.
 /// @return nothing when no point has two inlier views
 std::optional<TriangulatedPoint> triangulate(std::span<const Sight> sights, const TriangulationOptions& options = {});
 

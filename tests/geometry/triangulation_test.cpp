@@ -91,6 +91,23 @@ TEST(Triangulation, RefinementLowersTheError) {
     }
 }
 
+TEST(Triangulation, AViewThatIsSomewhatOffCountsLessUnderAKernel) {
+  const std::vector<Camera> cameras = bent_cameras();
+  std::vector<Sight> sights = sights_of(cameras, {0, 0});
+  sights[2] = sight_of(cameras[2], cameras[2].project(kPoint) + Eigen::Vector2d(20.0, 0.0)).value();
+  TriangulationOptions options;
+  options.inlier_threshold = 40.0;
+  options.refinement_steps = 12;
+  const auto squares = triangulate(sights, options);
+  options.kernel = 5.0;
+  const auto robust = triangulate(sights, options);
+  ASSERT_TRUE(squares && robust);
+  const double off = (squares->position - kPoint).norm();
+  EXPECT_GT(off, 1e-3);
+  EXPECT_LT((robust->position - kPoint).norm(), 0.02 * off);
+  EXPECT_EQ(robust->views, 6);
+}
+
 TEST(Triangulation, GivesNothingWithoutTwoViews) {
   const std::vector<Camera> cameras = bent_cameras();
   EXPECT_FALSE(triangulate({}));

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <random>
 
@@ -100,7 +101,21 @@ TEST(PointMotion, OfTwoHalvesOfTheCamerasTheOneThatGoesOn) {
       for (int k = 0; k < kPoints; ++k)
         seen.tracks.cameras[c].at(frame, k).pixel =
             seen.cameras[c].project(true_point(k, static_cast<double>(frame)) + Vector3d(0.3, 0.0, 0.0));
-  EXPECT_LT(largest_error(seen.motion()), 1e-3);
+  // One camera of the wrong half sees the shift as 38 pixels only. The kernel lets such a view pull a little.
+  EXPECT_LT(largest_error(seen.motion()), 0.02);
+}
+
+TEST(PointMotion, ACameraThatWasPushedCountsLess) {
+  SeenPoints seen(1.0);
+  Camera& pushed = seen.cameras[1];
+  const Vector3d centre = pushed.centre();
+  pushed.R = Eigen::AngleAxisd(0.025, Vector3d::UnitY()).toRotationMatrix() * pushed.R;  // 33 pixels
+  pushed.t = -pushed.R * centre;
+  PointMotionOptions options;
+  options.max_residual = 100.0;
+  const double robust = largest_error(seen.motion(options));
+  options.kernel = 1e4;
+  EXPECT_LT(robust, 0.4 * largest_error(seen.motion(options)));
 }
 
 TEST(PointMotion, ShortGapsAreFilledAndNoiseIsSmoothed) {
@@ -228,7 +243,7 @@ TEST_F(RealPointTracks, TheRightManIsWhereAnotherProgramFoundHim) {
         found, read_space_points(p2s / "reference" / ("pose2sim_" + std::string(reference) + ".trc")));
     RecordProperty(reference, std::to_string(1e3 * mean));
     EXPECT_EQ(common, 21u);
-    EXPECT_LE(mean, 0.035) << reference;  // 15.3 and 10.7 mm here
+    EXPECT_LE(mean, 0.035) << reference;  // 15.8 and 10.7 mm here
   }
 }
 

@@ -14,6 +14,8 @@ namespace doppel {
 namespace {
 
 constexpr double kReferenceSide = 1024.0;
+constexpr double kWidestResidual = 2.5;  // of a view that counts at all, in units of `kernel`
+constexpr int kRefinementSteps = 12;
 constexpr int kParabola = 2;
 
 /// Triangulates the points of one row after the other.
@@ -21,7 +23,9 @@ class Triangulator {
  public:
   Triangulator(const PointTracks& tracks, const std::vector<Camera>& cameras, const PointMotionOptions& options)
       : tracks_(tracks), cameras_(cameras), options_(options), last_(as_size(tracks.num_points())) {
-    triangulation_.inlier_threshold = options.max_residual;
+    triangulation_.inlier_threshold = kWidestResidual * options.kernel;
+    triangulation_.kernel = options.kernel;
+    triangulation_.refinement_steps = kRefinementSteps;
     for (const Camera& camera : cameras) {
       report_.push_back({camera.name, 0, 0, 0.0});
       scale_.push_back(kReferenceSide / std::max(camera.width, camera.height));
@@ -65,16 +69,30 @@ class Triangulator {
   /// Where the agreeing cameras are no majority and the others agree on another point, the point nearer to the last
   /// position is taken: a detector may confuse left and right for some frames in half of the cameras.
   std::optional<TriangulatedPoint> choose(const std::vector<Sight>& sights, std::size_t k) const {
-    if (sights.size() < 2) return std::nullopt;
-    const std::optional<TriangulatedPoint> first = triangulate(sights, triangulation_);
-    if (!first || !last_[k] || 2 * first->views > static_cast<int>(sights.size())) return first;
+    const std::optional<TriangulatedPoint> first = point_of(sights);
+    if (!first || !last_[k] || 2 * agreeing_views(*first) > sights.size()) return first;
     std::vector<Sight> others;
     for (std::size_t i = 0; i < sights.size(); ++i)
-      if (!first->is_inlier(i, triangulation_)) others.push_back(sights[i]);
-    if (others.size() < 2) return first;
-    const std::optional<TriangulatedPoint> second = triangulate(others, triangulation_);
+      if (!agrees(*first, i)) others.push_back(sights[i]);
+    const std::optional<TriangulatedPoint> second = point_of(others);
     if (!second || (second->position - *last_[k]).norm() >= (first->position - *last_[k]).norm()) return first;
     return with_residuals(*second, sights);
+  }
+
+  std::optional<TriangulatedPoint> point_of(const std::vector<Sight>& sights) const {
+    if (sights.size() < 2) return std::nullopt;
+    std::optional<TriangulatedPoint> point = triangulate(sights, triangulation_);
+    if (point && agreeing_views(*point) < 2) point.reset();
+    return point;
+  }
+
+  bool agrees(const TriangulatedPoint& point, std::size_t sight) const {
+    return point.residuals[sight] <= options_.max_residual;
+  }
+  std::size_t agreeing_views(const TriangulatedPoint& point) const {
+    std::size_t views = 0;
+    for (std::size_t i = 0; i < point.residuals.size(); ++i) views += agrees(point, i) ? 1 : 0;
+    return views;
   }
 
   /// The same point with its residuals in all sights.
@@ -89,7 +107,7 @@ class Triangulator {
 
   void count(std::size_t c, const TriangulatedPoint& found, std::size_t sight) {
     ++report_[c].seen;
-    if (!found.is_inlier(sight, triangulation_)) return;
+    if (!agrees(found, sight)) return;
     ++report_[c].agreeing;
     report_[c].residual_px += found.residuals[sight] / scale_[c];
   }

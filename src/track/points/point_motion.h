@@ -14,6 +14,8 @@ namespace doppel {
 struct PointMotionOptions {
   double min_confidence = 0.3;   ///< of a point that counts
   double max_residual = 16.0;    ///< of an agreeing view, pixels of an image whose longer side is 1024
+  double kernel = 16.0;          ///< residual beyond which a view counts less (triangulate), in the same pixels; from
+                                 ///< 2.5 times as many, a view does not count
   double longest_gap = 0.2;      ///< seconds that are filled by interpolation
   double smoothing = 1.0 / 30.;  ///< seconds: sigma of the local parabola (smooth_poses); 0: none
 };
@@ -41,8 +43,8 @@ struct PointMotion {
   double found() const;
 };
 
-/// Triangulates every point of every row robustly (triangulate), weighted by the confidences. No body is known: limbs
-/// may change their lengths.
+/// Triangulates every point of every row robustly (triangulate, with a kernel), weighted by the confidences. A point
+/// needs two agreeing views. No body is known: limbs may change their lengths.
 /// @param cameras [C] in the order of the tracks, with their lenses @param clocks [C] of the rows
 /// @throws Error for another number of cameras
 PointMotion triangulate_tracks(const PointTracks& tracks, const std::vector<Camera>& cameras,
