@@ -11,9 +11,11 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/log.h"
 #include "doppel/core/temporary_name.h"
 #include "doppel/core/text_reader.h"
+#include "doppel/nets/torch_archive.h"
 
 namespace doppel {
 
@@ -30,14 +32,7 @@ std::string describe(const torch::Tensor& tensor) {
   return fmt::format("{} [{}]", c10::toString(tensor.scalar_type()), shape);
 }
 
-/// The first line of LibTorch's message; LibTorch appends its call stack.
-std::string first_line(const char* what) {
-  const std::string text(what);
-  return text.substr(0, std::min<std::size_t>(text.find('\n'), 200));
-}
-
-/// The zip archive's comment: a checksum of all bytes before it. LibTorch's unpickler does not check its input, so
-/// damage must be detected before.
+/// The zip archive's comment: a checksum of all bytes before it.
 constexpr const char* kSeal = "doppel crc32c ";
 constexpr std::size_t kSealSize = 14 + 8;
 
@@ -63,8 +58,8 @@ std::string read_bytes(const fs::path& path) {
   }
 }
 
-c10::IValue unpickle(const fs::path& path) {
-  const std::string bytes = read_bytes(path);
+TorchArchive open_archive(const fs::path& path) {
+  std::string bytes = read_bytes(path);
   const FileLocation where{path.string(), 0};
   const std::size_t size = bytes.size() < kSealSize ? 0 : bytes.size() - kSealSize;
   if (size == 0 || bytes.compare(0, 2, "PK") != 0)
@@ -72,13 +67,8 @@ c10::IValue unpickle(const fs::path& path) {
   if (bytes.compare(size, std::string::npos, seal(bytes.data(), size)) != 0)
     fail_at(where,
             "the checkpoint is damaged or not one of Doppel's: its checksum does not match. Remove it; training "
-            "resumes from "
-            "an older one");
-  try {
-    return torch::pickle_load(std::vector<char>(bytes.begin(), bytes.end()));
-  } catch (const std::exception& e) {
-    fail_at(where, "not a checkpoint of Doppel ({})", first_line(e.what()));
-  }
+            "resumes from an older one");
+  return TorchArchive(path, std::move(bytes));
 }
 
 }  // namespace
@@ -141,23 +131,18 @@ void Checkpoint::save(const fs::path& path) const {
 }
 
 Checkpoint Checkpoint::load(const fs::path& path) {
-  const c10::IValue value = unpickle(path);
+  TorchArchive archive = open_archive(path);
   const FileLocation where{path.string(), 0};
+  PickledDictionary root = archive.dictionary();
+  const auto format = root.texts.find("format");
+  if (format == root.texts.end()) fail_at(where, "not a checkpoint of Doppel: it names no format");
+  if (format->second != kFormat)
+    fail_at(where, "the format is `{}`; this program reads `{}`", excerpt(format->second), kFormat);
   Checkpoint checkpoint;
   checkpoint.where_ = path.string();
-  try {
-    const auto root = value.toGenericDict();
-    const auto format = root.at("format").toStringRef();
-    if (format != kFormat) fail_at(where, "the format is `{}`; this program reads `{}`", format, kFormat);
-    for (const auto& entry : root.at("texts").toGenericDict())
-      checkpoint.texts_[entry.key().toStringRef()] = entry.value().toStringRef();
-    for (const auto& entry : root.at("tensors").toGenericDict())
-      checkpoint.tensors_[entry.key().toStringRef()] = entry.value().toTensor();
-  } catch (const Error&) {
-    throw;
-  } catch (const std::exception& e) {
-    fail_at(where, "not a checkpoint of Doppel ({})", first_line(e.what()));
-  }
+  checkpoint.texts_ = std::move(root.dictionaries["texts"].texts);
+  for (const PickledTensor& tensor : root.dictionaries["tensors"].tensors)
+    checkpoint.tensors_[tensor.name] = archive.tensor(tensor);
   return checkpoint;
 }
 

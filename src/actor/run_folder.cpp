@@ -10,6 +10,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/load_yaml.h"
 #include "doppel/core/temporary_name.h"
@@ -54,11 +55,7 @@ void remove_image_leftovers(const fs::path& folder) {
 }
 
 /// Whether a caption is one of ours: "step 500: ...".
-bool is_caption(const fs::path& file) {
-  std::ifstream text(file);
-  std::string word;
-  return file.extension() == ".txt" && text >> word && word == "step";
-}
+bool is_caption(const fs::path& file) { return file.extension() == ".txt" && read_head(file, 5) == "step "; }
 
 /// Removes the images that have a caption, and their folder if nothing else is in it.
 void remove_images(const fs::path& folder) {

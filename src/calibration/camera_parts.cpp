@@ -14,7 +14,6 @@ namespace {
 
 constexpr std::uintmax_t kMaxJsonBytes = 256 << 20;
 constexpr int kMaxJsonDepth = 64;
-constexpr std::size_t kMaxTextDepth = 100;
 constexpr int kMaxImageSide = 1 << 16;
 constexpr double kMendableRotation = 1e-2;  // how far R R^T of a rounded rotation may be off the identity
 
@@ -37,28 +36,6 @@ const char* counts_of(Lens lens) {
       break;
   }
   return "allowed are 0, 1, 2, 4, 5, 8, 12 or 14";
-}
-
-/// Whether lists and maps lie too deep in each other. OpenCV's parser calls itself for each level and has no bound, so
-/// that a file of brackets would exhaust the stack.
-bool is_too_deep(std::string_view text) {
-  std::size_t brackets = 0, elements = 0, indent = 0, dashes = 0;
-  bool at_start = true;  // of a line: each blank and dash may be a level
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i], next = i + 1 < text.size() ? text[i + 1] : '\0';
-    if (c == '\n') indent = dashes = 0;
-    if (c == '-' && (next == ' ' || next == '\n')) ++dashes;  // lists may begin one after the other in a line
-    at_start = c == '\n' || (at_start && (c == ' ' || c == '-'));
-    if (at_start) ++indent;
-    if (c == '[' || c == '{') ++brackets;
-    if ((c == ']' || c == '}') && brackets > 0) --brackets;
-    const bool opens = c == '<' && next != '/' && next != '?' && next != '!';
-    const bool closes = (c == '<' || c == '/') && next == (c == '<' ? '/' : '>');
-    if (opens) ++elements;
-    if (closes && elements > 0) --elements;
-    if (std::max({brackets, elements, indent, dashes}) > kMaxTextDepth) return true;
-  }
-  return false;
 }
 
 void collect(const nlohmann::json& value, const std::string& what, const FileLocation& where, std::vector<double>& to) {
@@ -160,12 +137,6 @@ Eigen::Matrix3d matrix_from_rows(std::span<const double> row_major) {
 void set_pose_at(Camera& camera, const Eigen::Matrix3d& R, const Eigen::Vector3d& centre) {
   camera.R = R;
   camera.t = -R * centre;
-}
-
-void refuse_deep_lists(std::string_view text, const FileLocation& where) {
-  if (is_too_deep(text))
-    fail_at(where, "reading a camera calibration: the file has more than {} levels of lists in each other",
-            kMaxTextDepth);
 }
 
 nlohmann::json read_json(const std::filesystem::path& path) {

@@ -50,10 +50,6 @@ Eigen::Matrix3d matrix_from_rows(std::span<const double> row_major);
 /// Sets R and t = -R centre. @param R camera from world
 void set_pose_at(Camera& camera, const Eigen::Matrix3d& R, const Eigen::Vector3d& centre);
 
-/// Refuses YAML, XML or JSON whose lists and maps lie more than 100 deep in each other: OpenCV's parser calls itself
-/// for each level and has no bound. @throws FileError
-void refuse_deep_lists(std::string_view text, const FileLocation& where);
-
 /// Reads a JSON file of at most 256 MB; NaN and Infinity, which some writers print, are refused.
 /// @throws FileError with the line of the fault
 nlohmann::json read_json(const std::filesystem::path& path);

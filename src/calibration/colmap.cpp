@@ -11,6 +11,7 @@
 #include "doppel/calibration/format.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 
@@ -105,13 +106,6 @@ std::optional<std::int64_t> colmap_integer(std::string_view token) {
   return value;
 }
 
-/// The beginning of a token in printable characters, for messages: a damaged file may hold any bytes.
-std::string colmap_shown(std::string_view token) {
-  std::string shown;
-  for (char c : token.substr(0, 40)) shown += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
-  return shown;
-}
-
 /// The lines of a text file, with the empty ones: in images.txt they have a meaning.
 class ColmapLines {
  public:
@@ -166,15 +160,14 @@ class ColmapTextReader {
   double number(std::string_view token, const char* what) const {
     const auto value = parse_number(token);
     if (!value || !std::isfinite(*value))
-      fail_at(where_, "reading a camera calibration: {} must be a finite number, found \"{}\"", what,
-              colmap_shown(token));
+      fail_at(where_, "reading a camera calibration: {} must be a finite number, found \"{}\"", what, excerpt(token));
     return *value;
   }
 
   std::int64_t integer(std::string_view token, const char* what) const {
     const auto value = colmap_integer(token);
     if (!value)
-      fail_at(where_, "reading a camera calibration: {} must be an integer, found \"{}\"", what, colmap_shown(token));
+      fail_at(where_, "reading a camera calibration: {} must be an integer, found \"{}\"", what, excerpt(token));
     return *value;
   }
 
@@ -410,12 +403,12 @@ Camera colmap_camera(const ColmapImage& image, const ColmapContent& content, con
   const auto found = content.cameras.find(image.camera);
   if (found == content.cameras.end())
     fail_at(image.where, "reading a camera calibration: image \"{}\" is of camera {}, which {} does not list",
-            colmap_shown(image.name), image.camera, cameras_file);
+            excerpt(image.name), image.camera, cameras_file);
   const ColmapCamera& lens = found->second;
   const ColmapModel* model = colmap_model(lens.model);
   if (!model || model->focal_lengths == 0)
     fail_at(lens.where, "reading a camera calibration: camera {} has the lens model {}; supported are {}", image.camera,
-            colmap_shown(lens.model), kColmapReadable);
+            excerpt(lens.model), kColmapReadable);
   if (lens.parameters.size() != model->parameters)
     fail_at(lens.where, "reading a camera calibration: camera {} has {} parameters, {} has {}", image.camera,
             lens.parameters.size(), model->name, model->parameters);

@@ -3,14 +3,13 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/calibration/camera_parts.h"
+#include "doppel/calibration/file_storage.h"
 #include "doppel/calibration/format.h"
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 
 namespace doppel {
 namespace {
-
-constexpr std::uintmax_t kMaxOpenCvBytes = 256 << 20;
 
 bool starts_with(const std::string& text, const char* begin) { return text.rfind(begin, 0) == 0; }
 
@@ -20,61 +19,44 @@ class OpenCvReader {
   explicit OpenCvReader(const std::filesystem::path& path) : where_{path.string(), 0} {}
 
   /// @param unit receives the unit of the file
-  std::vector<Camera> read(std::string& unit) {
-    std::string text = read_file(where_.file, kMaxOpenCvBytes);
-    if (text.find('\0') != std::string::npos)
-      fail_at(where_, "reading a camera calibration: this is not a text file (found a NUL byte)");
-    refuse_deep_lists(text, where_);
-    text.erase(std::remove(text.begin(), text.end(), '\r'), text.end());
-    if (starts_with(text, "\xEF\xBB\xBF")) text.erase(0, 3);
-    try {
-      const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-      return read_cameras(storage.root(), unit);
-    } catch (const Error&) {
-      throw;
-    } catch (const cv::Exception& e) {
-      fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.err);
-    } catch (const std::exception& e) {
-      // OpenCV's parser also throws exceptions of the standard library, for example for an empty key.
-      fail_at(where_, "reading a camera calibration: OpenCV cannot read this file: {}", e.what());
-    }
-  }
+  std::vector<Camera> read(std::string& unit) { return read_cameras(read_file_storage(where_.file), unit); }
 
  private:
-  std::vector<Camera> read_cameras(const cv::FileNode& root, std::string& unit) const {
+  std::vector<Camera> read_cameras(const StorageValue& root, std::string& unit) const {
     const double metres_per_unit = read_unit(root["units"]);
     unit = metres_per_unit == 1 ? "m" : "mm";
-    const double pixel_centre = root["pixel_centre"].empty() ? 0.5 : number(root["pixel_centre"], "pixel_centre");
+    const double pixel_centre = root["pixel_centre"].is_none() ? 0.5 : number(root["pixel_centre"], "pixel_centre");
     if (pixel_centre != 0 && pixel_centre != 0.5) {
       fail_at(where_, "reading a camera calibration: pixel_centre is {}, allowed are 0 and 0.5", pixel_centre);
     }
     std::vector<Camera> cameras;
-    for (const cv::FileNode& node : root) {
-      if (!node.isMap()) continue;
-      cameras.push_back(read_camera(node, metres_per_unit));
+    for (const auto& [key, node] : root.members) {
+      if (!node.is_mapping()) continue;
+      cameras.push_back(read_camera(key, node, metres_per_unit));
       cameras.back().K(0, 2) += 0.5 - pixel_centre;
       cameras.back().K(1, 2) += 0.5 - pixel_centre;
     }
-    const cv::FileNode count = root["count"];
-    if (!count.empty() && number(count, "count") != static_cast<double>(cameras.size())) {
+    const StorageValue& count = root["count"];
+    if (!count.is_none() && number(count, "count") != static_cast<double>(cameras.size())) {
       fail_at(where_, "reading a camera calibration: \"count\" promises {} cameras, found {}; is the file truncated?",
               number(count, "count"), cameras.size());
     }
     return cameras;
   }
 
-  double read_unit(const cv::FileNode& node) const {
-    if (node.empty()) return 1;
-    const std::string unit = node.isString() ? node.string() : "";
+  double read_unit(const StorageValue& node) const {
+    if (node.is_none()) return 1;
+    const std::string& unit = node.text;
     if (unit == "metres" || unit == "meters" || unit == "m") return 1;
     if (unit == "millimetres" || unit == "millimeters" || unit == "mm") return 0.001;
-    fail_at(where_, "reading a camera calibration: \"units\" is \"{}\", allowed are metres and millimetres", unit);
+    fail_at(where_, "reading a camera calibration: \"units\" is \"{}\", allowed are metres and millimetres",
+            excerpt(unit));
   }
 
-  Camera read_camera(const cv::FileNode& node, double metres_per_unit) const {
-    const std::string key = node.name();
+  Camera read_camera(const std::string& written_key, const StorageValue& node, double metres_per_unit) const {
+    const std::string key = excerpt(written_key);
     Camera camera;
-    camera.name = read_name(node);
+    camera.name = read_name(written_key, node);
     camera.width = side(node, key, "width");
     camera.height = side(node, key, "height");
     const std::vector<double> K = matrix(node, key, "K", 9), R = matrix(node, key, "R", 9),
@@ -82,63 +64,50 @@ class OpenCvReader {
     camera.K = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(K.data());
     camera.R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R.data());
     camera.t = Eigen::Map<const Eigen::Vector3d>(t.data()) * metres_per_unit;
-    if (!node["dist"].empty() || !node["lens"].empty())
+    if (!node["dist"].is_none() || !node["lens"].is_none())
       set_distortion(camera, read_lens(node["lens"], key), matrix(node, key, "dist", 0), where_);
     return camera;
   }
 
-  Lens read_lens(const cv::FileNode& node, const std::string& key) const {
-    if (node.empty()) return Lens::opencv;
-    const std::string found = node.isString() ? node.string() : "";
+  Lens read_lens(const StorageValue& node, const std::string& key) const {
+    if (node.is_none()) return Lens::opencv;
+    const std::string& found = node.text;
     for (const Lens lens : {Lens::opencv, Lens::fisheye, Lens::polynomial})
       if (found == lens_name(lens)) return lens;
     fail_at(where_, "reading a camera calibration: {}.lens is \"{}\", allowed are opencv, fisheye and polynomial", key,
-            found);
+            excerpt(found));
   }
 
   /// The name of a camera in other files: its `name`, else the number in `cam<number>`, else the key.
-  std::string read_name(const cv::FileNode& node) const {
-    const cv::FileNode name = node["name"];
-    if (name.isString()) return name.string();
-    if (name.isInt()) return std::to_string(static_cast<int>(name));
-    const std::string key = node.name();
+  static std::string read_name(const std::string& key, const StorageValue& node) {
+    const StorageValue& name = node["name"];
+    if (name.kind == StorageValue::Kind::text) return name.text;
+    if (name.kind == StorageValue::Kind::integer) return std::to_string(static_cast<int>(name.number));
     const bool numbered =
         key.size() > 3 && starts_with(key, "cam") && key.find_first_not_of("0123456789", 3) == std::string::npos;
     return numbered ? key.substr(3) : key;
   }
 
-  double number(const cv::FileNode& node, const std::string& what) const {
-    if (!node.isInt() && !node.isReal()) fail_at(where_, "reading a camera calibration: {} must be a number", what);
-    const double value = node.real();
-    if (!std::isfinite(value)) fail_at(where_, "reading a camera calibration: {} must be finite", what);
-    return value;
+  double number(const StorageValue& node, const std::string& what) const {
+    if (!node.is_number()) fail_at(where_, "reading a camera calibration: {} must be a number", what);
+    if (!std::isfinite(node.number)) fail_at(where_, "reading a camera calibration: {} must be finite", what);
+    return node.number;
   }
 
-  int side(const cv::FileNode& node, const std::string& key, const char* what) const {
-    const cv::FileNode side = node[what];
-    if (!side.isInt())
+  int side(const StorageValue& node, const std::string& key, const char* what) const {
+    const StorageValue& side = node[what];
+    if (side.kind != StorageValue::Kind::integer)
       fail_at(where_, "reading a camera calibration: {}.{} must be an integer{}", key, what,
-              side.empty() ? ", it is missing" : "");
-    return static_cast<int>(side);
+              side.is_none() ? ", it is missing" : "");
+    return static_cast<int>(side.number);
   }
 
-  /// Read item by item, because cv::Mat would allocate any size that `rows` and `cols` state.
-  std::vector<double> matrix(const cv::FileNode& parent, const std::string& key, const char* what,
+  std::vector<double> matrix(const StorageValue& parent, const std::string& key, const char* what,
                              std::size_t expected) const {
-    const cv::FileNode node = parent[what];
-    const cv::FileNode data = node.isMap() ? node["data"] : node;
-    if (!data.isSeq())
-      fail_at(where_, "reading a camera calibration: {}.{} must be a matrix{}", key, what,
-              node.empty() ? ", it is missing" : "");
-    const auto found = data.size();
-    const bool promised = !node.isMap() || number(node["rows"], key + ".rows") * number(node["cols"], key + ".cols") ==
-                                               static_cast<double>(found);
-    if (!promised || (expected && found != expected) || found > 64) {
-      fail_at(where_, "reading a camera calibration: {}.{} holds {} numbers, expected {}", key, what, found,
-              expected ? std::to_string(expected) : "rows x cols");
-    }
-    std::vector<double> values;
-    for (const cv::FileNode& item : data) values.push_back(number(item, fmt::format("{}.{}", key, what)));
+    const std::string name = fmt::format("{}.{}", key, what);
+    std::vector<double> values = parent[what].numbers(name, where_);
+    if (expected != 0 && values.size() != expected)
+      fail_at(where_, "reading a camera calibration: {} holds {} numbers, expected {}", name, values.size(), expected);
     return values;
   }
 

@@ -1,43 +1,29 @@
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core.hpp>
-#include <optional>
 #include <string_view>
 #include <unordered_map>
 
 #include "doppel/calibration/camera_parts.h"
+#include "doppel/calibration/file_storage.h"
 #include "doppel/calibration/format.h"
-#include "doppel/core/atomic_file.h"
 
 namespace doppel {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kOpenCvStereoMaxBytes = 64 << 20;
 constexpr std::size_t kOpenCvStereoMaxCameras = 1000;
 
 /// The top-level nodes of a file that OpenCV's FileStorage wrote (YAML, XML or JSON).
 class OpenCvStereoFile {
  public:
-  explicit OpenCvStereoFile(const fs::path& path) : path_(path), where_{path.string(), 0} {
-    std::string text = read_file(path, kOpenCvStereoMaxBytes);
-    if (text.find('\0') != std::string::npos) refuse("this is not a text file (found a NUL byte)");
-    refuse_deep_lists(text, where_);
-    text.erase(std::remove(text.begin(), text.end(), '\r'), text.end());
-    if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
-    try {
-      storage_.open(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-      for (const cv::FileNode& node : storage_.root()) nodes_.emplace(node.name(), node);
-    } catch (const cv::Exception& e) {
-      refuse("OpenCV cannot read this file: " + e.err);
-    } catch (const std::exception& e) {
-      refuse(fmt::format("OpenCV cannot read this file: {}", e.what()));
-    }
+  explicit OpenCvStereoFile(const fs::path& path)
+      : path_(path), where_{path.string(), 0}, root_(read_file_storage(path)) {
+    for (const auto& [key, value] : root_.members) nodes_.emplace(key, &value);
   }
 
   ~OpenCvStereoFile() = default;
-  OpenCvStereoFile(const OpenCvStereoFile&) = delete;  // the nodes point into the storage
+  OpenCvStereoFile(const OpenCvStereoFile&) = delete;  // the nodes point into the root
   OpenCvStereoFile& operator=(const OpenCvStereoFile&) = delete;
 
   const fs::path& path() const { return path_; }
@@ -53,45 +39,32 @@ class OpenCvStereoFile {
     return found != keys.end() ? *found : *keys.begin();
   }
 
-  /// The numbers of a matrix or list, read one by one, because cv::Mat would allocate any size that `rows` and `cols`
-  /// state. @param count how many there must be, or 0
+  /// The numbers of a matrix or list. @param count how many there must be, or 0
   std::vector<double> numbers(const std::string& key, std::size_t count) const {
-    const cv::FileNode node = required(key);
-    const cv::FileNode data = node.isMap() ? node["data"] : node;
-    if (!data.isSeq()) refuse(key + " must be a matrix");
-    std::vector<double> values;
-    for (const cv::FileNode& item : data) values.push_back(number(item, key));
-    const bool promised =
-        !node.isMap() || node["rows"].empty() ||
-        number(node["rows"], key + ".rows") * number(node["cols"], key + ".cols") == static_cast<double>(values.size());
-    if (!promised || (count != 0 && values.size() != count)) {
-      refuse(fmt::format("{} has {} numbers, expected {}", key, values.size(),
-                         count ? std::to_string(count) : "rows x cols"));
-    }
+    std::vector<double> values = required(key).numbers(key, where_);
+    if (count != 0 && values.size() != count)
+      refuse(fmt::format("{} has {} numbers, expected {}", key, values.size(), count));
     return values;
   }
 
-  double number(const std::string& key) const { return number(required(key), key); }
-  std::string text(const std::string& key) const {
-    return has(key) && required(key).isString() ? required(key).string() : "";
+  double number(const std::string& key) const {
+    const StorageValue& value = required(key);
+    if (!value.is_number() || !std::isfinite(value.number)) refuse(key + " must hold finite numbers");
+    return value.number;
   }
+  std::string text(const std::string& key) const { return has(key) ? required(key).text : ""; }
 
  private:
-  cv::FileNode required(const std::string& key) const {
+  const StorageValue& required(const std::string& key) const {
     const auto node = nodes_.find(key);
     if (node == nodes_.end()) refuse(key + " is missing");
-    return node->second;
-  }
-
-  double number(const cv::FileNode& node, const std::string& key) const {
-    if ((!node.isInt() && !node.isReal()) || !std::isfinite(node.real())) refuse(key + " must hold finite numbers");
-    return node.real();
+    return *node->second;
   }
 
   fs::path path_;
   FileLocation where_;
-  cv::FileStorage storage_;
-  std::unordered_map<std::string, cv::FileNode> nodes_;
+  StorageValue root_;
+  std::unordered_map<std::string, const StorageValue*> nodes_;
 };
 
 /// Reads the cameras of one file, or of intrinsics and extrinsics that lie in two files.

@@ -11,7 +11,9 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/file_head.h"
+#include "doppel/core/text_reader.h"
 
 namespace doppel {
 namespace {
@@ -69,6 +71,14 @@ void settle_unit(Calibration& calibration, const std::string& wanted) {
                       calibration.unit == "m" ? "metres" : "millimetres", apart));
   }
   for (Camera& camera : calibration.cameras) camera.t *= scale;
+}
+
+/// Scaling may have made a position infinite, or so large that products with it are.
+void check_positions(const std::vector<Camera>& cameras, const FileLocation& where) {
+  for (const Camera& camera : cameras)
+    if (!(camera.t.cwiseAbs().maxCoeff() <= kLongestMetres) || !camera.centre().allFinite())
+      fail_at(where, "camera {} is {:.3g} m from the origin, allowed are {:g}; is the unit right?",
+              excerpt(camera.name), camera.t.norm(), kLongestMetres);
 }
 
 /// The axis nearest to the mean direction that is up in the images; "unknown" when none is near.
@@ -209,6 +219,7 @@ Calibration load_calibration(const fs::path& path, const CalibrationOptions& opt
     calibration.format = format->name();
     check_cameras(calibration.cameras, {path.string(), 0});
     settle_unit(calibration, options.unit);
+    check_positions(calibration.cameras, {path.string(), 0});
     settle_up(calibration, options.up);
     return calibration;
   }

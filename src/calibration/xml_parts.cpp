@@ -8,6 +8,7 @@
 #include "doppel/calibration/camera_parts.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -65,14 +66,6 @@ std::optional<std::string_view> xml_value(const pugi::xml_node& node, const char
   if (const pugi::xml_attribute attribute = node.attribute(key)) return xml_trimmed(attribute.value());
   if (const pugi::xml_node child = node.child(key)) return xml_trimmed(child.child_value());
   return std::nullopt;
-}
-
-/// The beginning of a value, in printable characters.
-std::string xml_shown(std::string_view value) {
-  std::string shown(value.substr(0, 60));
-  for (char& c : shown)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  return value.size() > shown.size() ? shown + "..." : shown;
 }
 
 }  // namespace
@@ -138,12 +131,12 @@ std::vector<double> XmlPart::numbers_of(const char* key, std::string_view value,
   for (std::size_t begin = 0; (begin = value.find_first_not_of(kXmlBlanks, begin)) != std::string_view::npos;) {
     const std::size_t end = std::min(value.find_first_of(kXmlBlanks, begin), value.size());
     const auto number = parse_number(value.substr(begin, end - begin));
-    if (!number || !std::isfinite(*number)) fail_here("{} is \"{}\", expected finite numbers", key, xml_shown(value));
+    if (!number || !std::isfinite(*number)) fail_here("{} is \"{}\", expected finite numbers", key, excerpt(value));
     found.push_back(*number);
     begin = end;
   }
   if (count != 0 && found.size() != count)
-    fail_here("{} is \"{}\", expected {} number{}", key, xml_shown(value), count, count == 1 ? "" : "s");
+    fail_here("{} is \"{}\", expected {} number{}", key, excerpt(value), count, count == 1 ? "" : "s");
   return found;
 }
 

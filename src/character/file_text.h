@@ -4,9 +4,9 @@
 
 #include <cmath>
 #include <string>
-#include <string_view>
 
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 
 /// Helpers of this module's readers and writers. Numbers are written with the shortest digits that read back as the
 /// same double.
@@ -28,13 +28,6 @@ inline std::string millimetre_text(double metres) {
   for (const double candidate : {nearest, std::nextafter(nearest, -HUGE_VAL), std::nextafter(nearest, HUGE_VAL)})
     if (candidate * kMetresPerMillimetre == metres) return exact_text(candidate);
   return exact_text(nearest);
-}
-
-/// The beginning of an unexpected line, in printable characters, for a message.
-inline std::string excerpt(std::string_view line, std::size_t longest = 60) {
-  std::string text;
-  for (const char c : line.substr(0, longest)) text += static_cast<unsigned char>(c) < 0x20 ? '?' : c;
-  return line.size() > longest ? text + "..." : text;
 }
 
 }  // namespace doppel

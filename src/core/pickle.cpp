@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -48,14 +49,6 @@ bool is_allowed_pickle_global(const std::string& name) {
   constexpr const char* kAllowed[] = {kPickleArray,  kPickleDtype,      kPickleReconstruct,
                                       kPickleScalar, kPickleFromBuffer, kPickleEncode};
   return std::find(std::begin(kAllowed), std::end(kAllowed), name) != std::end(kAllowed);
-}
-
-/// The beginning of a name from the file in printable characters, for messages.
-std::string shown_pickle_text(std::string_view text) {
-  constexpr std::size_t kMost = 80;
-  std::string shown;
-  for (char c : text.substr(0, kMost)) shown += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
-  return text.size() > kMost ? shown + "..." : shown;
 }
 
 const char* refused_pickle_opcode(unsigned char opcode) {
@@ -265,7 +258,7 @@ class PickleMachine {
     if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
     if (!line.empty() && line.back() == 'L') line.remove_suffix(1);
     const auto value = parse_number(line);
-    if (!value) refuse("\"{}\" is no number", shown_pickle_text(line));
+    if (!value) refuse("\"{}\" is no number", excerpt(line));
     return *value;
   }
 
@@ -416,7 +409,7 @@ class PickleMachine {
   void push_escaped(bool is_literal) {
     const std::string_view line = take_line();
     std::optional<std::string> text = is_literal ? pickle_string_literal(line) : pickle_escaped_text(line);
-    if (!text) refuse("the text \"{}\" is damaged", shown_pickle_text(line));
+    if (!text) refuse("the text \"{}\" is damaged", excerpt(line));
     push_node(is_literal ? PickleKind::bytes : PickleKind::text, std::move(*text));
   }
 
@@ -569,7 +562,7 @@ class PickleMachine {
     const std::string dotted = pickle_global(module, name);
     if (!is_allowed_pickle_global(dotted))
       refuse("it names {}, which is not allowed; allowed are arrays of numpy, dicts, lists, texts and numbers",
-             shown_pickle_text(dotted));
+             excerpt(dotted));
     push_node(PickleKind::global, dotted);
   }
 
@@ -599,13 +592,13 @@ class PickleMachine {
   PickleValue scalar(const PickleValue& dtype, std::string_view data) const {
     const PickleElement* element = pickle_element_of(dtype.node()->text);
     if (!element || data.size() != element->size)
-      refuse("it holds a scalar of type {} with {} bytes", shown_pickle_text(dtype.node()->text), data.size());
+      refuse("it holds a scalar of type {} with {} bytes", excerpt(dtype.node()->text), data.size());
     return PickleValue(element->read(data.data(), is_swapped_pickle_dtype(dtype)));
   }
 
   /// Protocols 0 to 2 write bytes as a text of Latin-1.
   PickleValue encoded(std::string_view text, std::string_view encoding) {
-    if (encoding != "latin1") refuse("it encodes a text as {}, allowed is latin1", shown_pickle_text(encoding));
+    if (encoding != "latin1") refuse("it encodes a text as {}, allowed is latin1", excerpt(encoding));
     // Each text of a file is encoded once; the limit is for files that encode one text again and again.
     encoded_ += text.size();
     if (encoded_ > 2 * bytes_.size()) refuse("it encodes more text than it holds");

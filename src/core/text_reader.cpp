@@ -7,6 +7,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 
 namespace doppel {
 namespace {
@@ -39,14 +40,6 @@ void split_at_commas(std::string_view line, std::vector<std::string_view>& token
     end = line.find(',', begin);
     tokens.push_back(trimmed(line.substr(begin, end == std::string_view::npos ? end : end - begin)));
   }
-}
-
-/// The beginning of a token in printable characters, for messages: a damaged file may hold any bytes.
-std::string shown(std::string_view token) {
-  constexpr std::size_t kMost = 40;
-  std::string text;
-  for (char c : token.substr(0, kMost)) text += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
-  return token.size() > kMost ? text + "..." : text;
 }
 
 /// Removes a plus sign, which some writers print but from_chars rejects.
@@ -119,7 +112,7 @@ void TextReader::require_header(std::string_view header) {
   require_line(fmt::format("the line '{}'", header));
   std::vector<std::string_view> names;
   separator_ == Separator::comma ? split_at_commas(header, names) : split(header, names);
-  if (names != tokens_) fail_here("reading {}: the first line must be '{}', found '{}'", what_, header, shown(line_));
+  if (names != tokens_) fail_here("reading {}: the first line must be '{}', found '{}'", what_, header, excerpt(line_));
 }
 
 bool TextReader::next_row(std::size_t columns) {
@@ -135,10 +128,17 @@ double TextReader::number(std::size_t token, std::string_view what) const {
               token + 1);
   }
   const std::optional<double> value = parse_number(tokens_[token]);
-  if (!value) fail_here("reading {}: {} must be a number, found \"{}\"", what_, what, shown(tokens_[token]));
+  if (!value) fail_here("reading {}: {} must be a number, found \"{}\"", what_, what, excerpt(tokens_[token]));
   if (!std::isfinite(*value))
-    fail_here("reading {}: {} must be finite, found \"{}\"", what_, what, shown(tokens_[token]));
+    fail_here("reading {}: {} must be finite, found \"{}\"", what_, what, excerpt(tokens_[token]));
   return *value;
+}
+
+double TextReader::length(std::size_t token, std::string_view what, double metres_per_unit) const {
+  const double metres = number(token, what) * metres_per_unit;
+  if (!(std::abs(metres) <= kLongestMetres))
+    fail_here("reading {}: {} is {} m, allowed are {:g} m; is the unit right?", what_, what, metres, kLongestMetres);
+  return metres;
 }
 
 long TextReader::integer(std::size_t token, std::string_view what, long minimum, long maximum) const {
@@ -150,10 +150,10 @@ long TextReader::integer(std::size_t token, std::string_view what, long minimum,
   long value = 0;
   const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (rest != text.data() + text.size() || error == std::errc::invalid_argument) {
-    fail_here("reading {}: {} must be an integer, found \"{}\"", what_, what, shown(tokens_[token]));
+    fail_here("reading {}: {} must be an integer, found \"{}\"", what_, what, excerpt(tokens_[token]));
   }
   if (error != std::errc() || value < minimum || value > maximum) {
-    fail_here("reading {}: {} is {}, allowed is {} to {}", what_, what, shown(tokens_[token]), minimum, maximum);
+    fail_here("reading {}: {} is {}, allowed is {} to {}", what_, what, excerpt(tokens_[token]), minimum, maximum);
   }
   return value;
 }

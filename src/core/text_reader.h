@@ -14,6 +14,9 @@ namespace doppel {
 /// token are dropped, a token may be empty, and quotation marks have no meaning.
 enum class Separator { blanks, comma };
 
+/// Lengths in files of people and their rooms are far below this one, and products of two of them are finite.
+inline constexpr double kLongestMetres = 1e9;
+
 /// Reads the line-based text formats of the field (Skeletool files, OBJ, tables) with `file:line` in every error.
 ///
 /// Lines may end in LF or CRLF. A UTF-8 byte order mark is skipped. A NUL byte is an error ("not a text file"), and so
@@ -40,6 +43,9 @@ class TextReader {
   /// A token of the current line as a number. `what` names it in messages.
   /// @throws FileError when the token is missing, is not entirely a number, or is not finite
   double number(std::size_t token, std::string_view what) const;
+  /// As `number`, for a length in units of `metres_per_unit`. @return metres
+  /// @throws FileError also for more than kLongestMetres
+  double length(std::size_t token, std::string_view what, double metres_per_unit) const;
   /// A token as an integer, which must lie in [minimum, maximum].
   long integer(std::size_t token, std::string_view what, long minimum, long maximum) const;
 

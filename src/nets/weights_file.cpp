@@ -1,21 +1,20 @@
 #include "doppel/nets/weights_file.h"
 
-#include <caffe2/serialize/inline_container.h>
-
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <fstream>
 #include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string_view>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/nets/weights_pickle.h"
+#include "doppel/core/excerpt.h"
+#include "doppel/core/file_head.h"
+#include "doppel/core/json_depth.h"
+#include "doppel/nets/torch_archive.h"
 
 namespace doppel {
 
@@ -23,178 +22,112 @@ using torch::Tensor;
 
 namespace {
 
-/// An element type and its names in both formats.
+/// An element type and its name in a safetensors file.
 struct NumberType {
-  const char* storage;
-  const char* safetensors;
+  const char* name;
   torch::ScalarType type;
 };
-constexpr std::array<NumberType, 10> kNumberTypes{{{"FloatStorage", "F32", torch::kFloat32},
-                                                   {"DoubleStorage", "F64", torch::kFloat64},
-                                                   {"HalfStorage", "F16", torch::kFloat16},
-                                                   {"BFloat16Storage", "BF16", torch::kBFloat16},
-                                                   {"LongStorage", "I64", torch::kInt64},
-                                                   {"IntStorage", "I32", torch::kInt32},
-                                                   {"ShortStorage", "I16", torch::kInt16},
-                                                   {"CharStorage", "I8", torch::kInt8},
-                                                   {"ByteStorage", "U8", torch::kUInt8},
-                                                   {"BoolStorage", "BOOL", torch::kBool}}};
-
-torch::ScalarType number_type(const char* NumberType::*format, const std::string& name, const std::string& tensor,
-                              const FileLocation& where) {
-  for (const NumberType& type : kNumberTypes)
-    if (name == type.*format) return type.type;
-  fail_at(where, "tensor '{}' has elements of type '{}'; floating-point numbers and integers are supported", tensor,
-          name);
-}
+constexpr std::array<NumberType, 10> kNumberTypes{{{"F32", torch::kFloat32},
+                                                   {"F64", torch::kFloat64},
+                                                   {"F16", torch::kFloat16},
+                                                   {"BF16", torch::kBFloat16},
+                                                   {"I64", torch::kInt64},
+                                                   {"I32", torch::kInt32},
+                                                   {"I16", torch::kInt16},
+                                                   {"I8", torch::kInt8},
+                                                   {"U8", torch::kUInt8},
+                                                   {"BOOL", torch::kBool}}};
 
 /// Larger than any tensor, small enough that products of two do not overflow 128 bits.
 constexpr std::int64_t kHugeSize = std::int64_t{1} << 48;
-
-/// The number of elements from the first to the last of a tensor, both included; nothing when a size is invalid.
-std::optional<std::int64_t> extent(const PickledTensor& tensor) {
-  if (tensor.offset < 0 || tensor.offset > kHugeSize || tensor.shape.size() > 16) return std::nullopt;
-  std::int64_t last = 0, elements = 1;
-  for (std::size_t i = 0; i < tensor.shape.size(); ++i) {
-    const std::int64_t size = tensor.shape[i], stride = tensor.stride[i];
-    if (size < 0 || stride < 0 || size > kHugeSize || stride > kHugeSize) return std::nullopt;
-    const __int128 reach = static_cast<__int128>(size - 1) * stride, count = static_cast<__int128>(elements) * size;
-    if (reach > kHugeSize || count > kHugeSize) return std::nullopt;
-    elements = static_cast<std::int64_t>(count);
-    if (size > 0) last += static_cast<std::int64_t>(reach);
-  }
-  return elements == 0 ? 0 : last + 1;
-}
-
-/// The zip archive of a `.pth`.
-class TorchArchive {
- public:
-  explicit TorchArchive(const std::filesystem::path& path) : where_{path.string()} {
-    try {
-      reader_ = std::make_unique<caffe2::serialize::PyTorchStreamReader>(path.string());
-    } catch (const std::exception&) {
-      fail_at(where_, "not a file that torch.save of PyTorch 1.6 or later wrote (a zip archive), or damaged");
-    }
-  }
-
-  std::pair<at::DataPtr, std::size_t> record(const std::string& name) {
-    try {
-      auto [data, size] = reader_->getRecord(name);
-      return {std::move(data), size};
-    } catch (const std::exception&) {
-      fail_at(where_, "the archive's entry '{}' is missing or damaged", name);
-    }
-  }
-  bool has(const std::string& name) { return reader_->hasRecord(name); }
-
-  /// A view of the storage. Each storage is read once.
-  Tensor tensor(const PickledTensor& found) {
-    const torch::ScalarType type = number_type(&NumberType::storage, found.storage, found.name, where_);
-    Tensor& storage = storages_[found.key];
-    if (!storage.defined()) storage = load(found.key);
-    const auto numbers = storage.numel() / static_cast<std::int64_t>(c10::elementSize(type));
-    const std::optional<std::int64_t> elements = extent(found);
-    if (!elements || found.offset + *elements > numbers)
-      fail_at(where_, "tensor '{}' of shape [{}] reaches beyond its {} numbers", found.name,
-              fmt::join(found.shape, ","), numbers);
-    const Tensor typed = at::from_blob(
-        storage.data_ptr(), {numbers}, [storage](void*) {}, torch::TensorOptions().dtype(type));
-    return typed.as_strided(found.shape, found.stride, found.offset);
-  }
-
- private:
-  Tensor load(const std::string& key) {
-    auto [data, size] = record("data/" + key);
-    auto holder = std::make_shared<at::DataPtr>(std::move(data));
-    return at::from_blob(
-        holder->get(), {static_cast<std::int64_t>(size)}, [holder](void*) {},
-        torch::TensorOptions().dtype(torch::kUInt8));
-  }
-
-  FileLocation where_;
-  std::unique_ptr<caffe2::serialize::PyTorchStreamReader> reader_;
-  std::map<std::string, Tensor> storages_;
-};
-
-std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary | std::ios::ate);
-  if (!file) fail_at({path.string()}, "cannot be opened");
-  std::vector<std::uint8_t> bytes(as_size(std::max<std::streamoff>(file.tellg(), 0)));
-  file.seekg(0);
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  if (!file) fail_at({path.string()}, "cannot be read");
-  return bytes;
-}
+constexpr std::size_t kMostAxes = 16, kMostTensors = 100'000, kMostDepth = 8;
+constexpr std::size_t kMostHeaderBytes = 100 << 20;  // as the safetensors library allows
 
 constexpr std::size_t kLengthBytes = 8;
 
-/// The JSON header of a safetensors file, and the offset of the numbers after it.
-struct SafetensorsHeader {
-  nlohmann::ordered_json entries;
-  std::size_t begin = 0;
+torch::ScalarType number_type(const std::string& name, const std::string& tensor, const FileLocation& where) {
+  for (const NumberType& type : kNumberTypes)
+    if (name == type.name) return type.type;
+  fail_at(where, "tensor '{}' has elements of type '{}'; floating-point numbers and integers are supported",
+          excerpt(tensor), excerpt(name));
+}
 
-  SafetensorsHeader(const std::vector<std::uint8_t>& bytes, const FileLocation& where) {
-    std::uint64_t length = 0;
-    if (bytes.size() < kLengthBytes) fail_at(where, "{} bytes are too few for weights", bytes.size());
-    std::memcpy(&length, bytes.data(), kLengthBytes);
-    if (length > bytes.size() - kLengthBytes)
-      fail_at(where, "neither a .pth (zip) nor safetensors: the header would be {} bytes long, the file has {}", length,
-              bytes.size());
-    begin = kLengthBytes + length;
-    entries = nlohmann::ordered_json::parse(bytes.begin() + kLengthBytes,
-                                            bytes.begin() + static_cast<std::ptrdiff_t>(begin), nullptr, false);
-    if (!entries.is_object()) fail_at(where, "the header of a safetensors file must be a JSON object");
-    entries.erase("__metadata__");
-  }
-};
+/// The JSON header of a safetensors file.
+std::string_view safetensors_header(std::string_view bytes, const FileLocation& where) {
+  std::uint64_t length = 0;
+  if (bytes.size() < kLengthBytes) fail_at(where, "{} bytes are too few for weights", bytes.size());
+  std::memcpy(&length, bytes.data(), kLengthBytes);
+  if (length > bytes.size() - kLengthBytes)
+    fail_at(where, "neither a .pth (zip) nor safetensors: the header would be {} bytes long, the file has {}", length,
+            bytes.size());
+  if (length > kMostHeaderBytes) fail_at(where, "the header has {} bytes, allowed are {}", length, kMostHeaderBytes);
+  return bytes.substr(kLengthBytes, as_size(length));
+}
 
 /// One entry of that header.
 struct SafetensorsEntry {
   std::string name;
-  torch::ScalarType type;
+  torch::ScalarType type = torch::kFloat32;
   std::vector<std::int64_t> shape;
   std::uint64_t begin = 0, end = 0;
 
-  SafetensorsEntry(const std::string& name_in, const nlohmann::ordered_json& json, const FileLocation& where)
-      : name(name_in) {
+  SafetensorsEntry(const std::string& name_in, const nlohmann::json& json, const FileLocation& where) : name(name_in) {
     try {
-      type = number_type(&NumberType::safetensors, json.at("dtype").get<std::string>(), name, where);
-      for (const auto& size : json.at("shape")) shape.push_back(whole_number(size));
-      const auto& offsets = json.at("data_offsets");
-      if (offsets.size() != 2) throw std::out_of_range("data_offsets");
-      begin = static_cast<std::uint64_t>(whole_number(offsets[0]));
-      end = static_cast<std::uint64_t>(whole_number(offsets[1]));
+      type = number_type(json.at("dtype").get<std::string>(), name, where);
+      const auto &sizes = json.at("shape"), &offsets = json.at("data_offsets");
+      if (sizes.size() > kMostAxes || offsets.size() != 2) throw std::out_of_range("shape");
+      for (const auto& size : sizes) shape.push_back(whole_number(size));
+      begin = static_cast<std::uint64_t>(whole_number(offsets.at(0)));
+      end = static_cast<std::uint64_t>(whole_number(offsets.at(1)));
     } catch (const FileError&) {
       throw;
     } catch (const std::exception&) {
-      fail_at(where, "tensor '{}' needs dtype, shape and data_offsets [begin, end], found {}", name, json.dump());
+      fail_at(where, "tensor '{}' needs dtype, shape of at most {} sizes and data_offsets [begin, end], found {}",
+              excerpt(name), kMostAxes, excerpt(shown_json(json)));
     }
     __int128 bytes = static_cast<__int128>(c10::elementSize(type));
     for (std::int64_t size : shape) bytes = std::min<__int128>(bytes * size, kHugeSize);
     if (end < begin || bytes != static_cast<__int128>(end - begin))
-      fail_at(where, "tensor '{}' of shape [{}] does not fill its bytes {} to {}", name, fmt::join(shape, ","), begin,
-              end);
+      fail_at(where, "tensor '{}' of shape [{}] does not fill its bytes {} to {}", excerpt(name), fmt::join(shape, ","),
+              begin, end);
   }
 
  private:
-  static std::int64_t whole_number(const nlohmann::ordered_json& json) {
+  static std::int64_t whole_number(const nlohmann::json& json) {
     if (!json.is_number_unsigned() || json.get<std::uint64_t>() > static_cast<std::uint64_t>(kHugeSize))
       throw std::out_of_range("not a size");
     return static_cast<std::int64_t>(json.get<std::uint64_t>());
   }
+  /// A text of the file need not be UTF-8.
+  static std::string shown_json(const nlohmann::json& json) {
+    return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  }
 };
+
+/// The tensors of a header, in the order of their numbers.
+std::vector<SafetensorsEntry> safetensors_entries(std::string_view header, const FileLocation& where) {
+  if (is_json_deeper_than(header, kMostDepth)) fail_at(where, "the header's lists are nested too deeply");
+  const nlohmann::json json = nlohmann::json::parse(header, nullptr, false);
+  if (!json.is_object()) fail_at(where, "the header of a safetensors file must be a JSON object");
+  if (json.size() > kMostTensors)
+    fail_at(where, "the header has {} tensors, allowed are {}", json.size(), kMostTensors);
+  std::vector<SafetensorsEntry> entries;
+  for (const auto& [name, entry] : json.items())
+    if (name != "__metadata__") entries.emplace_back(name, entry, where);
+  std::stable_sort(entries.begin(), entries.end(), [](const SafetensorsEntry& a, const SafetensorsEntry& b) {
+    return std::pair(a.begin, a.end) < std::pair(b.begin, b.end);
+  });
+  return entries;
+}
 
 /// Tensors must be contiguous, from the first byte to the last.
 void check_places(const std::vector<SafetensorsEntry>& entries, std::uint64_t size, const FileLocation& where) {
-  std::vector<const SafetensorsEntry*> order;
-  for (const SafetensorsEntry& entry : entries) order.push_back(&entry);
-  std::sort(order.begin(), order.end(),
-            [](const auto* a, const auto* b) { return std::pair(a->begin, a->end) < std::pair(b->begin, b->end); });
   std::uint64_t reached = 0;
-  for (const SafetensorsEntry* entry : order) {
-    if (entry->begin != reached)
-      fail_at(where, "tensor '{}' starts at byte {}, the one before ends at {}", entry->name, entry->begin, reached);
-    reached = entry->end;
+  for (const SafetensorsEntry& entry : entries) {
+    if (entry.begin != reached)
+      fail_at(where, "tensor '{}' starts at byte {}, the one before ends at {}", excerpt(entry.name), entry.begin,
+              reached);
+    reached = entry.end;
   }
   if (reached != size)
     fail_at(where, "the tensors end at byte {} of {}: the file is truncated or has surplus bytes", reached, size);
@@ -224,31 +157,33 @@ bool counts_batches(const std::string& name) {
 
 NamedWeights read_torch_weights(const std::filesystem::path& path) {
   const FileLocation where{path.string()};
-  TorchArchive archive(path);
-  if (archive.has("byteorder")) {
-    const auto [order, size] = archive.record("byteorder");
-    if (std::string(static_cast<const char*>(order.get()), size) != "little")
-      fail_at(where, "the numbers are not little-endian; save the file again on a little-endian machine");
-  }
-  const auto [pickle, size] = archive.record("data.pkl");
+  TorchArchive archive(path, read_file(path));
+  const PickledDictionary found = archive.dictionary();
+  std::vector<std::string> others = found.others;
+  for (const auto& [name, text] : found.texts) others.push_back(excerpt(name));
+  for (const auto& [name, dictionary] : found.dictionaries) others.push_back(excerpt(name));
+  if (found.tensors.empty() || !others.empty())
+    fail_at(where,
+            "expected a mapping from names to tensors, found {}; save the weights alone: "
+            "torch.save(model.state_dict(), FILE)",
+            others.empty() ? "none" : "in it also '" + listed(others) + "'");
   NamedWeights weights;
-  for (const PickledTensor& found : read_pickled_tensors(static_cast<const std::uint8_t*>(pickle.get()), size, where))
-    weights.emplace_back(found.name, archive.tensor(found));
+  for (const PickledTensor& tensor : found.tensors) weights.emplace_back(tensor.name, archive.tensor(tensor));
   return weights;
 }
 
 NamedWeights read_safetensors(const std::filesystem::path& path) {
   const FileLocation where{path.string()};
-  const std::vector<std::uint8_t> bytes = read_bytes(path);
-  const SafetensorsHeader header(bytes, where);
-  std::vector<SafetensorsEntry> entries;
-  for (const auto& [name, json] : header.entries.items()) entries.emplace_back(name, json, where);
-  check_places(entries, bytes.size() - header.begin, where);
+  const std::string bytes = read_file(path);
+  const std::string_view header = safetensors_header(bytes, where);
+  const std::string_view data = std::string_view(bytes).substr(kLengthBytes + header.size());
+  const std::vector<SafetensorsEntry> entries = safetensors_entries(header, where);
+  check_places(entries, data.size(), where);
   NamedWeights weights;
   for (const SafetensorsEntry& entry : entries) {
     Tensor tensor = torch::empty(entry.shape, torch::TensorOptions().dtype(entry.type));
     if (entry.end > entry.begin)
-      std::memcpy(tensor.data_ptr(), bytes.data() + header.begin + entry.begin, entry.end - entry.begin);
+      std::memcpy(tensor.data_ptr(), data.data() + entry.begin, as_size(entry.end - entry.begin));
     weights.emplace_back(entry.name, tensor);
   }
   return weights;
@@ -267,7 +202,7 @@ void write_safetensors(const std::filesystem::path& path, const NamedWeights& we
       fail("{}: safetensors cannot hold '{}' of type {}", path.string(), name, c10::toString(tensor.scalar_type()));
     const std::size_t begin = end;
     end += tensor.nbytes();
-    header[name] = {{"dtype", type->safetensors}, {"shape", tensor.sizes().vec()}, {"data_offsets", {begin, end}}};
+    header[name] = {{"dtype", type->name}, {"shape", tensor.sizes().vec()}, {"data_offsets", {begin, end}}};
   }
   std::string text = header.dump();
   text.resize((text.size() + kLengthBytes - 1) / kLengthBytes * kLengthBytes, ' ');  // the numbers are aligned
@@ -286,13 +221,9 @@ void write_safetensors(const std::filesystem::path& path, const NamedWeights& we
 }
 
 NamedWeights read_weights(const std::filesystem::path& path) {
-  std::array<char, 4> start{};
-  std::ifstream file(path, std::ios::binary);
-  if (!file) fail_at({path.string()}, "cannot be opened");
-  file.read(start.data(), start.size());
-  const std::string_view first(start.data(), as_size(file.gcount()));
+  const std::string first = read_head(path, 4);
   if (first == "PK\x03\x04") return read_torch_weights(path);
-  if (first.substr(0, 2) == "\x80\x02")
+  if (first.starts_with("\x80\x02"))
     fail_at({path.string()},
             "the layout of PyTorch before 1.6; load it with a newer one and write it with torch.save again");
   return read_safetensors(path);

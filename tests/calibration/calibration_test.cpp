@@ -319,7 +319,7 @@ TEST(CalibrationRejects, WhatOpenCvFilesGetWrong) {
   EXPECT_THAT(changed("width: 640", "width: wide"), HasSubstr("cam0.width must be an integer"));
   EXPECT_THAT(changed("   t: [ 0, 900, 4000.5 ]\n", ""), HasSubstr("cam0.t must be a matrix, it is missing"));
   EXPECT_THAT(changed("t: [ 0, 900, 4000.5 ]", "t: [ 0, 900 ]"), HasSubstr("holds 2 numbers, expected 3"));
-  EXPECT_THAT(changed("rows: 3", "rows: 1000000000"), HasSubstr("cam0.K holds 9 numbers"));
+  EXPECT_THAT(changed("rows: 3", "rows: 1000000000"), HasSubstr("cam0.K has 9 numbers"));
   EXPECT_THAT(changed("-0.1, 0.2, 0.001, 0.002, 0.3", "1, 2, 3, 4, 5, 6, 7, 8, 9"),
               HasSubstr("has 9 coefficients of distortion; allowed are 0, 1, 2, 4, 5, 8, 12 or 14"));
   EXPECT_THAT(changed("500., 0., 320.", ".Nan, 0., 320."), HasSubstr("finite"));

@@ -178,6 +178,41 @@ TEST_F(WeightsFile, SurvivesHostilePickles) {
               HasSubstr("expected a mapping"));
 }
 
+TEST_F(WeightsFile, LimitsWhatAPickleMayTake) {
+  const Tensor numbers = torch::zeros({4});
+  const auto entry = [](const std::string& name, at::IntArrayRef shape, at::IntArrayRef stride) {
+    return Pickle().raw("").text(name).tensor("FloatStorage", "0", 4, 0, shape, stride).bytes().substr(2);
+  };
+  EXPECT_THAT(complaint(Pickle().raw(std::string(2'000'001, 'N') + ".").bytes()), HasSubstr("2000000 values"));
+  const std::vector<std::int64_t> many(17, 1);
+  EXPECT_THAT(complaint(Pickle().raw("}" + entry("x", many, many) + "s.").bytes(), {numbers}), HasSubstr("17 axes"));
+  // A view that repeats its numbers would become large where it is copied.
+  EXPECT_THAT(complaint(Pickle().raw("}" + entry("x", {1 << 20}, {0}) + "s.").bytes(), {numbers}), HasSubstr("beyond"));
+  const std::string twice = "}" + entry("x", {4}, {1}) + "s" + entry("x", {4}, {1}) + "s.";
+  EXPECT_THAT(complaint(Pickle().raw(twice).bytes(), {numbers}), HasSubstr("two values with the name 'x'"));
+  const std::string shared = Pickle().raw("}}q\x01(").text("a").raw("h\x01").text("b").raw("h\x01u.").bytes();
+  EXPECT_THAT(complaint(shared), HasSubstr("expected a mapping"));
+  // A long text that is named again and again: 32 kB became gigabytes.
+  Pickle long_texts;
+  long_texts.text(std::string(1 << 20, 'a')).raw("q\x01}(");
+  for (int i = 0; i < 100; ++i) long_texts.text("n" + std::to_string(i)).raw("h\x01");
+  long_texts.raw("u.");
+  EXPECT_THAT(complaint(long_texts.bytes()), HasSubstr("67108864 bytes"));
+}
+
+TEST_F(WeightsFile, TakesNoCompressedParts) {
+  test::write_torch_weights(file(), some_weights());
+  std::string bytes = read_file(file());
+  const auto set_method = [&](const char* signature, std::size_t offset) {
+    for (std::size_t at = bytes.find(signature); at != std::string::npos; at = bytes.find(signature, at + 1))
+      bytes[at + offset] = 8;
+  };
+  set_method("PK\x03\x04", 8);
+  set_method("PK\x01\x02", 10);
+  write_atomically(file(), bytes);
+  EXPECT_THAT(complaint(), HasSubstr("compressed"));
+}
+
 TEST_F(WeightsFile, WantsTensorsByNameAndNothingElse) {
   EXPECT_THAT(complaint(Pickle().raw("}.").bytes()), HasSubstr("found none"));
   EXPECT_THAT(complaint(Pickle().raw("}").text("epoch").number(3).raw("s.").bytes()),
@@ -193,6 +228,9 @@ TEST_F(WeightsFile, ChecksTheHeaderOfSafetensors) {
   EXPECT_THAT(complaint_of_header("{" + tensor("a", "F32", "[2,2]", 0, 16) + "}", data),
               HasSubstr("nothing was thrown"));
   EXPECT_THAT(complaint_of_header("[]", data), HasSubstr("JSON object"));
+  EXPECT_THAT(complaint_of_header("{\"a\":" + std::string(100'000, '['), data), HasSubstr("nested"));
+  EXPECT_THAT(complaint_of_header("{" + tensor("a", "F32", "[1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,4]", 0, 16) + "}", data),
+              HasSubstr("16 sizes"));
   EXPECT_THAT(complaint_of_header("{\"a\"", data), HasSubstr("JSON object"));
   EXPECT_THAT(complaint_of_header("{\"a\":{\"dtype\":\"F32\"}}", data), HasSubstr("data_offsets"));
   EXPECT_THAT(complaint_of_header("{" + tensor("a", "F8", "[16]", 0, 16) + "}", data), HasSubstr("'F8'"));
@@ -209,7 +247,7 @@ TEST_F(WeightsFile, ChecksTheHeaderOfSafetensors) {
 }
 
 TEST_F(WeightsFile, OtherFilesAreNamed) {
-  EXPECT_THAT(complaint(), HasSubstr("cannot be opened"));
+  EXPECT_THAT(complaint(), HasSubstr("cannot read this file"));
   write_atomically(file(), "");
   EXPECT_THAT(complaint(), HasSubstr("too few"));
   write_atomically(file(), "version https://git-lfs.example\r\noid 1234\r\n");

@@ -125,6 +125,10 @@ TEST(CheckpointRejects, AnotherVersionAndOtherPickles) {
   write(folder / "new.pt", sealed(torch::pickle_save(root)));
   EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("doppel checkpoint 99"));
   write(folder / "new.pt", sealed(torch::pickle_save(torch::ones({3}))));
+  EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }), ::testing::HasSubstr("expected a mapping"));
+  c10::impl::GenericDict nameless(c10::StringType::get(), c10::AnyType::get());
+  nameless.insert("texts", std::string("none"));
+  write(folder / "new.pt", sealed(torch::pickle_save(nameless)));
   EXPECT_THAT(message([&] { Checkpoint::load(folder / "new.pt"); }),
               ::testing::HasSubstr("not a checkpoint of Doppel"));
 }

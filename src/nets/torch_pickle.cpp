@@ -1,32 +1,38 @@
-#include "doppel/nets/weights_pickle.h"
+#include "doppel/nets/torch_pickle.h"
 
 #include <algorithm>
 #include <cstring>
 #include <deque>
+#include <set>
 #include <unordered_map>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/excerpt.h"
 
 namespace doppel {
 namespace {
+
+constexpr std::size_t kMostPickledValues = 2'000'000, kMostPickledTensors = 100'000, kMostPickledAxes = 16,
+                      kLongestKey = 200;
+constexpr std::size_t kMostTextBytes = 64 << 20;
+constexpr std::size_t kMostOthers = 5;
 
 /// A value on the stack. All values are in one array and refer to each other by index, so that cycles and deep nesting
 /// in a malicious file do no harm.
 struct Value {
   enum class Kind { none, number, text, sequence, mapping, function, storage, tensor };
   Kind kind = Kind::none;
-  std::int64_t number = 0;         ///< also of booleans
+  std::int64_t number = 0;         ///< also of booleans; of a tensor: its place among the tensors
   std::string text;                ///< of a function: module and name with a dot
-  std::vector<std::size_t> items;  ///< of a mapping: key, value, key, value, ...
-  PickledTensor tensor;            ///< of a storage: its type and key only
+  std::vector<std::size_t> items;  ///< of a mapping: key, value, key, value, ...; of a storage: its type and its key
 };
 using Kind = Value::Kind;
 
 /// The stack machine of Python's pickle protocol 2.
 class Machine {
  public:
-  Machine(const std::uint8_t* bytes, std::size_t size, const FileLocation& where)
-      : next_(bytes), end_(bytes + size), where_(where) {}
+  Machine(std::string_view bytes, const FileLocation& where)
+      : next_(reinterpret_cast<const std::uint8_t*>(bytes.data())), end_(next_ + bytes.size()), where_(where) {}
 
   /// Runs to STOP. @return the value on top
   const Value& run() {
@@ -35,6 +41,7 @@ class Machine {
     return top();
   }
   const Value& at(std::size_t index) const { return arena_[index]; }
+  const PickledTensor& tensor(const Value& value) const { return tensors_[as_size(value.number)]; }
 
  private:
   // Instructions, by their letter in the protocol.
@@ -140,8 +147,7 @@ class Machine {
         return true;  // attributes of an object: version numbers
       default:
         bad("instruction 0x{:02x}, which a mapping from names to tensors does not need; it was not executed. If this "
-            "is a "
-            "whole model, save its weights alone: torch.save(model.state_dict(), FILE)",
+            "is a whole model, save its weights alone: torch.save(model.state_dict(), FILE)",
             instruction);
     }
   }
@@ -181,6 +187,7 @@ class Machine {
 
   // Stack.
   std::size_t push(Kind kind) {
+    if (arena_.size() >= kMostPickledValues) bad("more than {} values", kMostPickledValues);
     arena_.emplace_back().kind = kind;
     stack_.push_back(arena_.size() - 1);
     return arena_.size() - 1;
@@ -245,6 +252,7 @@ class Machine {
     return at(sequence.items[index]);
   }
   std::vector<std::int64_t> numbers(const Value& sequence) const {
+    if (sequence.items.size() > kMostPickledAxes) bad("a tensor with {} axes", sequence.items.size());
     std::vector<std::int64_t> values;
     for (std::size_t i = 0; i < sequence.items.size(); ++i) values.push_back(item(sequence, i, Kind::number).number);
     return values;
@@ -253,31 +261,42 @@ class Machine {
   void open_storage() {
     const Value& id = at(pop());
     if (item(id, 0, Kind::text).text != "storage") bad("a reference to something other than a tensor's numbers");
-    const std::string type = item(id, 1, Kind::function).text, key = item(id, 2, Kind::text).text;
-    Value& storage = arena_[push(Kind::storage)];
-    storage.tensor.storage = type.rfind("torch.", 0) == 0 ? type.substr(6) : type;
-    storage.tensor.key = key;
+    item(id, 1, Kind::function), item(id, 2, Kind::text);
+    std::vector<std::size_t> type_and_key{id.items[1], id.items[2]};
+    arena_[push(Kind::storage)].items = std::move(type_and_key);
+  }
+  void push_tensor(const Value& arguments) {
+    if (tensors_.size() >= kMostPickledTensors) bad("more than {} tensors", kMostPickledTensors);
+    const Value& storage = item(arguments, 0, Kind::storage);
+    const std::string &type = at(storage.items[0]).text, &key = at(storage.items[1]).text;
+    if (type.size() > kLongestKey || key.size() > kLongestKey) bad("a tensor with a key of {} bytes", key.size());
+    PickledTensor tensor;
+    tensor.storage = type.rfind("torch.", 0) == 0 ? type.substr(6) : type;
+    tensor.key = key;
+    tensor.offset = item(arguments, 1, Kind::number).number;
+    tensor.shape = numbers(item(arguments, 2, Kind::sequence));
+    tensor.stride = numbers(item(arguments, 3, Kind::sequence));
+    if (tensor.shape.size() != tensor.stride.size()) bad("a tensor whose shape and strides differ in length");
+    tensors_.push_back(std::move(tensor));
+    arena_[push(Kind::tensor)].number = static_cast<std::int64_t>(tensors_.size()) - 1;
   }
   void call() {
     const Value& arguments = at(pop());
-    const std::string function = at(pop()).text;
+    const std::string& function = at(pop()).text;
     if (arguments.kind != Kind::sequence) bad("a call without arguments");
     if (function == "collections.OrderedDict" && arguments.items.empty()) {
       push(Kind::mapping);
     } else if (function == "torch._utils._rebuild_tensor_v2") {
-      PickledTensor tensor = item(arguments, 0, Kind::storage).tensor;
-      tensor.offset = item(arguments, 1, Kind::number).number;
-      tensor.shape = numbers(item(arguments, 2, Kind::sequence));
-      tensor.stride = numbers(item(arguments, 3, Kind::sequence));
-      if (tensor.shape.size() != tensor.stride.size()) bad("a tensor whose shape and strides differ in length");
-      arena_[push(Kind::tensor)].tensor = std::move(tensor);
+      push_tensor(arguments);
     } else if (function == "torch._utils._rebuild_parameter") {
-      const PickledTensor tensor = item(arguments, 0, Kind::tensor).tensor;
-      arena_[push(Kind::tensor)].tensor = tensor;
+      item(arguments, 0, Kind::tensor);
+      stack_.push_back(arguments.items[0]);
+    } else if (function == "torch.jit._pickle.restore_type_tag" && arguments.items.size() == 2) {
+      stack_.push_back(arguments.items[0]);  // a value with the name of its type, as LibTorch writes it
     } else {
       bad("a call of {}, which a mapping from names to tensors does not need; it was not executed. If this is a whole "
           "model, save its weights alone: torch.save(model.state_dict(), FILE)",
-          function);
+          excerpt(function));
     }
   }
 
@@ -285,33 +304,65 @@ class Machine {
   const std::uint8_t* end_;
   FileLocation where_;
   std::deque<Value> arena_;
+  std::vector<PickledTensor> tensors_;
   std::vector<std::size_t> stack_, marks_;
   std::unordered_map<std::uint64_t, std::size_t> memo_;
 };
 
-}  // namespace
+/// Copies what a machine has read. A pickle may name one long text a thousand times, so that copies are counted.
+class DictionaryBuilder {
+ public:
+  DictionaryBuilder(const Machine& machine, const FileLocation& where) : machine_(machine), where_(where) {}
 
-std::vector<PickledTensor> read_pickled_tensors(const std::uint8_t* bytes, std::size_t size,
-                                                const FileLocation& where) {
-  Machine machine(bytes, size, where);
-  const Value& result = machine.run();
-  std::vector<PickledTensor> tensors;
-  std::string others;
-  for (std::size_t i = 0; result.kind == Kind::mapping && i + 1 < result.items.size(); i += 2) {
-    const Value &key = machine.at(result.items[i]), &value = machine.at(result.items[i + 1]);
-    if (key.kind == Kind::text && value.kind == Kind::tensor) {
-      tensors.push_back(value.tensor);
-      tensors.back().name = key.text;
-    } else {
-      others += (others.empty() ? "'" : ", '") + key.text + "'";
+  PickledDictionary build(const Value& mapping, bool is_root) {
+    PickledDictionary built;
+    std::set<std::string_view> names;
+    if (mapping.kind != Kind::mapping || !taken_.insert(&mapping).second)
+      fail_at(where_, "expected a mapping from names to tensors, found {}",
+              mapping.kind == Kind::mapping ? "one mapping twice" : "another value");
+    for (std::size_t i = 0; i + 1 < mapping.items.size(); i += 2) {
+      const Value &key = machine_.at(mapping.items[i]), &value = machine_.at(mapping.items[i + 1]);
+      if (!names.insert(key.text).second)
+        fail_at(where_, "the pickle holds two values with the name '{}'", excerpt(key.text));
+      if (key.kind == Kind::text)
+        add(built, copy(key.text), value, is_root);
+      else if (built.others.size() < kMostOthers)
+        built.others.emplace_back("a key that is no text");
+    }
+    return built;
+  }
+
+ private:
+  void add(PickledDictionary& to, const std::string& name, const Value& value, bool is_root) {
+    if (value.kind == Kind::tensor) {
+      to.tensors.push_back(machine_.tensor(value));
+      to.tensors.back().name = name;
+    } else if (value.kind == Kind::text) {
+      to.texts[name] = copy(value.text);
+    } else if (value.kind == Kind::mapping && is_root) {
+      to.dictionaries[name] = build(value, false);
+    } else if (to.others.size() < kMostOthers) {
+      to.others.push_back(excerpt(name));
     }
   }
-  if (tensors.empty() || !others.empty())
-    fail_at(where,
-            "expected a mapping from names to tensors, found {}; save the weights alone: "
-            "torch.save(model.state_dict(), FILE)",
-            others.empty() ? "none" : "in it also " + others);
-  return tensors;
+  const std::string& copy(const std::string& text) {
+    copied_ += text.size();
+    if (copied_ > kMostTextBytes) fail_at(where_, "the texts of the pickle take more than {} bytes", kMostTextBytes);
+    return text;
+  }
+
+  const Machine& machine_;
+  const FileLocation& where_;
+  std::set<const Value*> taken_;
+  std::size_t copied_ = 0;
+};
+
+}  // namespace
+
+PickledDictionary read_torch_pickle(std::string_view bytes, const FileLocation& where) {
+  Machine machine(bytes, where);
+  const Value& root = machine.run();
+  return DictionaryBuilder(machine, where).build(root, true);
 }
 
 }  // namespace doppel
