@@ -1,4 +1,4 @@
-#include "doppel/capture/store_pages.h"
+#include "doppel/core/lmdb_file.h"
 
 #include <cstdint>
 #include <cstring>
@@ -187,6 +187,6 @@ class PageChecker {
 
 }  // namespace
 
-void check_store_pages(const std::filesystem::path& data_file) { PageChecker(data_file).check(); }
+void check_lmdb_file(const std::filesystem::path& data_file) { PageChecker(data_file).check(); }
 
 }  // namespace doppel
