@@ -31,7 +31,7 @@ StorageValue storage_word(const std::string& word) {
   const auto number = parse_number(word);
   const bool is_special = word == ".Nan" || word == ".Inf" || word == "-.Inf";
   if (!number && !is_special) return storage_text(word);
-  StorageValue value;
+  StorageValue value = storage_text(word);
   value.number = number.value_or(std::numeric_limits<double>::quiet_NaN());
   const bool whole = word.find_first_not_of("+-0123456789") == std::string::npos &&
                      std::abs(value.number) <= std::numeric_limits<int>::max();

@@ -16,7 +16,7 @@ struct StorageValue {
 
   Kind kind = Kind::none;
   double number = 0;
-  std::string text;
+  std::string text;                                           ///< of a number as it is written
   std::vector<StorageValue> items;                            ///< of a list
   std::vector<std::pair<std::string, StorageValue>> members;  ///< of a mapping, in the file's order
 

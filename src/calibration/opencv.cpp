@@ -81,8 +81,8 @@ class OpenCvReader {
   /// The name of a camera in other files: its `name`, else the number in `cam<number>`, else the key.
   static std::string read_name(const std::string& key, const StorageValue& node) {
     const StorageValue& name = node["name"];
-    if (name.kind == StorageValue::Kind::text) return name.text;
     if (name.kind == StorageValue::Kind::integer) return std::to_string(static_cast<int>(name.number));
+    if (!name.text.empty()) return name.text;  // OpenCV writes the name "nan" without quotation marks
     const bool numbered =
         key.size() > 3 && starts_with(key, "cam") && key.find_first_not_of("0123456789", 3) == std::string::npos;
     return numbered ? key.substr(3) : key;

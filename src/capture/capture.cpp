@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/dnn/network_config.h"
@@ -26,8 +27,9 @@ constexpr long kMaxFrame = 100'000'000;  // 46 days at 25 frames per second: lar
 /// Names become keys of the store and parts of file names.
 void check_name(const ConfigReader& reader, const std::string& key, const std::string& name) {
   const auto bad = [](char c) { return !(std::isalnum(static_cast<unsigned char>(c)) || std::strchr("_-.@", c)); };
-  if (name.empty() || name.size() > 64 || std::any_of(name.begin(), name.end(), bad))
-    reader.fail_at_key(key, "'{}' is no usable name: 1 to 64 letters, digits, '_', '-', '.' or '@' are allowed", name);
+  if (name.empty() || name.size() > 64 || name == "." || name == ".." || std::any_of(name.begin(), name.end(), bad))
+    reader.fail_at_key(key, "'{}' is no usable name: 1 to 64 letters, digits, '_', '-', '.' or '@' are allowed",
+                       excerpt(name));
 }
 
 /// Expands a pattern with arbitrary numbers, so that a mistake in its braces is reported at its line.
@@ -252,10 +254,11 @@ YAML::Node sequence_node(const SequenceEntry& sequence) {
     node["background_subtraction"] = subtraction_node(*sequence.subtraction);
   else if (!sequence.masks.empty())
     node["masks"] = paths_node(sequence.masks);
-  if (sequence.has_masks()) {
+  const SequenceEntry usual;
+  if (sequence.has_masks() || sequence.mask_threshold != usual.mask_threshold)
     node["mask_threshold"] = sequence.mask_threshold;
+  if (sequence.has_masks() || sequence.largest_component != usual.largest_component)
     node["largest_component"] = sequence.largest_component;
-  }
   if (!sequence.keypoints.empty()) node["keypoints"] = paths_node(sequence.keypoints);
   if (sequence.person && sequence.person->names_person()) node["person"] = person_node(*sequence.person);
   if (!sequence.joints3d.empty()) node["joints3d"] = sequence.joints3d;
@@ -384,7 +387,7 @@ void write_capture(const fs::path& path, const Capture& capture, const std::vect
   if (!capture.keypoint_map.empty()) node["keypoint_map"] = capture.keypoint_map;
   if (capture.person.names_person()) node["person"] = person_node(capture.person);
   if (capture.detector) node["detector"] = person_network_node(*capture.detector);
-  if (capture.keypoint_filter.window > 0) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
+  if (!(capture.keypoint_filter == KeypointFilter())) node["keypoint_filter"] = filter_node(capture.keypoint_filter);
   for (const SequenceEntry& sequence : capture.sequences) node["sequences"].push_back(sequence_node(sequence));
   YAML::Emitter emitter;
   emitter << node;

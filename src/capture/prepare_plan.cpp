@@ -313,6 +313,7 @@ StoreLayout make_layout(const PreparePlan& plan, const PrepareOptions& options) 
   layout.settings = describe_settings(plan, options) + describe_evidence(plan);
   layout.landmarks = plan.evidence.landmarks;
   layout.num_dofs = plan.character.num_dofs();
+  layout.skeleton = fingerprint_of(plan.character.skeleton);
   layout.mask_size = options.mask_size;
   layout.image_size = options.image_size;
   layout.file_index = plan.file_index;

@@ -6,8 +6,8 @@
 #include <mutex>
 #include <shared_mutex>
 
-#include "doppel/capture/store_pages.h"
 #include "doppel/core/error.h"
+#include "doppel/core/lmdb_file.h"
 
 namespace doppel {
 
@@ -56,7 +56,7 @@ struct Store::Impl {
 
   Impl(fs::path where, Mode mode) : folder(std::move(where)) {
     if (fs::exists(data_file(folder)) && fs::file_size(data_file(folder)) > 0)
-      check_store_pages(data_file(folder));
+      check_lmdb_file(data_file(folder));
     else if (mode == Mode::read)
       fail_at({folder.string(), 0},
               "there is no store here (data.mdb is missing or empty); run `doppel prepare` first");

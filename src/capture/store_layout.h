@@ -20,10 +20,15 @@ struct StoreLayout {
   std::vector<PinholeCamera> cameras;  ///< at the resolution of the images
   std::vector<int> file_index;         ///< [C] position in the calibration file, the {camera} of path patterns
   std::vector<Marker> landmarks;       ///< [M] of the prepared keypoints, or none
+  std::string skeleton;                ///< fingerprint_of the character; empty in stores of earlier versions
   bool complete = false;
 };
 
-/// @throws FileError for a store of another version, or without a description
+/// Changes with the names, types and parents of the joints and with the names and drives of the DoFs. Lengths may
+/// change: a character that was fitted to a person still fits a store.
+std::string fingerprint_of(const Skeleton& skeleton);
+
+/// @throws FileError for a store of another version, without a description, or with impossible sizes
 StoreLayout read_store_layout(const Store& store);
 /// Writes the description without `complete`. `mark_complete` writes that item last.
 void write_store_layout(Store& store, const StoreLayout& layout);

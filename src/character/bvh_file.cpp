@@ -18,6 +18,9 @@ namespace {
 const std::vector<std::string> kChannelNames{"Xposition", "Yposition", "Zposition",
                                              "Xrotation", "Yrotation", "Zrotation"};
 
+/// Joints without channels beyond this number are refused: each of them takes time in each frame, but no bytes.
+constexpr std::size_t kFewJoints = 500;
+
 /// Reads the hierarchy as a stream of words, because some writers put braces on separate lines and others do not. Reads
 /// the motion line by line.
 class BvhReader {
@@ -72,10 +75,14 @@ class BvhReader {
         begin_end_site();
       } else {
         text_.fail_here("found '{}' in joint '{}', where OFFSET, CHANNELS, JOINT, End Site or }} is allowed",
-                        excerpt(word), clip_.joints[as_size(open_.back().joint)].name);
+                        excerpt(word), excerpt(joint().name));
       }
     }
-    if (clip_.num_channels() == 0) text_.fail_here("no joint of the hierarchy has CHANNELS, so nothing can move");
+    channels_ = as_size(clip_.num_channels());
+    if (channels_ == 0) text_.fail_here("no joint of the hierarchy has CHANNELS, so nothing can move");
+    if (clip_.joints.size() > kFewJoints + 2 * channels_)
+      text_.fail_here("{} joints share {} channels; allowed are twice as many joints as channels, and {} more",
+                      clip_.joints.size(), channels_, kFewJoints);
   }
 
   void begin_joint() {
@@ -116,7 +123,7 @@ class BvhReader {
       text_.fail_here("the joint '{}' has a second OFFSET", excerpt(joint().name));
     for (int axis = 0; axis < 3; ++axis) {
       const std::size_t place = next("three numbers");
-      joint().offset[axis] = text_.number(place, "offset");
+      joint().offset[axis] = text_.length(place, "offset", 1.0);
     }
   }
 
@@ -159,17 +166,16 @@ class BvhReader {
 
   void read_row(std::size_t frame, std::size_t frames) {
     text_.require_line("a frame");
-    const auto channels = as_size(clip_.num_channels());
-    if (text_.tokens().size() != channels)
+    if (text_.tokens().size() != channels_)
       text_.fail_here("frame {} of {} has {} numbers, the hierarchy {} channels", frame + 1, frames,
-                      text_.tokens().size(), channels);
-    std::vector<double> row(channels);
-    for (std::size_t c = 0; c < channels; ++c) row[c] = text_.number(c, "channel");
+                      text_.tokens().size(), channels_);
+    std::vector<double> row(channels_);
+    for (std::size_t c = 0; c < channels_; ++c) row[c] = text_.length(c, "channel", 1.0);
     clip_.frames.push_back(std::move(row));
   }
 
   TextReader text_;
-  std::size_t word_ = 0;
+  std::size_t word_ = 0, channels_ = 0;
   BvhClip clip_;
   std::vector<Open> open_;
   std::map<std::string, int> lines_;

@@ -72,6 +72,10 @@ constexpr double kSkeletonOffTemplate = 0.2;
 /// @throws FileError / Error naming the two files that disagree
 Character load_character(const std::filesystem::path& path, const CharacterOptions& options = {});
 
+/// The joints and DoFs of a `.character` file; the other files that it names must exist, but are not read.
+/// @throws FileError as load_character
+Skeleton read_character_skeleton(const std::filesystem::path& path);
+
 /// Writes the character as a folder of Skeletool files: `<name>.{character,skeleton,skin,obj,mtl,png,motion}`,
 /// `<name>_graph.obj`, `segmentation.txt`. Reading the folder back gives the same character.
 /// @return the path of the `.character` file

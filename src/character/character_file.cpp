@@ -158,6 +158,8 @@ void write_labels(const fs::path& path, const Character& character) {
 
 }  // namespace
 
+Skeleton read_character_skeleton(const fs::path& path) { return read_skeleton(read_character_lines(path).skeleton); }
+
 Character load_character(const fs::path& path, const CharacterOptions& options) {
   const CharacterFiles files = read_character_lines(path);
   Character character;

@@ -33,7 +33,7 @@ std::vector<double> read_row(const TextReader& reader, int num_dofs, bool negate
         found, num_dofs);
   std::vector<double> row(num_dofs);
   for (int d = 0; d < num_dofs; ++d) {
-    const double value = reader.number(d + 1, "DoF value");
+    const double value = reader.length(d + 1, "DoF value", 1.0);  // or radians, for which the same holds
     row[d] = negated && d >= 3 ? -value : value;
   }
   return row;

@@ -12,6 +12,8 @@ namespace doppel {
 
 namespace {
 
+/// Names are searched from the first one on, which takes the square of this number.
+constexpr std::size_t kMostEntries = 10'000;
 constexpr char kSkeletonHeader[] = "Skeletool Skeleton Definition V1.0";
 
 /// Joints as the file lists them; `parent` may point forwards.
@@ -23,6 +25,12 @@ struct FileJoint {
 
 Eigen::Vector3d read_vector(const TextReader& reader, std::size_t first, const char* what) {
   return {reader.number(first, what), reader.number(first + 1, what), reader.number(first + 2, what)};
+}
+
+/// Millimetres in the file.
+Eigen::Vector3d read_place(const TextReader& reader, std::size_t first, const char* what) {
+  return {reader.length(first, what, kMetresPerMillimetre), reader.length(first + 1, what, kMetresPerMillimetre),
+          reader.length(first + 2, what, kMetresPerMillimetre)};
 }
 
 void expect_tokens(const TextReader& reader, std::size_t count, const char* layout) {
@@ -41,7 +49,10 @@ std::size_t read_section(TextReader& reader, std::string_view title) {
   }
   if (found != title) reader.fail_here("expected the section '{} <count>', found '{}'", title, excerpt(reader.line()));
   expect_tokens(reader, count_token + 1, "the section's title and its count");
-  return reader.count(count_token, "count");
+  const std::size_t count = reader.count(count_token, "count");
+  if (count > kMostEntries)
+    reader.fail_here("the section '{}' has {} entries, allowed are {}", title, count, kMostEntries);
+  return count;
 }
 
 Joint::Type read_type(const TextReader& reader) {
@@ -52,10 +63,10 @@ Joint::Type read_type(const TextReader& reader) {
 }
 
 Eigen::Vector3d read_axis(const TextReader& reader, Joint::Type type) {
+  if (type == Joint::Type::prismatic) return read_place(reader, 6, "axis");
   const Eigen::Vector3d axis = read_vector(reader, 6, "axis");
-  if (type == Joint::Type::prismatic) return axis * kMetresPerMillimetre;
   const double length = axis.norm();
-  if (!(length > 1e-9)) reader.fail_here("the axis of a revolute joint has no direction");
+  if (!(length > 1e-9) || !std::isfinite(length)) reader.fail_here("the axis of a revolute joint has no direction");
   // A unit axis keeps its last digit, so that writing and reading do not change it.
   return std::abs(length - 1.0) < 1e-14 ? axis : Eigen::Vector3d(axis / length);
 }
@@ -68,9 +79,12 @@ FileJoint read_joint(const TextReader& reader) {
   entry.joint.name = reader.tokens()[0];
   entry.joint.type = read_type(reader);
   entry.joint.axis = read_axis(reader, entry.joint.type);
-  const Eigen::Vector3d offset = read_vector(reader, 3, "offset");
   const double scale = reader.number(9, "scale");
+  const Eigen::Vector3d offset = read_vector(reader, 3, "offset");
   entry.joint.offset = (scale == 1.0 ? offset : Eigen::Vector3d(scale * offset)) * kMetresPerMillimetre;
+  if (!(entry.joint.offset.cwiseAbs().maxCoeff() <= kLongestMetres))
+    reader.fail_here("the offset of the joint '{}' times its scale exceeds {:g} m", excerpt(entry.joint.name),
+                     kLongestMetres);
   return entry;
 }
 
@@ -175,8 +189,8 @@ Marker read_marker(const TextReader& reader, const Skeleton& skeleton) {
   Marker marker;
   marker.name = reader.tokens()[0];
   marker.joint = find_joint_of(reader, skeleton, reader.tokens()[1]);
-  marker.position = read_vector(reader, 3, "position") * kMetresPerMillimetre;
-  if (columns > 6) marker.size = reader.number(6, "size") * kMetresPerMillimetre;
+  marker.position = read_place(reader, 3, "position");
+  if (columns > 6) marker.size = reader.length(6, "size", kMetresPerMillimetre);
   for (std::size_t i = 7; i < columns; ++i) reader.number(i, "colour");
   return marker;
 }
@@ -198,7 +212,8 @@ std::optional<std::array<double, 2>> read_limits(TextReader& reader, const std::
   return limits;
 }
 
-Dof read_dof(TextReader& reader, const Skeleton& skeleton) {
+/// @param drives counts the driven joints of all DoFs
+Dof read_dof(TextReader& reader, const Skeleton& skeleton, std::size_t& drives) {
   expect_tokens(reader, 2, "a DoF's name and the number of joints it drives");
   Dof dof;
   dof.name = reader.tokens()[0];
@@ -207,6 +222,7 @@ Dof read_dof(TextReader& reader, const Skeleton& skeleton) {
   for (std::size_t i = 0; i < count; ++i) {
     reader.require_line(fmt::format("joint {} of {} that the DoF '{}' drives", i + 1, count, excerpt(dof.name)));
     expect_tokens(reader, 2, "a joint and its weight");
+    if (++drives > kMostEntries) reader.fail_here("the DoFs drive more than {} joints", kMostEntries);
     dof.joints.push_back({find_joint_of(reader, skeleton, reader.tokens()[0]), reader.number(1, "weight")});
   }
   return dof;
@@ -233,9 +249,10 @@ void skip_scaling_joints(TextReader& reader) {
 
 void read_dofs(TextReader& reader, Skeleton& skeleton) {
   const std::size_t count = read_section(reader, "dofs:");
+  std::size_t drives = 0;
   for (std::size_t d = 0; d < count; ++d) {
     reader.require_line(fmt::format("DoF {} of {}", d + 1, count));
-    Dof dof = read_dof(reader, skeleton);
+    Dof dof = read_dof(reader, skeleton, drives);
     if (skeleton.find_dof(dof.name))
       reader.fail_here("the DoF '{}' is defined twice; names must be unique", excerpt(dof.name));
     skeleton.dofs.push_back(std::move(dof));

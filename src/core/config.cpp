@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/core/load_yaml.h"
 #include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
@@ -30,6 +31,7 @@ struct ConfigReader::Shared {
 namespace {
 
 constexpr std::uintmax_t kMaxBytes = 16 << 20;
+constexpr std::size_t kLongestShown = 200;  // of a text of the file in a message
 
 int line_of(const YAML::Node& node) { return node.IsDefined() && node.Mark().line >= 0 ? node.Mark().line + 1 : 0; }
 
@@ -47,7 +49,7 @@ std::string joined(const std::vector<std::string>& words) {
 std::string described(const YAML::Node& node) {
   switch (node.Type()) {
     case YAML::NodeType::Scalar:
-      return "\"" + node.Scalar() + "\"";
+      return "\"" + excerpt(node.Scalar(), kLongestShown) + "\"";
     case YAML::NodeType::Sequence:
       return fmt::format("a list of {}", node.size());
     case YAML::NodeType::Map:
@@ -199,7 +201,8 @@ ConfigDocument ConfigDocument::parse(const std::string& text, const std::string&
   try {
     document.node_ = load_yaml(text);
   } catch (const YAML::Exception& e) {
-    fail_at({name, e.mark.line >= 0 ? e.mark.line + 1 : 0}, "reading a configuration: this is not YAML: {}", e.msg);
+    fail_at({name, e.mark.line >= 0 ? e.mark.line + 1 : 0}, "reading a configuration: this is not YAML: {}",
+            excerpt(e.msg, kLongestShown));
   }
   if (document.node_.IsNull()) document.node_ = YAML::Node(YAML::NodeType::Map);
   if (!document.node_.IsMap()) {
@@ -264,7 +267,7 @@ FileLocation ConfigReader::where(const std::string& key) const {
 
 void ConfigReader::fail_formatted(const std::string& key, const std::string& message) const {
   const std::string dotted = joined_path(prefix_, key);
-  throw FileError(where(key), dotted.empty() ? message : dotted + ": " + message);
+  throw FileError(where(key), dotted.empty() ? message : excerpt(dotted, kLongestShown) + ": " + message);
 }
 
 void ConfigReader::note(const std::string& key) const { shared_->mappings[prefix_].asked.insert(key); }
@@ -336,7 +339,7 @@ std::string ConfigReader::choice(const std::string& key, const std::vector<std::
   const std::string word = get<std::string>(key);
   if (std::find(allowed.begin(), allowed.end(), word) != allowed.end()) return word;
   const std::optional<std::string> meant = nearest_word(word, allowed);
-  fail_at_key(key, "found \"{}\", allowed is one of {}{}", word, joined(allowed),
+  fail_at_key(key, "found \"{}\", allowed is one of {}{}", excerpt(word, kLongestShown), joined(allowed),
               meant ? "; did you mean " + *meant + "?" : "");
 }
 
@@ -417,7 +420,7 @@ void ConfigReader::finish() const {
       const std::string& key = entry.first.Scalar();
       if (!seen.insert(key).second) {
         throw FileError({shared_->path.string(), line_of(entry.first)},
-                        joined_path(prefix, key) + ": this key occurs twice");
+                        excerpt(joined_path(prefix, key), kLongestShown) + ": this key occurs twice");
       }
       if (mapping.asked.count(key)) continue;
       const std::optional<std::string> meant = nearest_word(key, known);

@@ -66,6 +66,10 @@ std::vector<T> convert(const std::vector<std::uint8_t>& bytes) {
     Stored item;
     std::memcpy(&item, bytes.data() + i * sizeof(Stored), sizeof(Stored));
     values[i] = static_cast<T>(item);
+    if constexpr (std::is_integral_v<T> && std::is_integral_v<Stored>)
+      if (static_cast<Stored>(values[i]) != item)
+        fail("a .npy array holds {}, which is no integer of {} bits; save it with smaller numbers", item,
+             8 * sizeof(T));
   }
   return values;
 }
@@ -86,8 +90,10 @@ template <typename T>
 std::vector<T> NpyArray::as() const {
   const bool floating = type == "<f4" || type == "<f8";
   if (floating && std::is_integral_v<T>) fail("a .npy array of type {} cannot be read as integers", type);
-  if (type == "<f4") return convert<float, T>(bytes);
-  if (type == "<f8") return convert<double, T>(bytes);
+  if constexpr (std::is_floating_point_v<T>) {
+    if (type == "<f4") return convert<float, T>(bytes);
+    if (type == "<f8") return convert<double, T>(bytes);
+  }
   if (type == "<i4") return convert<std::int32_t, T>(bytes);
   if (type == "<i8") return convert<std::int64_t, T>(bytes);
   return convert<std::uint8_t, T>(bytes);

@@ -19,7 +19,8 @@ struct NpyArray {
   std::vector<std::uint8_t> bytes;  ///< product(shape) * item size
 
   std::int64_t size() const;
-  /// The elements converted to T. @throws Error when T is an integer type and the array holds floating-point numbers
+  /// The elements converted to T. @throws Error when T is an integer type and the array holds floating-point numbers or
+  /// a number that T cannot hold
   template <typename T>
   std::vector<T> as() const;
 };

@@ -8,6 +8,7 @@
 #include "doppel/calibration/relative_intrinsics.h"
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/store_layout.h"
+#include "doppel/character/character.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
@@ -82,6 +83,32 @@ DatasetSequence make_sequence(const SequenceEntry& entry, const Capture& capture
   return sequence;
 }
 
+/// Landmarks name joints of the character by index, and motions hold one number per DoF: with another character than
+/// that of the preparation they would mean something else. Stores of versions without a fingerprint are checked by
+/// their counts.
+void check_skeleton(const StoreLayout& layout, const Capture& capture, const fs::path& folder) {
+  const fs::path path = capture.character_path();
+  const Skeleton skeleton = read_character_skeleton(path);
+  bool same = layout.num_dofs == skeleton.num_dofs();
+  for (const Marker& landmark : layout.landmarks) same = same && landmark.joint < skeleton.num_joints();
+  if (!layout.skeleton.empty()) same = same && layout.skeleton == fingerprint_of(skeleton);
+  if (!same)
+    fail(
+        "{} was prepared for a character of {} DoFs whose joints or DoFs are not those of {} (now {} DoFs, {} joints); "
+        "put the character of the preparation back, or prepare the capture again with --overwrite",
+        folder.string(), layout.num_dofs, path.string(), skeleton.num_dofs(), skeleton.num_joints());
+}
+
+/// The prepared capture.yaml lists the cameras in the order of the store.
+void check_camera_names(const StoreLayout& layout, const Capture& capture) {
+  std::string stored;
+  for (const PinholeCamera& camera : layout.cameras) stored += (stored.empty() ? "" : ", ") + camera.name;
+  const std::string named = fmt::format("{}", fmt::join(capture.cameras, ", "));
+  if (!capture.cameras.empty() && named != stored)
+    fail("{}: `cameras` are {}, but those of the store are {}; name these, or prepare the capture again",
+         capture.file.string(), named, stored);
+}
+
 /// The names of the sequences of a split, for a message.
 std::string names_of(const std::vector<DatasetSequence>& sequences, Split split) {
   std::string names;
@@ -109,6 +136,8 @@ Dataset Dataset::open(const fs::path& folder) {
   if (!layout.complete)
     fail("{}: the preparation has not finished; run `doppel prepare` again to continue it", folder.string());
   dataset.capture_ = read_capture(folder);
+  check_skeleton(layout, dataset.capture_, folder);
+  check_camera_names(layout, dataset.capture_);
   dataset.cameras_ = layout.cameras;
   dataset.file_index_ = layout.file_index;
   dataset.num_dofs_ = layout.num_dofs;

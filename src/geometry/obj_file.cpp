@@ -57,8 +57,8 @@ class ObjFileReader {
   }
 
   void read_vertex() {
-    const Eigen::Vector3d position{reader_.number(1, "x"), reader_.number(2, "y"), reader_.number(3, "z")};
-    file_.vertices.emplace_back(scale_ * position);
+    file_.vertices.emplace_back(reader_.length(1, "x", scale_), reader_.length(2, "y", scale_),
+                                reader_.length(3, "z", scale_));
     if (reader_.tokens().size() < 7) return;
     // Vertices before the first coloured one are white, as in Skeletool.
     file_.colours.resize(file_.vertices.size(), Eigen::Vector3d::Ones());

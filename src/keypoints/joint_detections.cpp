@@ -1,9 +1,9 @@
 #include "doppel/keypoints/joint_detections.h"
 
 #include <climits>
-#include <fstream>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/keypoints/landmark_key.h"
 
@@ -27,11 +27,9 @@ std::size_t point_of(const TextReader& reader, const PointLayout& layout) {
 }  // namespace
 
 bool is_joint_table(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::string line;
-  if (!std::filesystem::is_regular_file(path) || !std::getline(file, line)) return false;
-  if (!line.empty() && line.back() == '\r') line.pop_back();
-  return line == kHeader;
+  const std::string_view header = kHeader;
+  const std::string head = read_head(path, header.size() + 1);
+  return head.starts_with(header) && (head.size() == header.size() || head.back() == '\n' || head.back() == '\r');
 }
 
 std::map<long, std::vector<JointDetection>> read_joint_detections(const std::filesystem::path& csv,

@@ -12,6 +12,8 @@ struct KeypointFilter {
   double outlier = 0.02;  ///< largest distance of a point from its neighbours, as a share of the image's longer side,
                           ///< or four times the spread of the neighbours
   double sigma = 1.0;     ///< of the Gaussian, frames; 0: points are kept or dropped, not moved
+
+  bool operator==(const KeypointFilter&) const = default;
 };
 
 /// Filters each landmark's track on its own:

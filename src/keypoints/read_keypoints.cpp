@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/file_head.h"
 #include "doppel/core/log.h"
 #include "doppel/keypoints/frame_names.h"
 #include "doppel/keypoints/json_parts.h"
@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::streamsize kHeadBytes = 16 << 10;
+constexpr std::size_t kHeadBytes = 16 << 10;
 constexpr float kLargestFraction = 1.5f;
 constexpr int kFewestForFractions = 3;
 constexpr double kShareOfFractions = 0.9, kShareOfNegatives = 0.3;
@@ -27,10 +27,7 @@ constexpr double kShareOfFractions = 0.9, kShareOfNegatives = 0.3;
 KeypointFile open_keypoint_file(const fs::path& path) {
   if (!fs::is_regular_file(path))
     fail_at({path.string(), 0}, "reading keypoints: there is no such file; check the path and its number of digits");
-  KeypointFile file{path, std::string(as_size(kHeadBytes), '\0'), nullptr};
-  std::ifstream stream(path, std::ios::binary);
-  stream.read(file.head.data(), kHeadBytes);
-  file.head.resize(as_size(stream.gcount()));
+  KeypointFile file{path, read_head(path, kHeadBytes), nullptr};
   const std::size_t begin = file.head.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   const bool is_json = begin != std::string::npos && (file.head[begin] == '{' || file.head[begin] == '[');
   if (is_json) file.document = parse_keypoint_json(path);

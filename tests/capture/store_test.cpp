@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <fstream>
 #include <random>
 
@@ -75,6 +76,39 @@ TEST(StoreRejects, HeadsWithTwoPageSizes) {
   bytes[kSecondHead + kPageSizeField + 1] = 0x20;  // 8192 in place of 4096
   support::write_bytes(file, bytes);
   EXPECT_THROW(Store(folder / "store", Store::Mode::read), Error);
+}
+
+// A writer takes pages from the lists of free pages, and LMDB does not check them.
+TEST(StoreRejects, FreePagesThatDoNotExist) {
+  const support::TemporaryFolder folder;
+  fill(folder / "store", 200);
+  const fs::path file = folder / "store/data.mdb";
+  const std::string valid = read_file(file);
+  constexpr std::size_t kPage = 4096, kMetaTrees = 16 + 24, kRoot = 40, kTransaction = 16 + 128;
+  const auto word = [&](std::size_t at) {
+    std::uint64_t value = 0;
+    std::memcpy(&value, valid.data() + at, sizeof value);
+    return value;
+  };
+  const std::size_t meta = word(kTransaction) > word(kPage + kTransaction) ? 0 : kPage;
+  const std::size_t page = as_size(word(meta + kMetaTrees + kRoot)) * kPage;
+  ASSERT_LT(page, valid.size());
+  std::uint16_t node = 0;
+  std::memcpy(&node, valid.data() + page + 16,
+              sizeof node);  // the first node: head of 8 bytes, key of 8, then the list
+  const std::size_t list = page + node + 16;
+  ASSERT_GT(word(list), 0u);
+  for (const std::size_t at : {list, list + 8}) {
+    for (const std::uint64_t wrong : {std::uint64_t{1}, word(list) + 1, std::uint64_t{1} << 40}) {
+      std::string bytes = valid;
+      std::memcpy(bytes.data() + at, &wrong, sizeof wrong);
+      if (bytes == valid || (at != list && wrong == word(list) + 1)) continue;
+      support::write_bytes(file, bytes);
+      EXPECT_THROW(Store(folder / "store", Store::Mode::write), Error) << at - list << " " << wrong;
+    }
+  }
+  support::write_bytes(file, valid);
+  EXPECT_NO_THROW(Store(folder / "store", Store::Mode::write));
 }
 
 // LMDB trusts its pages; whatever is damaged must surface as an error or leave the values readable, never crash.

@@ -56,6 +56,13 @@ TEST(NpyReference, AnUnfinishedStreamLeavesNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+TEST(NpyRejects, IntegersThatDoNotFit) {
+  const std::vector<std::int64_t> faces{0, 1, (std::int64_t{1} << 32) + 2};
+  const NpyArray array = parse_npy(npy_bytes(faces.data(), "<i8", {1, 3}), {"faces.npy", 0});
+  EXPECT_EQ(array.as<std::int64_t>(), faces);
+  EXPECT_THROW(array.as<int>(), Error);
+}
+
 TEST(NpyRejects, EveryTruncation) {
   const TemporaryFolder folder;
   const std::vector<float> values(7, 1.0f);

@@ -1,15 +1,18 @@
 #include "doppel/data/loader.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <set>
 
 #include "capture/capture_fixture.h"
+#include "doppel/capture/store_layout.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/batch_builder.h"
+#include "support/message_of.h"
 
 namespace doppel::loader_test {
 namespace {
@@ -442,6 +445,55 @@ TEST(DatasetRejects, FoldersThatAreNotPrepared) {
   EXPECT_THROW(dataset.samples(Split::train, 0), UsageError);
   write_motion(fixture.root() / "training/poses.motion", test_capture::swaying_motion(fixture.character, 2, 0.0), true);
   EXPECT_THROW(Dataset::open(fixture.out()), Error);
+}
+
+/// The file of the fixture's skeleton with another one in it.
+void exchange_skeleton(const CaptureFixture& fixture, const Skeleton& skeleton) {
+  for (const auto& entry : std::filesystem::directory_iterator(fixture.root() / "character"))
+    if (entry.path().extension() == ".skeleton") write_skeleton(entry.path(), skeleton);
+}
+
+TEST(DatasetRejects, AnExchangedSkeleton) {
+  const CaptureFixture fixture;
+  fixture.prepare();
+  Skeleton scaled = fixture.character.skeleton;
+  scaled.joints.back().offset *= 1.25;
+  exchange_skeleton(fixture, scaled);
+  EXPECT_NO_THROW(Dataset::open(fixture.out()));
+  Skeleton renamed = fixture.character.skeleton;
+  renamed.joints.back().name += "_other";
+  exchange_skeleton(fixture, renamed);
+  EXPECT_THAT(support::message_of<Error>([&] { Dataset::open(fixture.out()); }),
+              testing::HasSubstr("character of the preparation"));
+}
+
+TEST(DatasetRejects, ALandmarkWithoutItsJointInAnOldStore) {
+  const CaptureFixture fixture;
+  fixture.prepare();
+  Store store(fixture.out() / kStoreFolder, Store::Mode::write);
+  StoreLayout layout = read_store_layout(store);
+  layout.skeleton.clear();  // as older versions
+  layout.landmarks = {{"knee", fixture.character.skeleton.num_joints() - 1, Eigen::Vector3d::Zero(), 0.01}};
+  write_store_layout(store, layout);
+  EXPECT_NO_THROW(Dataset::open(fixture.out()));
+  layout.landmarks[0].joint += 1;
+  write_store_layout(store, layout);
+  EXPECT_THAT(support::message_of<Error>([&] { Dataset::open(fixture.out()); }),
+              testing::HasSubstr("character of the preparation"));
+  layout.landmarks[0].joint = -1;
+  write_store_layout(store, layout);
+  EXPECT_THAT(support::message_of<Error>([&] { Dataset::open(fixture.out()); }),
+              testing::HasSubstr("impossible sizes"));
+}
+
+TEST(DatasetRejects, CamerasThatAreNotThoseOfTheStore) {
+  const CaptureFixture fixture;
+  fixture.prepare();
+  Capture capture = read_capture(fixture.out());
+  capture.cameras = {capture.cameras.back()};
+  write_capture(fixture.out() / "capture.yaml", capture);
+  EXPECT_THAT(support::message_of<Error>([&] { Dataset::open(fixture.out()); }),
+              testing::HasSubstr("those of the store"));
 }
 
 }  // namespace

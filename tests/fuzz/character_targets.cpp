@@ -1,5 +1,4 @@
 #include <cmath>
-#include <fstream>
 
 #include "doppel/character/bvh.h"
 #include "doppel/character/motion.h"
@@ -18,11 +17,6 @@ namespace {
 using Path = std::filesystem::path;
 
 constexpr int kDofs = 4;  // of the seeds
-
-Path written(std::string_view bytes, const Path& folder, const char* name) {
-  std::ofstream(folder / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  return folder / name;
-}
 
 /// The bytes that a writer of the library makes.
 template <typename Write>

@@ -41,7 +41,7 @@ constexpr unsigned kMostSeconds = 10;
 constexpr std::size_t kLargestInput = 4 << 20;
 
 struct Options {
-  long runs = 300;
+  long runs = 150;
   double seconds = 0;  ///< instead of runs, unless 0
   std::uint64_t seed = 1;
   Path write, replay;

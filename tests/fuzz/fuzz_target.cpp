@@ -1,5 +1,7 @@
 #include "fuzz/fuzz_target.h"
 
+#include <fstream>
+
 #include "doppel/core/error.h"
 
 namespace doppel::fuzz {
@@ -8,10 +10,16 @@ void promise(bool kept, const std::string& what) {
   if (!kept) throw Broken("not kept: " + what);
 }
 
+std::filesystem::path written(std::string_view bytes, const std::filesystem::path& folder, const char* name) {
+  std::ofstream(folder / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return folder / name;
+}
+
 const std::vector<FuzzTarget>& all_targets() {
   static const std::vector<FuzzTarget> kTargets = [] {
-    std::vector<FuzzTarget> targets = scene_targets(), character = character_targets();
-    for (FuzzTarget& target : character) targets.push_back(std::move(target));
+    std::vector<FuzzTarget> targets;
+    for (const auto& part : {scene_targets(), character_targets(), calibration_targets(), file_targets()})
+      targets.insert(targets.end(), part.begin(), part.end());
     return targets;
   }();
   return kTargets;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -18,7 +19,7 @@ struct FuzzTarget {
   /// Writes `bytes` into `folder` and reads them. An `Error` is a proper answer. What is accepted must keep the
   /// promises of the reader's header.
   /// @throws Broken for a promise that is not kept; any other exception than doppel::Error is a finding as well
-  void (*read)(std::string_view bytes, const std::filesystem::path& folder);
+  std::function<void(std::string_view bytes, const std::filesystem::path& folder)> read;
   std::vector<std::string> seeds;       ///< valid files, made by code
   std::vector<std::string> dictionary;  ///< words of the format
 };
@@ -50,5 +51,10 @@ std::vector<Regression> regressions();
 /// Parts of each module, joined by all_targets.
 std::vector<FuzzTarget> scene_targets();
 std::vector<FuzzTarget> character_targets();
+std::vector<FuzzTarget> calibration_targets();
+std::vector<FuzzTarget> file_targets();
+
+/// Writes bytes into a file of the folder. @return its path
+std::filesystem::path written(std::string_view bytes, const std::filesystem::path& folder, const char* name);
 
 }  // namespace doppel::fuzz

@@ -93,12 +93,63 @@ void add_fbx(std::vector<Regression>& all) {
       {"fbx_binary", "compressed zeros took a thousand times the file", FbxBinaryWriter(7400, true).file(bomb)});
 }
 
+void add_character(std::vector<Regression>& all) {
+  const std::string header = "Skeletool Skeleton Definition V1.0\njoints: 1\n  root ";
+  const std::string rest = "\nmarkers: 0\nscaling joints: 0\ndofs: 0\ntextureEntries: 0\n";
+  all.push_back({"skeleton", "the product of offset and scale is infinite",
+                 header + "prismatic none 1e300 0 0 1 0 0 1e300" + rest});
+  all.push_back({"skeleton", "the length of an axis is infinite, which made the axis zero",
+                 header + "revolute none 0 0 0 1e200 0 0 1" + rest});
+  all.push_back({"obj", "a vertex became infinite as float", "v 1e45 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"});
+  std::string joints = "HIERARCHY\nROOT a { OFFSET 0 0 0 CHANNELS 1 Xposition\n";
+  for (int j = 0; j < 20'000; ++j) joints += "JOINT " + std::to_string(j) + " { OFFSET 0 0 0 }\n";
+  all.push_back({"bvh", "joints without channels cost time in each frame",
+                 joints + "}\nMOTION\nFrames: 20000\nFrame Time: 0.04\n" + repeated("0\n", 20'000)});
+}
+
+void add_calibration(std::vector<Regression>& all) {
+  const std::string yaml = "%YAML:1.0\n---\n";
+  const std::string matrix = "{rows: 3, cols: 3, data: [800, 0, 320, 0, 800, 240, 0, 0, 1]}";
+  const auto camera = [&](const std::string& t) {
+    return yaml + "units: millimetres\ncam0: {width: 640, height: 480, K: " + matrix +
+           ", R: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}, t: [" + t + "]}\n";
+  };
+  for (const char* open : {"[", "{\"a\":", "- ", "{a: ["})
+    all.push_back(
+        {"calibration_opencv", "OpenCV's parser calls itself for each level", yaml + "K: " + repeated(open, 100'000)});
+  all.push_back({"calibration_opencv", "OpenCV's XML parser calls itself for each level",
+                 "<?xml version=\"1.0\"?><opencv_storage>" + repeated("<a>", 100'000)});
+  all.push_back({"calibration_opencv", "an alias stands inside of what it names", yaml + "K: {\"a\": &a {b: *a}}\n"});
+  all.push_back({"calibration_opencv", "the largest number makes an infinite position", camera("1e308, 1e308, 1e308")});
+  all.push_back({"calibration_opencv", "the name nan was read as a number and lost",
+                 replaced(camera("0, 0, 1"), "{width", "{name: nan, width")});
+  all.push_back({"calibration_opencv", "a name leads out of the folder",
+                 replaced(camera("0, 0, 1"), "{width", "{name: ../../../x, width")});
+}
+
+void add_files(std::vector<Regression>& all) {
+  all.push_back({"store_layout", "a huge number became an int",
+                 "{\"doppel_store\":1,\"settings\":\"\",\"num_dofs\":1e308,\"mask_size\":1,\"image_size\":1,"
+                 "\"cameras\":[]}"});
+  all.push_back({"torch_pickle", "a pickle had no limit for values", "\x80\x02" + repeated("N", 3'000'000) + "."});
+  std::string shapes = "\x80\x02(" + repeated("K\x01", 30'000) + "tq\x01" + repeated("h\x01", 1000) + ".";
+  all.push_back({"torch_pickle", "a long tuple was copied for each use", shapes});
+  all.push_back({"capture", "values without masks were lost when written",
+                 "doppel_capture: 1\nname: a\ncalibration: c.toml\nkeypoint_filter: {window: 0, sigma: 7}\n"
+                 "sequences:\n- {name: a, split: train, videos: v.mp4, mask_threshold: 7, largest_component: true}\n"});
+  all.push_back(
+      {"config", "control characters of a file stood in the message", "a: \"\\e[2J\\e[H\"\nb: {\"\\a\": 1}\n"});
+}
+
 }  // namespace
 
 std::vector<Regression> regressions() {
   std::vector<Regression> all;
   add_gltf(all);
   add_fbx(all);
+  add_character(all);
+  add_calibration(all);
+  add_files(all);
   all.push_back({"joints", "nested values", "{\"joints\":" + repeated("{\"a\":\n", 200'000)});
   const std::string box = support::collada_file(support::coloured_box({-0.5, 0, 0}, {0.5, 2, 1}), 1, "Y_UP");
   all.push_back({"collada", "assimp read one index for ever", replaced(box, "<p>0 0", "<p>0\xff")});

@@ -1,4 +1,4 @@
-#include <fstream>
+#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/scene/read_scene.h"
@@ -26,15 +26,11 @@ constexpr SceneLimits kLimits{.vertices = 20'000, .triangles = 20'000, .nodes = 
 /// A part of an input that becomes a file of its own beside the first.
 constexpr const char* kSecondFile = "\n#file\n";
 
-void write_bytes(const Path& path, std::string_view bytes) {
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
-
 void read_file_as(std::string_view bytes, const Path& folder, const char* name, const char* second = nullptr) {
   const std::size_t cut = second ? bytes.find(kSecondFile) : std::string_view::npos;
-  write_bytes(folder / name, bytes.substr(0, cut));
+  written(bytes.substr(0, cut), folder, name);
   if (second)
-    write_bytes(folder / second, cut == std::string_view::npos ? "" : bytes.substr(cut + std::strlen(kSecondFile)));
+    written(cut == std::string_view::npos ? "" : bytes.substr(cut + std::strlen(kSecondFile)), folder, second);
   check_scene(read_scene(folder / name, kLimits), kLimits);
 }
 

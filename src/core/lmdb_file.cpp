@@ -1,4 +1,4 @@
-#include "doppel/capture/store_pages.h"
+#include "doppel/core/lmdb_file.h"
 
 #include <cstdint>
 #include <cstring>
@@ -16,7 +16,7 @@ constexpr std::uint32_t kLmdbMagic = 0xBEEFC0DE;
 constexpr std::uint32_t kDataVersion = 1;
 constexpr std::size_t kPageHead = 16, kNodeHead = 8, kMetaBytes = 136;
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
-constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kMeta = 0x08;
+constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kOverflow = 0x04, kMeta = 0x08;
 constexpr std::uint16_t kBigData = 0x01;
 constexpr std::uint16_t kIntegerKeys = 0x08;
 constexpr int kMaxTreeDepth = 32;
@@ -96,6 +96,7 @@ class PageChecker {
   void check_tree(const Tree& tree, std::uint16_t flags) {
     if (tree.flags != flags) damaged("a tree has unknown flags");
     if (tree.depth > kMaxTreeDepth) damaged("a tree is too deep");
+    lists_free_pages_ = (flags & kIntegerKeys) != 0;
     if (tree.root != kNoPage) check_page(tree.root, tree.depth);
   }
 
@@ -130,11 +131,43 @@ class PageChecker {
     const std::size_t stored = flags & kBigData ? sizeof(std::uint64_t) : size;
     if (at + kNodeHead + key + stored > page_size_)
       damaged(fmt::format("a node of page {} is longer than the page", number));
-    if (!(flags & kBigData)) return;
+    if (lists_free_pages_ && key != sizeof(std::uint64_t)) damaged("a key of the free pages has another length");
+    if (!(flags & kBigData)) {
+      if (lists_free_pages_) check_free_pages(node + kNodeHead + key, size);
+      return;
+    }
     const auto first = load<std::uint64_t>(node + kNodeHead + key);
     const std::uint64_t pages = (kPageHead - 1 + size) / page_size_ + 1;
     if (first < 2 || first > last_page_ || pages > last_page_ + 1 - first)
       damaged(fmt::format("a value of page {} lies outside of the file", number));
+    check_value_pages(first, pages, size);
+  }
+
+  /// LMDB frees as many pages of a long value as stand in the head of the first of them.
+  void check_value_pages(std::uint64_t first, std::uint64_t pages, std::uint64_t size) {
+    std::vector<std::uint8_t> head;
+    read(first * page_size_, kPageHead, head);
+    const std::uint64_t stated = load<std::uint32_t>(head.data() + 12);
+    if (load<std::uint64_t>(head.data()) != first || load<std::uint16_t>(head.data() + 10) != kOverflow ||
+        stated < pages || stated > last_page_ + 1 - first)
+      damaged(fmt::format("the head of page {} is wrong", first));
+    if (!lists_free_pages_) return;
+    std::vector<std::uint8_t> list;
+    read(first * page_size_ + kPageHead, size, list);
+    check_free_pages(list.data(), size);
+  }
+
+  /// A list of pages that a writer may use: their number, then the pages in descending order. LMDB trusts them.
+  void check_free_pages(const std::uint8_t* list, std::uint64_t size) const {
+    constexpr std::uint64_t kWord = sizeof(std::uint64_t);
+    if (size < kWord || size % kWord != 0 || load<std::uint64_t>(list) != size / kWord - 1)
+      damaged("a list of free pages has another length than it states");
+    std::uint64_t before = last_page_ + 1;
+    for (std::uint64_t at = kWord; at < size; at += kWord) {
+      const auto page = load<std::uint64_t>(list + at);
+      if (page < 2 || page >= before) damaged(fmt::format("page {} cannot be free", page));
+      before = page;
+    }
   }
 
   void check_branch_node(const std::vector<std::uint8_t>& page, std::size_t at, std::uint64_t number, int depth) {
@@ -149,10 +182,11 @@ class PageChecker {
   std::string path_;
   std::ifstream file_;
   std::uint64_t bytes_, page_size_ = 0, last_page_ = 0, visited_ = 0;
+  bool lists_free_pages_ = false;  ///< the tree that is checked
 };
 
 }  // namespace
 
-void check_store_pages(const std::filesystem::path& data_file) { PageChecker(data_file).check(); }
+void check_lmdb_file(const std::filesystem::path& data_file) { PageChecker(data_file).check(); }
 
 }  // namespace doppel
