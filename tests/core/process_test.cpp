@@ -70,7 +70,7 @@ long page_faults() {
 }
 
 TEST(ProcessReference, LargeBlocksStayInTheProcess) {
-#if defined(__SANITIZE_ADDRESS__) || !defined(__GLIBC__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__GLIBC__)
   GTEST_SKIP() << "another allocator is in charge";
 #endif
   setup_process();
