@@ -46,8 +46,7 @@ void expect_same_losses(const fs::path& one, const fs::path& several) {
   }
 }
 
-// Small rates: training amplifies differences of rounding, at large rates to 1e-5 within a few steps. It does so
-// between two instruction sets too.
+// Small rates: training amplifies differences of rounding, at large rates to 1e-5 within a few steps.
 constexpr char kStages[] = R"(stage: hybrid
 egnet:
   data: {batch_size: 5, cameras_per_sample: 2, pose_noise: 0.05, input_noise: 0.02}
