@@ -21,7 +21,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::minutes kExchangeLimit{60};
 constexpr std::chrono::milliseconds kPoll{50};
 /// Below this, a sum gathers the tensors of all ranks.
-constexpr std::int64_t kShortBytes = 1 << 18;
+constexpr std::int64_t kShortBytes = 1 << 20;
 
 std::string own_name(int rank) {
   char host[256] = "";

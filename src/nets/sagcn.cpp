@@ -86,23 +86,25 @@ FeatureNormImpl::FeatureNormImpl(int64_t num_nodes, int features, const SagcnCon
   running_var = register_buffer("running_var", torch::ones(shape));
 }
 
-NodeNorm FeatureNormImpl::node_norm() const {
-  if (kind_ != SagcnNorm::node || is_shared()) return {};
-  return {weight, bias, running_mean, running_var, is_training(), momentum_, epsilon_};
+NodeNorm FeatureNormImpl::node_norm(const Tensor& features, int64_t batch_dimension) const {
+  if (kind_ != SagcnNorm::node) return {};
+  if (!is_shared()) return {weight, bias, running_mean, running_var, is_training(), momentum_, epsilon_};
+  const SharedStatistics shared = share_statistics(features, {batch_dimension}, weight, bias, running_mean, running_var,
+                                                   momentum_, epsilon_, *ranks());
+  return {shared.weight, shared.bias, shared.mean, shared.variance, false, momentum_, epsilon_};
 }
 
 Tensor FeatureNormImpl::forward(const Tensor& features) {
   if (kind_ == SagcnNorm::none || features.numel() == 0) return features;
-  if (is_shared()) {
-    const Tensor rows = kind_ == SagcnNorm::node ? features.flatten(1) : features.flatten(0, 1);
-    return shared_batch_norm(rows, weight.flatten(), bias.flatten(), running_mean.view({-1}), running_var.view({-1}),
-                             momentum_, epsilon_, *ranks())
-        .view(features.sizes());
-  }
-  if (kind_ == SagcnNorm::node) return node_norm_reference(features, node_norm());
-  return at::batch_norm(features.flatten(0, 1), weight, bias, running_mean, running_var, is_training(), momentum_,
-                        epsilon_, false)
-      .view({-1, features.size(1), features.size(2)});
+  if (kind_ == SagcnNorm::node) return node_norm_reference(features, node_norm(features, 0));
+  const Tensor rows = features.flatten(0, 1);
+  if (!is_shared())
+    return at::batch_norm(rows, weight, bias, running_mean, running_var, is_training(), momentum_, epsilon_, false)
+        .view_as(features);
+  const SharedStatistics shared =
+      share_statistics(rows, {0}, weight, bias, running_mean, running_var, momentum_, epsilon_, *ranks());
+  return at::batch_norm(rows, shared.weight, shared.bias, shared.mean, shared.variance, false, 0.0, epsilon_, false)
+      .view_as(features);
 }
 
 // ---- units ----
@@ -113,8 +115,9 @@ SagcnUnitImpl::SagcnUnitImpl(const RingWeights& ring, int inputs, int outputs, c
 }
 
 Tensor SagcnUnitImpl::forward_node_major(const Tensor& features, const Tensor& skip) {
-  const Tensor input = norm->is_apart() ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
-  return elu_graph_convolution_node_major(input, norm->node_norm(), convolution->kernels, convolution->bias,
+  const bool apart = norm->kind() == SagcnNorm::channel;  // the fused convolution does not normalise channels
+  const Tensor input = apart ? norm->forward(features.transpose(0, 1)).transpose(0, 1) : features;
+  return elu_graph_convolution_node_major(input, norm->node_norm(input, 1), convolution->kernels, convolution->bias,
                                           convolution->ring(), skip);
 }
 

@@ -67,12 +67,12 @@ class FeatureNormImpl : public torch::nn::Module, public BatchStatistics {
 
   /// Plain tensor operations. `none` returns the input. @param features [B,K,H] @return [B,K,H]
   torch::Tensor forward(const torch::Tensor& features);
-  /// The parameters and statistics, in the form that the fused convolution takes. For `channel` and `none` the tensors
-  /// of the result are undefined, and the fused convolution does not normalise. So they are while the batch is shared.
-  NodeNorm node_norm() const;
+  /// Parameters and statistics in the form that the fused convolution takes. For `channel` and `none` the tensors of
+  /// the result are undefined, and the fused convolution does not normalise. While ranks share the batch, the
+  /// statistics are those of the features on all ranks. @param features [K,B,H] with batch_dimension 1, or [B,K,H] with
+  /// 0
+  NodeNorm node_norm(const torch::Tensor& features, int64_t batch_dimension) const;
   SagcnNorm kind() const { return kind_; }
-  /// Whether `forward` must be called, because the fused convolution does not normalise.
-  bool is_apart() const { return kind_ == SagcnNorm::channel || (kind_ == SagcnNorm::node && is_shared()); }
 
   torch::Tensor weight, bias, running_mean, running_var;  ///< `node`: [K,H]; `channel`: [H]; `none`: undefined
 

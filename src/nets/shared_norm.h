@@ -12,16 +12,27 @@
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
+#include <cstdint>
+#include <vector>
+
 #include "doppel/distributed/ranks.h"
 
 namespace doppel {
 
-/// @param x float32 [B,C] or [B,C,H,W], this rank's rows
-/// @param weight, bias [C] @param running_mean, running_var [C], updated in place as `momentum` says, the same on all
-/// ranks @return the shape of x
-torch::Tensor shared_batch_norm(const torch::Tensor& x, const torch::Tensor& weight, const torch::Tensor& bias,
-                                const torch::Tensor& running_mean, const torch::Tensor& running_var, double momentum,
-                                double epsilon, Ranks& ranks);
+/// What a layer in evaluation mode, whose statistics are constants, needs to normalise as above.
+struct SharedStatistics {
+  torch::Tensor weight, bias;    ///< [C...], the same values; through them the gradient of mu and var reaches x
+  torch::Tensor mean, variance;  ///< [C...] of the rows of all ranks
+};
+
+/// @param x float32, this rank's rows @param rows the dimensions of x over which the statistics are taken: {0, 2, 3} of
+/// images [B,C,H,W], neighbouring ones otherwise, for instance {1} of features of nodes [K,B,H]
+/// @param weight, bias [C...], the shape of x without `rows`
+/// @param running_mean, running_var [C...], updated in place as `momentum` says, the same on all ranks
+SharedStatistics share_statistics(const torch::Tensor& x, const std::vector<std::int64_t>& rows,
+                                  const torch::Tensor& weight, const torch::Tensor& bias,
+                                  const torch::Tensor& running_mean, const torch::Tensor& running_var, double momentum,
+                                  double epsilon, Ranks& ranks);
 
 /// A layer with statistics over a batch. Without ranks, or with one, the batch is this process's own.
 class BatchStatistics {

@@ -174,7 +174,8 @@ TEST_F(RanksOfPoses, PoseNetAndDefNet) {
 // ---- batch normalisation ----
 
 TEST(SharedBatchNormReference, EqualsThatOfTheWholeBatch) {
-  for (const std::vector<std::int64_t>& shape : {std::vector<std::int64_t>{7, 5}, {5, 3, 4, 6}}) {
+  using Sizes = std::vector<std::int64_t>;
+  for (const auto& [shape, rows] : {std::pair<Sizes, Sizes>{{7, 5}, {0}}, {{7, 5}, {1}}, {{5, 3, 4, 6}, {0, 2, 3}}}) {
     const auto generator = at::detail::createCPUGenerator(3);
     const auto normal = [&](std::vector<std::int64_t> sizes) {
       return torch::empty(sizes).normal_(2.0, 3.0, generator);
@@ -194,7 +195,10 @@ TEST(SharedBatchNormReference, EqualsThatOfTheWholeBatch) {
       const torch::Tensor mine = share.rows(all).clone().requires_grad_(), own_w = weight.clone().requires_grad_(),
                           own_b = bias.clone().requires_grad_();
       const torch::Tensor own_mean = torch::zeros({C}), own_var = torch::ones({C});
-      const torch::Tensor out = shared_batch_norm(mine, own_w, own_b, own_mean, own_var, 0.1, 1e-3, ranks);
+      const SharedStatistics shared = share_statistics(rows.front() == 1 ? mine.t() : mine, rows, own_w, own_b,
+                                                       own_mean, own_var, 0.1, 1e-3, ranks);
+      const torch::Tensor out =
+          at::batch_norm(mine, shared.weight, shared.bias, shared.mean, shared.variance, false, 0.0, 1e-3, false);
       (out * share.rows(upstream)).sum().backward();
       EXPECT_TRUE(torch::allclose(out, share.rows(y), 1e-5, 1e-5));
       EXPECT_TRUE(torch::allclose(mine.grad(), share.rows(x.grad()), 1e-4, 1e-5));
