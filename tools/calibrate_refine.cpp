@@ -21,8 +21,30 @@ using Json = nlohmann::ordered_json;
 struct RefineArguments {
   std::string capture, sequence, out;
   std::vector<std::string> fixed;
-  bool focal = false, principal_point = false;
+  bool focal = false, principal_point = false, points_only = false;
 };
+
+/// What the cameras saw in the sequence that was named, otherwise in all that have keypoints.
+std::vector<RigTake> read_takes(RigFootage& footage, const RefineArguments& arguments, std::size_t most_times) {
+  std::vector<std::size_t> sequences{footage.sequence};
+  if (arguments.sequence.empty())
+    for (std::size_t s = footage.sequence + 1; s < footage.capture.sequences.size(); ++s)
+      if (!footage.capture.sequences[s].keypoints.empty()) sequences.push_back(s);
+  std::vector<RigTake> takes;
+  for (const std::size_t sequence : sequences) {
+    footage.sequence = sequence;
+    read_tracks(footage);
+    takes.push_back({footage.tracks, {}});
+  }
+  if (arguments.points_only) return takes;
+  const std::vector<std::vector<double>> times = times_of_takes(takes, most_times);
+  for (std::size_t i = 0; i < takes.size(); ++i) {
+    footage.sequence = sequences[i];
+    footage.tracks = takes[i].tracks;
+    takes[i].outlines = read_outlines(footage, times[i]);
+  }
+  return takes;
+}
 
 std::vector<int> indices_of(const std::vector<std::string>& names, const RigFootage& footage) {
   std::vector<int> indices;
@@ -57,6 +79,7 @@ Json json_of(const RigRefinement& found, const std::vector<MovedCamera>& moved, 
     report["cameras"].push_back({{"name", camera.name},
                                  {"refined", camera.refined},
                                  {"observations", camera.observations},
+                                 {"tangents", camera.tangents},
                                  {"inliers", camera.inliers},
                                  {"median_before_px", camera.median_before},
                                  {"mean_before_px", camera.mean_before},
@@ -80,16 +103,16 @@ Json json_of(const RigRefinement& found, const std::vector<MovedCamera>& moved, 
 }
 
 void print_table(const RigRefinement& found, const std::vector<MovedCamera>& moved, bool focal) {
-  std::printf("%-16s %8s %8s %18s %18s %20s%s\n", "camera", "points", "inliers", "median/mean before",
+  std::printf("%-16s %8s %8s %8s %18s %18s %20s%s\n", "camera", "points", "inliers", "tangents", "median/mean before",
               "median/mean after", "turned (deg)/moved (mm)", focal ? "   focal" : "");
   for (const CameraRefinement& camera : found.reports) {
     if (!camera.refined) {
       std::printf("%-16s kept: %s\n", camera.name.c_str(), camera.reason.c_str());
       continue;
     }
-    std::printf("%-16s %8ld %7.1f%% %9.2f/%5.2f px %9.2f/%5.2f px %10.3f +- %.3f / %.1f +- %.1f", camera.name.c_str(),
-                camera.observations, 100.0 * camera.inliers, camera.median_before, camera.mean_before,
-                camera.median_after, camera.mean_after, camera.rotation_change / kRadiansPerDegree,
+    std::printf("%-16s %8ld %7.1f%% %8ld %9.2f/%5.2f px %9.2f/%5.2f px %10.3f +- %.3f / %.1f +- %.1f",
+                camera.name.c_str(), camera.observations, 100.0 * camera.inliers, camera.tangents, camera.median_before,
+                camera.mean_before, camera.median_after, camera.mean_after, camera.rotation_change / kRadiansPerDegree,
                 camera.rotation_sigma / kRadiansPerDegree, 1000.0 * camera.centre_change, 1000.0 * camera.centre_sigma);
     if (focal) std::printf("   %+.2f%% +- %.2f%%", 100.0 * camera.focal_change, 100.0 * camera.focal_sigma);
     std::printf("\n");
@@ -105,14 +128,16 @@ void print_table(const RigRefinement& found, const std::vector<MovedCamera>& mov
 
 int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   RigFootage footage = open_rig_footage(arguments.capture, arguments.sequence);
-  read_tracks(footage);
   RefineOptions options;
   options.focal = arguments.focal;
   options.principal_point = arguments.principal_point;
   options.fixed = indices_of(arguments.fixed, footage);
-  const RigRefinement found = refine_rig(footage.filmed.cameras, footage.tracks, options);
+  const std::vector<RigTake> takes = read_takes(footage, arguments, options.most_times);
+  const RigRefinement found = refine_rig(footage.filmed.cameras, takes, options);
   std::vector<MovedCamera> moved;
-  if (found.cameras.size() >= 3) moved = find_moved_cameras(found.cameras, footage.tracks);
+  if (found.cameras.size() >= 3)
+    for (const RigTake& take : takes)
+      for (const MovedCamera& camera : find_moved_cameras(found.cameras, take.tracks)) moved.push_back(camera);
   const std::filesystem::path out =
       arguments.out.empty() ? default_out(footage.capture) : std::filesystem::path(arguments.out);
   write_calibration(out, all_cameras(footage, found.cameras));
@@ -128,13 +153,15 @@ int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
 }  // namespace
 
 Command add_calibrate_refine(CLI::App& calibrate) {
-  CLI::App* app = calibrate.add_subcommand("refine", "Mend a capture's calibration by the keypoints of the person");
+  CLI::App* app =
+      calibrate.add_subcommand("refine", "Mend a capture's calibration by the person's keypoints and outlines");
   app->fallthrough();
   auto arguments = std::make_shared<RefineArguments>();
   app->add_option("capture", arguments->capture, "capture.yaml, or a folder that is recognised as a capture")
       ->required();
   app->add_option("--sequence", arguments->sequence,
-                  "Sequence whose keypoints are used (default: the first that has any)");
+                  "Sequence whose keypoints and masks are used (default: all that have keypoints)");
+  app->add_flag("--points-only", arguments->points_only, "Use the keypoints alone, not the outlines of the masks");
   app->add_flag("--focal", arguments->focal, "Also refine the focal lengths");
   app->add_flag("--principal-point", arguments->principal_point, "Also refine the principal points");
   app->add_option("--fix", arguments->fixed, "Cameras that are kept as they are (repeatable)");

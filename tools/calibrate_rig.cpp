@@ -1,9 +1,15 @@
 #include "calibrate_rig.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
+#include <cmath>
+#include <memory>
+#include <set>
 
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/capture/filmed_sequence.h"
+#include "doppel/capture/mask_source.h"
 #include "doppel/capture/person_tracks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
@@ -13,6 +19,29 @@ namespace doppel::tools {
 namespace {
 
 constexpr double kLeastConfidence = 0.1;
+
+/// The frames of a camera between which the times lie.
+std::set<long> frames_around(const CameraTrack& track, const std::vector<double>& times) {
+  std::set<long> frames;
+  for (const double time : times)
+    for (const double frame : {std::floor(track.frame_at(time)), std::ceil(track.frame_at(time))})
+      if (frame >= 0.0 && frame < static_cast<double>(track.num_frames())) frames.insert(static_cast<long>(frame));
+  return frames;
+}
+
+OutlineTrack outlines_of(const RigFootage& footage, std::size_t c, const std::vector<double>& times) {
+  const CameraTrack& track = footage.tracks.cameras[c];
+  const Camera& camera = footage.filmed.cameras[c];
+  const int file_index = footage.filmed.file_index[c];
+  MaskSource masks(footage.capture, footage.entry(), camera, file_index);
+  std::unique_ptr<FrameReader> images;
+  if (masks.needs_image())
+    images = open_frames(footage.capture.source(footage.entry().videos, file_index, camera.name), PixelFormat::colour);
+  OutlineTrack outlines(as_size(track.num_frames()));
+  for (const long frame : frames_around(track, times))
+    outlines[as_size(frame)] = outline_of(masks.read(frame, images ? images->read(frame) : cv::Mat()), camera);
+  return outlines;
+}
 
 }  // namespace
 
@@ -37,6 +66,18 @@ RigFootage open_rig_footage(const std::filesystem::path& path, const std::string
 void read_tracks(RigFootage& footage) {
   footage.tracks = read_tracks_of_rough_rig(footage.capture, footage.entry(), footage.filmed);
   drop_unusable(footage.tracks, kLeastConfidence);
+}
+
+std::vector<OutlineTrack> read_outlines(const RigFootage& footage, const std::vector<double>& times) {
+  std::vector<OutlineTrack> outlines;
+  if (!footage.entry().has_masks()) return outlines;
+  for (std::size_t c = 0; c < footage.filmed.cameras.size(); ++c) try {
+      outlines.push_back(outlines_of(footage, c, times));
+    } catch (const FileError& error) {
+      spdlog::warn("the masks of camera {} are not used: {}", footage.filmed.cameras[c].name, error.what());
+      outlines.emplace_back(as_size(footage.tracks.cameras[c].num_frames()));
+    }
+  return outlines;
 }
 
 std::filesystem::path folder_of(const Capture& capture) {

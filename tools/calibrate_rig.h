@@ -2,9 +2,11 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "doppel/capture/capture.h"
 #include "doppel/capture/capture_cameras.h"
+#include "doppel/rig/outline_tracks.h"
 #include "doppel/rig/point_tracks.h"
 
 namespace doppel::tools {
@@ -25,6 +27,10 @@ RigFootage open_rig_footage(const std::filesystem::path& path, const std::string
 /// Reads the person's points. Points with a confidence below 0.1 count as not seen.
 /// @throws Error as read_tracks_of_rough_rig
 void read_tracks(RigFootage& footage);
+/// The outlines of the person at some times, of the sequence whose tracks were read. A camera whose masks cannot be
+/// read has none, and a line of the log says so.
+/// @param times seconds @return [C]; empty for a sequence without masks
+std::vector<OutlineTrack> read_outlines(const RigFootage& footage, const std::vector<double>& times);
 
 /// The folder of the capture.yaml; for a capture that was recognised from a folder, this folder.
 std::filesystem::path folder_of(const Capture& capture);

@@ -224,7 +224,7 @@ Eigen::MatrixXd BundleProblem::gauge_directions() const {
   return qr.householderQ() * Eigen::MatrixXd::Identity(num_shared(), directions.cols());
 }
 
-Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
+Eigen::MatrixXd BundleProblem::covariance() {
   Eigen::MatrixXd reduced = system_.reduced_hessian();
   const Eigen::MatrixXd gauge = gauge_directions();
   const double level = std::max(1e-12, reduced.diagonal().mean());
@@ -237,8 +237,16 @@ Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
 
   const Eigen::MatrixXd independent = residual_variance() * inverse;
 
-  // The gradient of each group for itself: what its rows add to the shared gradient, less what its points take up.
-  std::vector<Eigen::VectorXd> gradients = system_.reduced_gradients();
+  // The gradients of the stretches: what their rows add to the shared gradient, less what their points take up.
+  const std::vector<Eigen::VectorXd> of_groups = system_.reduced_gradients();
+  std::vector<int> stretch_of_group(of_groups.size(), 0);
+  int last = 0;
+  for (const Bundle::Point& point : bundle_.points) {
+    stretch_of_group[as_size(point.group)] = point.stretch;
+    last = std::max(last, point.stretch);
+  }
+  std::vector<Eigen::VectorXd> gradients(as_size(last) + 1, Eigen::VectorXd::Zero(reduced.rows()));
+  for (std::size_t g = 0; g < of_groups.size(); ++g) gradients[as_size(stretch_of_group[g])] += of_groups[g];
   std::vector<Camera> cameras;
   for (std::size_t c = 0; c < bundle_.cameras.size(); ++c)
     cameras.push_back(camera_at(linearised_at_, static_cast<int>(c)));
@@ -248,17 +256,12 @@ Eigen::MatrixXd BundleProblem::covariance(std::size_t groups_per_stretch) {
     const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(linearised_at_, seen.point), true);
     if (!here.valid) continue;
     const double weight = kernel_.weight(here.residual.squaredNorm());
-    gradients[as_size(bundle_.points[as_size(seen.point)].group)].segment(at, camera_unknowns()) +=
+    gradients[as_size(bundle_.points[as_size(seen.point)].stretch)].segment(at, camera_unknowns()) +=
         weight * here.by_camera.transpose() * here.residual;
   }
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(reduced.rows(), reduced.cols());
-  std::size_t stretches = 0;
-  for (std::size_t first = 0; first < gradients.size(); first += groups_per_stretch, ++stretches) {
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(reduced.rows());
-    for (std::size_t g = first; g < std::min(gradients.size(), first + groups_per_stretch); ++g) sum += gradients[g];
-    spread += sum * sum.transpose();
-  }
-  const auto count = static_cast<double>(stretches);
+  for (const Eigen::VectorXd& gradient : gradients) spread += gradient * gradient.transpose();
+  const auto count = static_cast<double>(gradients.size());
   const Eigen::MatrixXd dependent = inverse * spread * inverse * (count / std::max(1.0, count - 1.0));
   // The gradients of a few stretches sum to nearly zero at the minimum, so their spread tells too little.
   return dependent.trace() > independent.trace() ? dependent : independent;

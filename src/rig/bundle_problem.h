@@ -16,6 +16,7 @@ struct Bundle {
   struct Point {
     Eigen::Vector3d position;  ///< world, metres
     int group = 0;             ///< points of one group may be linked; groups are numbered from 0 without gaps
+    int stretch = 0;           ///< of time, numbered from 0; errors within a stretch depend on each other
   };
   struct Observation {
     int camera = 0, point = 0;
@@ -64,10 +65,9 @@ class BundleProblem : public LeastSquaresProblem {
   /// Index of a camera's first unknown, -1 for a fixed camera.
   int camera_index(int camera) const { return index_[static_cast<std::size_t>(camera)]; }
   /// The covariance of the shared unknowns (cameras, then lengths) at the last linearisation, with the world held by
-  /// inner constraints: neither the cameras' mean position and turn nor their size vary. Gradients are summed over
-  /// stretches of `groups_per_stretch` groups, because the errors of neighbouring times are not independent. Never less
-  /// than with independent errors.
-  Eigen::MatrixXd covariance(std::size_t groups_per_stretch);
+  /// inner constraints: neither the cameras' mean position and turn nor their size vary. Gradients are summed over the
+  /// points of a stretch of time, because their errors are not independent. Never less than with independent errors.
+  Eigen::MatrixXd covariance();
   /// Of one coordinate of an observation at the last linearisation, by the weighted residuals and the number of
   /// unknowns.
   double residual_variance();

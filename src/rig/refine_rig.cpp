@@ -11,6 +11,7 @@
 #include "doppel/core/statistics.h"
 #include "doppel/rig/align_cameras.h"
 #include "doppel/rig/bundle_problem.h"
+#include "doppel/rig/lag_search.h"
 #include "doppel/rig/reprojection.h"
 
 namespace doppel {
@@ -22,13 +23,27 @@ constexpr long kFewestObservations = 40;   // of a camera that is refined
 constexpr std::size_t kFewestPoints = 30;  // in space
 constexpr double kSmallestSpread = 0.02;   // metres; root mean square distance of the points from their middle
 constexpr double kScaleOfBundleMedian = 3.0;
-constexpr int kMostRounds = 10;
+constexpr int kMostRounds = 10, kMostRoundsOfOutlines = 25;
 constexpr std::size_t kObservationsOfBin = 300, kMostBins = 12;  // of similar confidence
 constexpr double kLeastMedian = 0.05;                            // pixels of an image 1024 wide
-constexpr double kSettled = 0.05;            // relative change of the kernel's scale in the last round
-constexpr double kSmallestThreshold = 25.0;  // pixels of an image 1024 wide; inliers of a triangulation
-constexpr double kClippedDistance = 100.0;   // pixels of an image 1024 wide; as much as one distance adds to a mean
-constexpr double kSecondsBetweenStretches = 0.5;
+constexpr double kSettled = 0.05;                            // relative change of the kernel's scale in the last round
+constexpr double kSettledTurn = 1e-5, kSettledShift = 1e-5;  // radians and metres of a camera in the last round
+constexpr double kMostOfTangent = 4.0;                       // weight of a tangent's residual against that of a point
+constexpr double kSmallestThreshold = 25.0;                  // pixels of an image 1024 wide; inliers of a triangulation
+constexpr double kClippedDistance = 100.0;  // pixels of an image 1024 wide; as much as one distance adds to a mean
+constexpr double kSecondsOfBundleStretch = 0.5;
+
+void check_takes(const std::vector<Camera>& cameras, const std::vector<RigTake>& takes) {
+  if (takes.empty()) fail<UsageError>("refining a rig: no take is given");
+  for (const RigTake& take : takes) {
+    check_tracks(cameras, take.tracks, 2, "refining a rig");
+    if (take.tracks.points != takes.front().tracks.points)
+      fail<UsageError>("refining a rig: the takes have different points of the person");
+    if (!take.outlines.empty() && take.outlines.size() != cameras.size())
+      fail<UsageError>("refining a rig: there are outlines of {} cameras, and {} cameras", take.outlines.size(),
+                       cameras.size());
+  }
+}
 
 void check_refine_options(const std::vector<Camera>& cameras, const PointTracks& tracks, const RefineOptions& options) {
   if (!(options.kernel > 0.0) || !(options.limb_sigma > 0.0) || !(options.largest_start_error > 0.0))
@@ -44,24 +59,48 @@ void check_refine_options(const std::vector<Camera>& cameras, const PointTracks&
                        limb[0], limb[1], tracks.num_points());
 }
 
+/// A take, the times of it that are used, and the number of the first stretch of time (Bundle::Point::stretch).
+struct TimedTake {
+  const RigTake& take;
+  std::vector<double> times;
+  int first_stretch;
+
+  int stretch(double time) const {
+    return first_stretch + static_cast<int>((time - times.front()) / kSecondsOfBundleStretch);
+  }
+};
+
+std::vector<TimedTake> timed_takes(const std::vector<RigTake>& takes, std::size_t most_times) {
+  const std::vector<std::vector<double>> times = times_of_takes(takes, most_times);
+  std::vector<TimedTake> timed;
+  int stretches = 0;
+  for (std::size_t i = 0; i < takes.size(); ++i) {
+    if (times[i].empty()) continue;
+    timed.push_back({takes[i], times[i], stretches});
+    stretches = timed.back().stretch(times[i].back()) + 1;
+  }
+  return timed;
+}
+
 /// The points of all times, triangulated from cameras that take part.
-Bundle bundle_of(const std::vector<Camera>& cameras, const PointTracks& tracks, const std::vector<double>& times,
+Bundle bundle_of(const std::vector<Camera>& cameras, const std::vector<TimedTake>& takes,
                  const std::vector<bool>& takes_part, double threshold, const std::vector<Limb>& limbs) {
   Bundle bundle;
   bundle.cameras = cameras;
+  TriangulationOptions options;
+  options.inlier_threshold = threshold;
   std::vector<std::vector<double>> limb_lengths(limbs.size());
   int group = 0;
-  for (const double time : times) {
+  const auto add_time = [&](const TimedTake& take, double time) {
+    const PointTracks& tracks = take.take.tracks;
     std::vector<int> index(as_size(tracks.num_points()), -1);
     for (int k = 0; k < tracks.num_points(); ++k) {
       std::vector<SeenFrom> seen = seen_at(tracks, time, k);
       std::erase_if(seen, [&](const SeenFrom& view) { return !takes_part[as_size(view.camera)]; });
-      TriangulationOptions options;
-      options.inlier_threshold = threshold;
       const auto point = triangulate(cameras, seen, options);
       if (!point || !point->position.allFinite()) continue;
       index[as_size(k)] = static_cast<int>(bundle.points.size());
-      bundle.points.push_back({point->position, group});
+      bundle.points.push_back({point->position, group, take.stretch(time)});
       for (const SeenFrom& view : seen)
         bundle.observations.push_back({view.camera, index[as_size(k)], view.seen.pixel, view.seen.confidence});
     }
@@ -72,9 +111,37 @@ Bundle bundle_of(const std::vector<Camera>& cameras, const PointTracks& tracks, 
       limb_lengths[l].push_back((bundle.points[as_size(a)].position - bundle.points[as_size(b)].position).norm());
     }
     if (!bundle.points.empty() && bundle.points.back().group == group) ++group;
-  }
+  };
+  for (const TimedTake& take : takes)
+    for (const double time : take.times) add_time(take, time);
   for (const std::vector<double>& lengths : limb_lengths) bundle.lengths.push_back(quantile(lengths, 0.5));
   return bundle;
+}
+
+/// Adds the frontier points of a pair of cameras, each seen by these two.
+void add_frontier_points(Bundle& bundle, const std::vector<TimedTake>& takes, int a, int b, double threshold) {
+  const FrontierFinder finder(bundle.cameras[as_size(a)], bundle.cameras[as_size(b)]);
+  TriangulationOptions options;
+  options.inlier_threshold = threshold;
+  const auto add = [&](const TimedTake& take, double time, int side) {
+    const auto find = [&](int which, int camera) {
+      const double frame = take.take.tracks.cameras[as_size(camera)].frame_at(time);
+      return finder.find(which, take.take.outlines[as_size(camera)], frame, side);
+    };
+    const auto in_a = find(0, a), in_b = find(1, b);
+    if (!in_a || !in_b) return;
+    const auto point = triangulate(bundle.cameras, {{a, {*in_a, 1.0}}, {b, {*in_b, 1.0}}}, options);
+    if (!point || !point->position.allFinite()) return;
+    const int index = static_cast<int>(bundle.points.size());
+    bundle.points.push_back({point->position, bundle.points.back().group + 1, take.stretch(time)});
+    bundle.observations.push_back({a, index, *in_a});
+    bundle.observations.push_back({b, index, *in_b});
+  };
+  for (const TimedTake& take : takes) {
+    if (take.take.outlines.empty()) continue;
+    for (const double time : take.times)
+      for (const int side : {0, 1}) add(take, time, side);
+  }
 }
 
 /// The distances of the observations from the points, pixels of an image 1024 wide times `scale`.
@@ -91,12 +158,24 @@ std::vector<double> residuals_of(const Bundle& bundle) {
   return residuals;
 }
 
+/// The distances as if each point in space were known: one that is fitted to n pixels takes up 3 of their 2 n
+/// coordinates.
+std::vector<double> errors_of(const Bundle& bundle) {
+  std::vector<double> errors = residuals_of(bundle), views(bundle.points.size(), 0.0);
+  for (const Bundle::Observation& seen : bundle.observations) views[as_size(seen.point)] += 1.0;
+  for (std::size_t i = 0; i < errors.size(); ++i) {
+    const double coordinates = 2.0 * views[as_size(bundle.observations[i].point)];
+    errors[i] *= std::sqrt(coordinates / std::max(1.0, coordinates - 3.0));
+  }
+  return errors;
+}
+
 /// Scales the residuals by what the detector's confidence is worth: observations of similar confidence are as far off
-/// as their median says.
-void weigh(Bundle& bundle) {
+/// as their median says. Frontier points, which follow the `points` observations of points, are scaled together.
+void weigh(Bundle& bundle, std::size_t points) {
   for (Bundle::Observation& seen : bundle.observations) seen.scale = 1.0;
-  const std::vector<double> residuals = residuals_of(bundle);
-  std::vector<std::size_t> order(residuals.size());
+  const std::vector<double> errors = errors_of(bundle);
+  std::vector<std::size_t> order(points);
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return bundle.observations[a].confidence < bundle.observations[b].confidence;
@@ -106,13 +185,17 @@ void weigh(Bundle& bundle) {
   for (std::size_t bin = 0; bin < bins; ++bin) {
     std::vector<double> of_bin;
     for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
-      of_bin.push_back(residuals[order[i]]);
+      of_bin.push_back(errors[order[i]]);
     medians.push_back(std::max(kLeastMedian, quantile(std::move(of_bin), 0.5)));
   }
   const double best = *std::min_element(medians.begin(), medians.end());
   for (std::size_t bin = 0; bin < bins; ++bin)
     for (std::size_t i = bin * order.size() / bins; i < (bin + 1) * order.size() / bins; ++i)
       bundle.observations[order[i]].scale = best / medians[bin];
+  std::vector<double> of_tangents(errors.begin() + static_cast<std::ptrdiff_t>(points), errors.end());
+  const double median = std::max(kLeastMedian, quantile(std::move(of_tangents), 0.5));
+  for (std::size_t i = points; i < errors.size(); ++i)
+    bundle.observations[i].scale = std::min(kMostOfTangent, best / median);
 }
 
 /// The cameras that are tied to each other by points: the largest such set.
@@ -158,28 +241,44 @@ void check_points(const Bundle& bundle) {
          std::sqrt(spread));
 }
 
+/// The largest turn (radians) and shift (metres) of a camera, after the rigs are brought to each other.
+std::pair<double, double> largest_change(const std::vector<Camera>& from, const std::vector<Camera>& to) {
+  const Similarity world = align_cameras(from, to);
+  double turn = 0.0, shift = 0.0;
+  for (std::size_t c = 0; c < from.size(); ++c) {
+    const Camera moved = transformed(from[c], world);
+    turn = std::max(turn, Eigen::AngleAxisd(moved.R * to[c].R.transpose()).angle());
+    shift = std::max(shift, (moved.centre() - to[c].centre()).norm());
+  }
+  return {turn, shift};
+}
+
 /// The run of one refinement: rounds of least squares whose robust kernel narrows.
 class Refinement {
  public:
-  Refinement(const std::vector<Camera>& cameras, const PointTracks& tracks, const RefineOptions& options)
-      : tracks_(tracks), options_(options), cameras_(cameras), takes_part_(cameras.size(), true) {
-    times_ = tracks.times(options.most_times);
+  Refinement(const std::vector<Camera>& cameras, const std::vector<RigTake>& takes, const RefineOptions& options)
+      : takes_(timed_takes(takes, options.most_times)),
+        options_(options),
+        cameras_(cameras),
+        takes_part_(cameras.size(), true) {
+    for (const RigTake& take : takes) has_outlines_ = has_outlines_ || !take.outlines.empty();
   }
 
   RigRefinement run() {
     const std::vector<Camera> initial = cameras_;
     Bundle bundle = first_bundle();
-    weigh(bundle);
+    num_points_ = bundle.observations.size();
+    weigh(bundle, num_points_);
     double kernel = next_kernel(bundle);
-    for (int round = 0; round < kMostRounds; ++round) {
+    const int rounds = has_outlines_ ? kMostRoundsOfOutlines : kMostRounds;
+    for (int round = 0; round < rounds; ++round) {
+      const std::vector<Camera> before = cameras_;
       bundle = adjusted(std::move(bundle), kernel);
       const double narrower = std::min(kernel, next_kernel(bundle));
       const bool settled = kernel - narrower <= kSettled * kernel;
       kernel = narrower;
-      if (settled) break;
-      bundle =
-          bundle_of(cameras_, tracks_, times_, takes_part_, std::max(kSmallestThreshold, 2.0 * kernel), options_.limbs);
-      check_points(bundle);
+      if (settled && (!has_outlines_ || (round > 0 && is_settled(before)))) break;
+      if (round + 1 < rounds) bundle = next_bundle(kernel);
     }
     align(initial, bundle);
     return result(initial, std::move(bundle), kernel);
@@ -188,7 +287,7 @@ class Refinement {
  private:
   Bundle first_bundle() {
     const auto make = [&] {
-      return bundle_of(cameras_, tracks_, times_, takes_part_, options_.largest_start_error, options_.limbs);
+      return bundle_of(cameras_, takes_, takes_part_, options_.largest_start_error, options_.limbs);
     };
     Bundle bundle = make();
     check_points(bundle);
@@ -210,8 +309,28 @@ class Refinement {
     return bundle;
   }
 
+  /// The points and frontier points by the cameras of the last round.
+  Bundle next_bundle(double kernel) {
+    const double threshold = std::max(kSmallestThreshold, 2.0 * kernel);
+    Bundle bundle = bundle_of(cameras_, takes_, takes_part_, threshold, options_.limbs);
+    check_points(bundle);
+    num_points_ = bundle.observations.size();
+    if (has_outlines_)
+      for (const auto& [a, b] : pairs_to_compare(cameras_))
+        if (takes_part_[as_size(a)] && takes_part_[as_size(b)]) add_frontier_points(bundle, takes_, a, b, threshold);
+    weigh(bundle, num_points_);
+    return bundle;
+  }
+
+  bool is_settled(const std::vector<Camera>& before) const {
+    const auto [turn, shift] = largest_change(cameras_, before);
+    return turn <= kSettledTurn && shift <= kSettledShift;
+  }
+
   double next_kernel(const Bundle& bundle) const {
-    return std::max(options_.kernel, kScaleOfBundleMedian * quantile(residuals_of(bundle), 0.5));
+    std::vector<double> residuals = residuals_of(bundle);
+    residuals.resize(num_points_);
+    return std::max(options_.kernel, kScaleOfBundleMedian * quantile(std::move(residuals), 0.5));
   }
 
   BundleOptions bundle_options(double kernel) const {
@@ -254,12 +373,16 @@ class Refinement {
   RigRefinement result(const std::vector<Camera>& initial, Bundle bundle, double kernel) {
     RigRefinement result;
     result.cameras = cameras_;
-    result.points = static_cast<long>(bundle.points.size());
+    result.points = bundle.observations[num_points_ - 1].point + 1;
     result.summary = summary_;
     result.reports.resize(cameras_.size());
     const std::vector<double> residuals = residuals_of(bundle);
     for (std::size_t i = 0; i < residuals.size(); ++i) {
       CameraRefinement& report = result.reports[as_size(bundle.observations[i].camera)];
+      if (i >= num_points_) {
+        ++report.tangents;
+        continue;
+      }
       ++report.observations;
       if (residuals[i] <= kernel) report.inliers += 1.0;
     }
@@ -278,9 +401,18 @@ class Refinement {
     return result;
   }
 
+  /// [C] the distances of the points of all takes.
+  std::vector<std::vector<double>> distances(const std::vector<Camera>& cameras) const {
+    std::vector<std::vector<double>> all(cameras.size());
+    for (const TimedTake& take : takes_) {
+      const auto of_take = reprojection_distances(cameras, take.take.tracks, take.times);
+      for (std::size_t c = 0; c < all.size(); ++c) all[c].insert(all[c].end(), of_take[c].begin(), of_take[c].end());
+    }
+    return all;
+  }
+
   void add_distances(const std::vector<Camera>& initial, RigRefinement& result) const {
-    const auto before = reprojection_distances(initial, tracks_, times_);
-    const auto after = reprojection_distances(cameras_, tracks_, times_);
+    const auto before = distances(initial), after = distances(cameras_);
     std::vector<double> all_before, all_after;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
       CameraRefinement& report = result.reports[c];
@@ -303,10 +435,7 @@ class Refinement {
   void add_sigmas(Bundle bundle, double kernel, RigRefinement& result) const {
     BundleProblem problem(std::move(bundle), bundle_options(kernel));
     problem.linearise(problem.initial_state());
-    const double step =
-        times_.size() > 1 ? (times_.back() - times_.front()) / static_cast<double>(times_.size() - 1) : 1;
-    const Eigen::MatrixXd covariance =
-        problem.covariance(std::max<std::size_t>(1, as_size(std::ceil(kSecondsBetweenStretches / step))));
+    const Eigen::MatrixXd covariance = problem.covariance();
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
       const int at = problem.camera_index(static_cast<int>(c));
       if (at < 0) continue;
@@ -317,10 +446,11 @@ class Refinement {
     }
   }
 
-  const PointTracks& tracks_;
+  std::vector<TimedTake> takes_;
+  bool has_outlines_ = false;
   const RefineOptions& options_;
+  std::size_t num_points_ = 0;  ///< observations of points in the last bundle; those of frontier points follow
   std::vector<Camera> cameras_;
-  std::vector<double> times_;
   std::vector<bool> takes_part_;
   std::vector<std::string> reasons_;
   SolverSummary summary_;
@@ -328,12 +458,27 @@ class Refinement {
 
 }  // namespace
 
-RigRefinement refine_rig(const std::vector<Camera>& cameras, const PointTracks& tracks, const RefineOptions& options) {
-  check_tracks(cameras, tracks, 2, "refining a rig");
-  check_refine_options(cameras, tracks, options);
-  PointTracks usable = tracks;
-  drop_unusable(usable, 0.0);
+std::vector<std::vector<double>> times_of_takes(const std::vector<RigTake>& takes, std::size_t most) {
+  std::vector<std::vector<double>> times;
+  std::size_t all = 0;
+  for (const RigTake& take : takes) all += times.emplace_back(take.tracks.times()).size();
+  if (most == 0 || all <= most) return times;
+  for (std::size_t i = 0; i < takes.size(); ++i)
+    if (!times[i].empty()) times[i] = takes[i].tracks.times(std::max<std::size_t>(1, times[i].size() * most / all));
+  return times;
+}
+
+RigRefinement refine_rig(const std::vector<Camera>& cameras, const std::vector<RigTake>& takes,
+                         const RefineOptions& options) {
+  check_takes(cameras, takes);
+  check_refine_options(cameras, takes.front().tracks, options);
+  std::vector<RigTake> usable = takes;
+  for (RigTake& take : usable) drop_unusable(take.tracks, 0.0);
   return Refinement(cameras, usable, options).run();
+}
+
+RigRefinement refine_rig(const std::vector<Camera>& cameras, const PointTracks& tracks, const RefineOptions& options) {
+  return refine_rig(cameras, std::vector<RigTake>{{tracks, {}}}, options);
 }
 
 }  // namespace doppel
