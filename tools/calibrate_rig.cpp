@@ -19,6 +19,7 @@ namespace doppel::tools {
 namespace {
 
 constexpr double kLeastConfidence = 0.1;
+constexpr long kMostFirstOutlines = 1500;
 
 /// The frames of a camera between which the times lie.
 std::set<long> frames_around(const CameraTrack& track, const std::vector<double>& times) {
@@ -29,17 +30,32 @@ std::set<long> frames_around(const CameraTrack& track, const std::vector<double>
   return frames;
 }
 
-OutlineTrack outlines_of(const RigFootage& footage, std::size_t c, const std::vector<double>& times) {
-  const CameraTrack& track = footage.tracks.cameras[c];
+/// The outlines of one camera in some frames. @throws FileError when a mask cannot be read
+OutlineTrack outlines_of(const RigFootage& footage, std::size_t c, const std::set<long>& frames) {
   const Camera& camera = footage.filmed.cameras[c];
   const int file_index = footage.filmed.file_index[c];
   MaskSource masks(footage.capture, footage.entry(), camera, file_index);
   std::unique_ptr<FrameReader> images;
   if (masks.needs_image())
     images = open_frames(footage.capture.source(footage.entry().videos, file_index, camera.name), PixelFormat::colour);
-  OutlineTrack outlines(as_size(track.num_frames()));
-  for (const long frame : frames_around(track, times))
+  OutlineTrack outlines(as_size(footage.tracks.cameras[c].num_frames()));
+  for (const long frame : frames)
     outlines[as_size(frame)] = outline_of(masks.read(frame, images ? images->read(frame) : cv::Mat()), camera);
+  return outlines;
+}
+
+/// @param frames [C]
+std::vector<OutlineTrack> outlines_of(const RigFootage& footage, const std::vector<std::set<long>>& frames) {
+  std::vector<OutlineTrack> outlines;
+  if (!footage.entry().has_masks()) return outlines;
+  for (std::size_t c = 0; c < frames.size(); ++c) {
+    try {
+      outlines.push_back(outlines_of(footage, c, frames[c]));
+    } catch (const FileError& error) {
+      spdlog::warn("the masks of camera {} are not used: {}", footage.filmed.cameras[c].name, error.what());
+      outlines.emplace_back(as_size(footage.tracks.cameras[c].num_frames()));
+    }
+  }
   return outlines;
 }
 
@@ -69,15 +85,18 @@ void read_tracks(RigFootage& footage) {
 }
 
 std::vector<OutlineTrack> read_outlines(const RigFootage& footage, const std::vector<double>& times) {
-  std::vector<OutlineTrack> outlines;
-  if (!footage.entry().has_masks()) return outlines;
-  for (std::size_t c = 0; c < footage.filmed.cameras.size(); ++c) try {
-      outlines.push_back(outlines_of(footage, c, times));
-    } catch (const FileError& error) {
-      spdlog::warn("the masks of camera {} are not used: {}", footage.filmed.cameras[c].name, error.what());
-      outlines.emplace_back(as_size(footage.tracks.cameras[c].num_frames()));
-    }
-  return outlines;
+  std::vector<std::set<long>> frames;
+  for (const CameraTrack& track : footage.tracks.cameras) frames.push_back(frames_around(track, times));
+  return outlines_of(footage, frames);
+}
+
+std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage) {
+  std::vector<std::set<long>> frames;
+  for (const CameraTrack& track : footage.tracks.cameras) {
+    std::set<long>& of_camera = frames.emplace_back();
+    for (long frame = 0; frame < std::min(track.num_frames(), kMostFirstOutlines); ++frame) of_camera.insert(frame);
+  }
+  return outlines_of(footage, frames);
 }
 
 std::filesystem::path folder_of(const Capture& capture) {

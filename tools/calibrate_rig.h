@@ -31,6 +31,8 @@ void read_tracks(RigFootage& footage);
 /// read has none, and a line of the log says so.
 /// @param times seconds @return [C]; empty for a sequence without masks
 std::vector<OutlineTrack> read_outlines(const RigFootage& footage, const std::vector<double>& times);
+/// The same for the first frames of all cameras, at most 1500.
+std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage);
 
 /// The folder of the capture.yaml; for a capture that was recognised from a folder, this folder.
 std::filesystem::path folder_of(const Capture& capture);

@@ -24,7 +24,7 @@ constexpr double kSignificant = 2.0;  // standard deviations
 struct SyncArguments {
   std::string capture, sequence, reference, out;
   double window = 30.0;
-  bool audio = false, drift = false;
+  bool audio = false, drift = false, points_only = false;
 };
 
 /// A number for a report; JSON has no infinity.
@@ -153,7 +153,8 @@ int run_sync(const SyncArguments& arguments, const CommonOptions& common) {
     timing = synchronise_by_sound(footage, options.reference);
   } else {
     read_tracks(footage);
-    timing = synchronise(cameras, footage.tracks, options);
+    const auto outlines = arguments.points_only ? std::vector<OutlineTrack>() : read_first_outlines(footage);
+    timing = synchronise(cameras, footage.tracks, options, outlines);
     if (!arguments.drift) keep_insignificant(timing, footage);
   }
   const std::filesystem::path out =
@@ -187,6 +188,7 @@ Command add_calibrate_sync(CLI::App& calibrate) {
   app->add_option("--window", arguments->window, "Largest change of an offset, in frames of the slower camera")
       ->capture_default_str();
   app->add_flag("--drift", arguments->drift, "Also find the frame rates (not with --audio)");
+  app->add_flag("--points-only", arguments->points_only, "Use the keypoints alone, not the outlines of the masks");
   app->add_flag("--audio", arguments->audio, "By the sound of the videos; needs the program ffmpeg");
   app->add_option("--out", arguments->out, "capture.yaml to write (default: capture_synced.yaml beside the old one)");
   app->footer("Example: doppel calibrate sync recordings/anna --drift");

@@ -16,8 +16,10 @@ namespace {
 constexpr double kSecondsOfStretch = 0.5;  // errors of keypoints that are farther apart are independent
 constexpr double kMarginOfSample = 0.8;    // widths by which a sample may be moved
 constexpr double kLeastShareOfStretches = 0.3;
-constexpr double kStepOfCurvature = 0.4;  // widths
-constexpr double kSampleGroup = 10.0;     // rows whose errors are about the same
+constexpr double kStepOfCurvature = 0.4;      // widths
+constexpr double kSampleGroup = 10.0;         // rows whose errors are about the same
+constexpr double kNarrowestOfTangents = 0.1;  // kernel of frontier points over the smallest kernel of points
+constexpr double kMostSurer = 12.0;           // times that a frontier point is surer than a point, at most
 
 }  // namespace
 
@@ -33,7 +35,7 @@ OffsetProblem::OffsetProblem(const std::vector<Camera>& cameras, const PointTrac
   }
   for (const auto& [a, b] : pairs) {
     const double scale = 2048.0 / (cameras[as_size(a)].width + cameras[as_size(b)].width);
-    pairs_.push_back({a, b, EpipolarPair(cameras[as_size(a)], cameras[as_size(b)]), scale, {}, {}});
+    pairs_.push_back({a, b, EpipolarPair(cameras[as_size(a)], cameras[as_size(b)]), scale, {}, {}, 1.0});
   }
 }
 
@@ -117,23 +119,26 @@ void OffsetProblem::begin_round(const Eigen::VectorXd& state, double kernel, dou
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     Pair& pair = pairs_[p];
     pair.rows.clear();
-    std::vector<double> sizes;
+    std::array<std::vector<double>, 2> sizes;
     for (int t = 0; t < static_cast<int>(times_.size()); ++t)
       for (int k = 0; k < tracks_.num_points(); ++k) {
         if (!lasts(pair.a, t, k) || !lasts(pair.b, t, k)) continue;
         const Residual found = residual(p, {t, k}, state);
         if (!found.valid) continue;
         pair.rows.push_back({t, k});
-        sizes.push_back(std::abs(found.value));
+        sizes[is_tangent({t, k}) ? 1 : 0].push_back(std::abs(found.value));
       }
-    pair.kernel = RobustKernel::geman_mcclure_of(std::max(kernel, factor * quantile(sizes, 0.5)));
+    const double of_points = std::max(kernel, factor * quantile(sizes[0], 0.5));
+    const double of_tangents = std::max(kNarrowestOfTangents * kernel, factor * quantile(sizes[1], 0.5));
+    pair.kernels = {RobustKernel::geman_mcclure_of(of_points), RobustKernel::geman_mcclure_of(of_tangents)};
+    pair.weight_of_tangents = std::pow(std::min(kMostSurer, of_points / of_tangents), 2);
   }
 }
 
 /// The weight of the squared bias terms. They have the variance of the noise of a row over that of the terms; rows
 /// whose errors are the same count once.
 double OffsetProblem::prior_weight(const Pair& pair) const {
-  const double noise = pair.kernel.scale / 3.0, allowed = allowed_bias_;
+  const double noise = pair.kernels[0].scale / 3.0, allowed = allowed_bias_;
   return kSampleGroup * noise * noise / (allowed * allowed);
 }
 
@@ -144,8 +149,9 @@ double OffsetProblem::cost(const Eigen::VectorXd& state) {
     const Pair& pair = pairs_[p];
     for (const Row& row : pair.rows) {
       const Residual found = residual(p, row, state);
-      const double worst = pair.kernel.scale * pair.kernel.scale;
-      last_cost_ += found.valid ? pair.kernel.cost(found.value * found.value) : worst;
+      const RobustKernel& kernel = kernel_of(pair, row);
+      const double worst = kernel.scale * kernel.scale;
+      last_cost_ += weight_of(pair, row) * (found.valid ? kernel.cost(found.value * found.value) : worst);
     }
     const Eigen::Index first = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p);
     last_cost_ += prior_weight(pair) * state.segment<kBiasTerms>(first).squaredNorm();
@@ -160,7 +166,7 @@ std::size_t OffsetProblem::stretch_of(const Row& row) const {
 
 void OffsetProblem::add(std::size_t p, const Row& row, const Residual& found) {
   const Pair& pair = pairs_[p];
-  const double weight = pair.kernel.weight(found.value * found.value);
+  const double weight = weight_of(pair, row) * kernel_of(pair, row).weight(found.value * found.value);
   const double seconds = times_[as_size(row.time)];
   Eigen::Matrix<double, 4 + kBiasTerms, 1> jacobian;
   std::array<Eigen::Index, 4 + kBiasTerms> at{};

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -21,6 +23,7 @@ struct OffsetProblemOptions {
   bool drift = false;
   double width = 0.04;             ///< seconds; of smooth_sample
   double calibration_error = 0.5;  ///< pixels of an image 1024 wide: smallest standard deviation of bias terms
+  int first_tangent = std::numeric_limits<int>::max();  ///< from here on, the points are frontier points of one pair
 };
 
 /// Fractions of frames of all cameras at once, by least squares on Sampson distances. The error of a calibration also
@@ -38,8 +41,9 @@ class OffsetProblem : public LeastSquaresProblem {
                 const OffsetProblemOptions& options);
 
   /// Chooses the rows, and for each pair the scale of its robust kernel: `factor` times the median residual, at least
-  /// `kernel`. The bias terms that the state has so far say how large the error of the calibration is. Until the next
-  /// call, a row without a sample counts as an outlier.
+  /// `kernel`. Frontier points have a kernel of their own, and weigh more as it is narrower. The bias terms that the
+  /// state has so far say how large the error of the calibration is. Until the next call, a row without a sample counts
+  /// as an outlier.
   void begin_round(const Eigen::VectorXd& state, double kernel, double factor);
 
   double cost(const Eigen::VectorXd& state) override;
@@ -70,8 +74,9 @@ class OffsetProblem : public LeastSquaresProblem {
     int a, b;
     EpipolarPair geometry;
     double scale;  ///< pixels of an image 1024 wide per pixel
-    RobustKernel kernel;
     std::vector<Row> rows;
+    std::array<RobustKernel, 2> kernels;  ///< of points, of frontier points
+    double weight_of_tangents = 1.0;
   };
   using Terms = Eigen::Matrix<double, kBiasTerms, 1>;
   struct Residual {
@@ -86,6 +91,11 @@ class OffsetProblem : public LeastSquaresProblem {
   std::vector<bool> lasting_samples(const Eigen::VectorXd& state) const;
   const MovingPoint& sampled(int camera, int time, int point) const;
   Residual residual(std::size_t pair, const Row& row, const Eigen::VectorXd& state) const;
+  bool is_tangent(const Row& row) const { return row.point >= options_.first_tangent; }
+  const RobustKernel& kernel_of(const Pair& pair, const Row& row) const {
+    return pair.kernels[is_tangent(row) ? 1 : 0];
+  }
+  double weight_of(const Pair& pair, const Row& row) const { return is_tangent(row) ? pair.weight_of_tangents : 1.0; }
   std::size_t stretch_of(const Row& row) const;
   double prior_weight(const Pair& pair) const;
   Eigen::MatrixXd curvature(const Eigen::VectorXd& state);

@@ -74,11 +74,45 @@ std::vector<double> agreements(const std::vector<Camera>& cameras, const PointTr
   return sums;
 }
 
+/// The tracks with two more points for each pair: its frontier points, seen by its cameras alone. Where a camera sees
+/// them depends on its own outline only, so that they have tracks like points.
+PointTracks with_tangents(const std::vector<Camera>& cameras, const PointTracks& clean,
+                          const std::vector<std::pair<int, int>>& pairs, const std::vector<OutlineTrack>& outlines) {
+  PointTracks result = clean;
+  for (std::size_t i = 0; i < 2 * pairs.size(); ++i) result.points.push_back(fmt::format("tangent {}", i));
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const CameraTrack& old = clean.cameras[c];
+    CameraTrack track(old.name, old.fps, old.num_frames(), result.num_points());
+    track.offset = old.offset;
+    for (long frame = 0; frame < old.num_frames(); ++frame)
+      for (int k = 0; k < old.num_points(); ++k) track.at(frame, k) = old.at(frame, k);
+    result.cameras[c] = std::move(track);
+  }
+  int point = clean.num_points();
+  for (const auto& [a, b] : pairs) {
+    const FrontierFinder finder(cameras[as_size(a)], cameras[as_size(b)]);
+    for (const int side : {0, 1}) {
+      for (const auto& [which, c] : {std::pair{0, as_size(a)}, {1, as_size(b)}})
+        for (long frame = 0; frame < result.cameras[c].num_frames(); ++frame) {
+          const auto pixel = finder.find(which, outlines[c], static_cast<double>(frame), side);
+          const auto straight = pixel ? straight_pixel(cameras[c], *pixel) : std::nullopt;
+          if (straight) result.cameras[c].at(frame, point) = {*straight, 1.0};
+        }
+      ++point;
+    }
+  }
+  return result;
+}
+
 /// Fractions of a frame for the cameras whose lag was found.
 void refine(const std::vector<Camera>& cameras, const PointTracks& clean, double width,
-            const SynchroniseOptions& options, std::vector<CameraTiming>& timings) {
-  OffsetProblem problem(cameras, clean, pairs_to_compare(cameras), clean.times(options.most_times),
-                        {options.reference, options.drift, width});
+            const SynchroniseOptions& options, const std::vector<OutlineTrack>& outlines,
+            std::vector<CameraTiming>& timings) {
+  const std::vector<std::pair<int, int>> pairs = pairs_to_compare(cameras);
+  OffsetProblemOptions of_problem{options.reference, options.drift, width};
+  if (!outlines.empty()) of_problem.first_tangent = clean.num_points();
+  OffsetProblem problem(cameras, outlines.empty() ? clean : with_tangents(cameras, clean, pairs, outlines), pairs,
+                        clean.times(options.most_times), of_problem);
   Eigen::VectorXd state = Eigen::VectorXd::Zero(problem.num_unknowns());
   for (int round = 0; round < kRounds; ++round) {
     problem.begin_round(state, options.kernel, kScaleOfOffsetMedian);
@@ -132,9 +166,12 @@ std::string doubt(const CameraTiming& timing, bool reached, double largest_chang
 }  // namespace
 
 Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                            const SynchroniseOptions& options) {
+                            const SynchroniseOptions& options, const std::vector<OutlineTrack>& outlines) {
   check_tracks(cameras, tracks, 2, "synchronising");
   check_options(tracks, options);
+  if (!outlines.empty() && outlines.size() != cameras.size())
+    fail<UsageError>("synchronising: there are outlines of {} cameras, and {} cameras", outlines.size(),
+                     cameras.size());
   PointTracks clean = cleaned(cameras, tracks);
   const double slowest = slowest_rate(tracks), width = std::max(kShortestWidth, 1.0 / slowest);
   const std::vector<FoundLag> lags = whole_lags(cameras, clean, width, options);
@@ -150,7 +187,7 @@ Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTrack
     timing.contrast = lags[c].contrast;
     result.cameras.push_back(timing);
   }
-  refine(cameras, clean, width, options, result.cameras);
+  refine(cameras, clean, width, options, outlines, result.cameras);
   for (std::size_t c = 0; c < lags.size(); ++c) {
     CameraTiming& timing = result.cameras[c];
     const CameraTrack& old = tracks.cameras[c];

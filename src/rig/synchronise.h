@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "doppel/geometry/camera.h"
+#include "doppel/rig/outline_tracks.h"
 #include "doppel/rig/point_tracks.h"
 
 namespace doppel {
@@ -43,11 +44,12 @@ struct Synchronisation {
 /// robust Sampson distances, and the cameras are placed one after the other, the clearest first (lag_search.h). All
 /// offsets together are then refined to fractions of a frame, with bias terms for the error of the calibration
 /// (offset_problem.h). Points that move along the epipolar lines say nothing about time, and the standard deviation
-/// grows.
+/// grows. Outlines sharpen the fractions by their frontier points, which a detector's noise does not touch.
 /// @param tracks with the offsets and rates that are known so far, where the search begins
+/// @param outlines [C] with the frames of the tracks; empty: points alone
 /// @throws Error as check_tracks, for fewer than two cameras; UsageError for impossible options
 Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTracks& tracks,
-                            const SynchroniseOptions& options = {});
+                            const SynchroniseOptions& options = {}, const std::vector<OutlineTrack>& outlines = {});
 
 /// Writes the known offsets and rates into the tracks.
 void apply(const Synchronisation& timing, PointTracks& tracks);

@@ -9,6 +9,7 @@
 #include "doppel/core/statistics.h"
 #include "doppel/rig/epipolar.h"
 #include "doppel/rig/refine_rig.h"
+#include "doppel/rig/synchronise.h"
 #include "rig/rig_error.h"
 #include "rig/walking_outlines.h"
 #include "rig/walking_rig.h"
@@ -118,6 +119,26 @@ TEST(OutlineTracks, OutlinesMendWhatBiasedPointsCannot) {
   EXPECT_LT(error.degrees, 0.1);
   EXPECT_LT(error.metres, 0.003);
   for (const CameraRefinement& report : found.reports) EXPECT_GT(report.tangents, 500);
+}
+
+TEST(OutlineTracks, OutlinesSharpenOffsets) {
+  const std::vector<Camera> cameras = rig_of(5, 800);
+  support::FilmOptions film;
+  film.frames = 70;
+  film.noise = 5.0;
+  film.offset = {0.0, 3.3, -2.7, 1.4, -4.5};
+  const PointTracks points = support::film(cameras, walker, film);
+  const Synchronisation found =
+      synchronise(cameras, points, {}, outlines_of(cameras, walker, 70, 25.0, 0.2, 1, film.offset));
+  const Synchronisation by_points = synchronise(cameras, points);
+  double error = 0.0, error_of_points = 0.0;
+  for (std::size_t c = 1; c < cameras.size(); ++c) {
+    EXPECT_TRUE(found.cameras[c].known) << found.cameras[c].reason;
+    EXPECT_NEAR(found.cameras[c].offset, film.offset[c], 0.03) << c;
+    error += std::abs(found.cameras[c].offset - film.offset[c]);
+    error_of_points += std::abs(by_points.cameras[c].offset - film.offset[c]);
+  }
+  EXPECT_LT(error, 0.5 * error_of_points);
 }
 
 }  // namespace

@@ -108,6 +108,36 @@ TEST_F(RealRig, RecoversOffsets) {
   }
 }
 
+/// The outlines of each camera as if it had filmed a whole number of frames later.
+std::vector<OutlineTrack> later(std::vector<OutlineTrack> outlines, const std::vector<long>& by) {
+  for (std::size_t c = 0; c < by.size(); ++c) {
+    OutlineTrack& track = outlines[c];
+    const auto size = static_cast<std::ptrdiff_t>(track.size());
+    const std::ptrdiff_t shift = by[c];
+    OutlineTrack moved(track.size());
+    for (std::ptrdiff_t f = std::max<std::ptrdiff_t>(0, shift); f < std::min(size, size + shift); ++f)
+      moved[as_size(f)] = track[as_size(f - shift)];
+    track = std::move(moved);
+  }
+  return outlines;
+}
+
+TEST_F(RealRig, OutlinesSharpenOffsets) {
+  const std::vector<long> by{0, 7, -7, 4, -1, 6, -6, 1};
+  for (const auto& [take, frames] : {std::pair<std::string, long>{"training", 80}, {"testing", 60}}) {
+    std::vector<OutlineTrack> seen = outlines(take);
+    for (OutlineTrack& track : seen) track.resize(as_size(frames));
+    const Synchronisation found = synchronise(cameras(), tracks(take, frames, by), {}, later(seen, by));
+    for (std::size_t c = 0; c < by.size(); ++c) {
+      std::cout << take << " with outlines " << found.cameras[c].name << ": error "
+                << found.cameras[c].offset - static_cast<double>(by[c]) << ", sigma " << found.cameras[c].sigma
+                << " frames\n";
+      EXPECT_TRUE(found.cameras[c].known) << found.cameras[c].reason;
+      EXPECT_NEAR(found.cameras[c].offset, static_cast<double>(by[c]), 0.1) << take;
+    }
+  }
+}
+
 TEST_F(RealRig, RecoversExtrinsics) {
   const std::vector<Camera> truth = cameras();
   const PointTracks seen = tracks("training", 160);
