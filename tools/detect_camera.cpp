@@ -18,11 +18,11 @@ constexpr double kMillimetresPerMetre = 1000.0;
 
 PointLayout mediapipe_layout() { return {"mediapipe33", {kBodyLandmarkNames.begin(), kBodyLandmarkNames.end()}}; }
 
-/// The confidence of a point is its visibility: a point that the body hides is a guess, although it is in the image.
 Person person_of(const BodyPose& pose) {
   Person person;
-  for (const BodyLandmark& point : pose.landmarks)
-    person.push_back({static_cast<float>(point.x), static_cast<float>(point.y), static_cast<float>(point.visibility)});
+  for (std::size_t i = 0; i < pose.landmarks.size(); ++i)
+    person.push_back({static_cast<float>(pose.landmarks[i].x), static_cast<float>(pose.landmarks[i].y),
+                      static_cast<float>(landmark_confidence(pose, i))});
   return person;
 }
 

@@ -43,17 +43,15 @@ struct DetectArguments {
   fs::path out;
   std::vector<double> person;
   bool masks = false, raw_masks = false;
+  std::optional<bool> mirror;  ///< nothing: chosen by the number of cameras
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
 
-/// The user's choice of BlazePose's size. Without one: several cameras are no live recording, and accuracy counts more
-/// than time there.
-std::string model_of(const DetectArguments& arguments, const std::vector<DetectSource>& sources) {
-  if (!arguments.model.empty()) return arguments.model;
-  const bool several = std::any_of(sources.begin(), sources.end(),
-                                   [&](const DetectSource& source) { return source.camera != sources[0].camera; });
-  return several ? "heavy" : "full";
+/// Several cameras are no live recording: accuracy counts more than time there, unless the user chose.
+bool several_cameras(const std::vector<DetectSource>& sources) {
+  return std::any_of(sources.begin(), sources.end(),
+                     [&](const DetectSource& source) { return source.camera != sources[0].camera; });
 }
 
 /// Searches the images of one camera.
@@ -116,12 +114,16 @@ class DetectJob {
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
     if (!arguments.person.empty() && sources_.size() != 1)
       fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
-    arguments_.model = model_of(arguments, sources_);
+    const bool accurate = several_cameras(sources_);
+    if (arguments_.model.empty()) arguments_.model = accurate ? "heavy" : "full";
     const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
-    const BodyDetectorOptions options{
-        parse_blazepose_model(arguments_.model), std::clamp(threads / workers, 1, 8), arguments.masks, {}};
+    const BodyDetectorOptions options{parse_blazepose_model(arguments_.model),
+                                      std::clamp(threads / workers, 1, 8),
+                                      arguments.masks,
+                                      arguments.mirror.value_or(accurate),
+                                      {}};
     const auto person = person_hint(arguments);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     for (int i = 0; i < workers && common.merged.empty(); ++i)
@@ -314,6 +316,10 @@ Command add_detect(CLI::App& program) {
                   "Network: larger ones are slower and more accurate (default: heavy for a capture of several cameras, "
                   "full otherwise)")
       ->check(CLI::IsMember({"lite", "full", "heavy"}));
+  app->add_flag_function(
+      "--mirror,!--no-mirror", [arguments](std::int64_t count) { arguments->mirror = count > 0; },
+      "Read each image in a mirror too and take the mean: more accurate, twice the time (default: for a capture of "
+      "several cameras)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_option("--person", arguments->person,

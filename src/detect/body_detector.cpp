@@ -69,11 +69,25 @@ bool all_finite(std::span<const float> values) {
 struct BodyDetector::Impl {
   Impl(const BodyDetectorOptions& options, const std::filesystem::path& folder)
       : masks(options.masks),
+        mirror(options.mirror),
         threads(std::make_shared<NetworkThreads>(options.threads)),
         boxes(read_detector(folder), threads),
         landmarks(read_landmarks(options.model, folder, options.masks), threads) {}
 
-  bool masks;
+  /// The pose of the person in one region. @return as read_pose
+  std::optional<BodyPose> read(const cv::Mat& image, const BodyRoi& roi) {
+    sample_roi(image, roi, kRoiPixels, landmarks.input());
+    landmarks.run();
+    const LandmarkOutputs outputs{landmarks.output(kPoints), landmarks.output(kHeatmaps), landmarks.output(kWorld),
+                                  landmarks.output(kPresence)[0]};
+    if (!(outputs.presence > kMinPresence) || !all_finite(outputs.points) || !all_finite(outputs.world))
+      return std::nullopt;
+    BodyPose pose = decode_pose(outputs, roi);
+    if (masks) pose.mask = draw_person_mask(landmarks.output(kMaskLogits), roi, image.size());
+    return pose;
+  }
+
+  bool masks, mirror;
   std::shared_ptr<NetworkThreads> threads;
   Network boxes, landmarks;
 };
@@ -97,16 +111,12 @@ std::vector<BodyBox> BodyDetector::find_boxes(const cv::Mat& image) {
 std::optional<BodyPose> BodyDetector::read_pose(const cv::Mat& image, const BodyRoi& roi) {
   require_image(image);
   if (!roi.valid()) return std::nullopt;
-  Network& network = impl_->landmarks;
-  sample_roi(image, roi, kRoiPixels, network.input());
-  network.run();
-  const LandmarkOutputs outputs{network.output(kPoints), network.output(kHeatmaps), network.output(kWorld),
-                                network.output(kPresence)[0]};
-  if (!(outputs.presence > kMinPresence) || !all_finite(outputs.points) || !all_finite(outputs.world))
-    return std::nullopt;
-  BodyPose pose = decode_pose(outputs, roi);
-  if (impl_->masks) pose.mask = draw_person_mask(network.output(kMaskLogits), roi, image.size());
-  return pose;
+  std::optional<BodyPose> pose = impl_->read(image, roi);
+  if (!pose || !impl_->mirror) return pose;
+  BodyRoi in_mirror = roi;
+  in_mirror.mirrored = true;
+  const std::optional<BodyPose> mirrored = impl_->read(image, in_mirror);
+  return mirrored ? mean_pose({*pose, *mirrored}) : pose;
 }
 
 std::optional<BodyPose> BodyDetector::detect(const cv::Mat& image) {

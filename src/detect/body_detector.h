@@ -14,6 +14,7 @@ struct BodyDetectorOptions {
   BlazePoseModel model = BlazePoseModel::full;
   int threads = 1;
   bool masks = true;               ///< whether poses have a mask
+  bool mirror = false;             ///< also reads the region's mirror image, and takes the mean: twice the time
   std::filesystem::path models{};  ///< folder of the model files; empty: `models_folder`
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
 
@@ -12,6 +13,9 @@ namespace {
 constexpr int kValuesPerPoint = 5;
 constexpr int kWindowReach = 3;
 constexpr double kMinPeak = 0.5;
+constexpr std::size_t kNose = 0, kLeftEar = 7, kRightEar = 8, kMouthRight = 10;
+constexpr double kDepthOfHiddenNose = 0.02;  // metres behind the ears
+constexpr double kTrustOfHidden = 0.1;
 constexpr std::size_t kRoiCentrePoint = 33, kRoiRimPoint = 34;
 
 double sigmoid(double logit) { return 1.0 / (1.0 + std::exp(-logit)); }
@@ -46,6 +50,13 @@ Eigen::Vector2d pixel_of(const LandmarkOutputs& outputs, std::size_t point, cons
   const float* values = &outputs.points[kValuesPerPoint * point];
   const Eigen::Vector2d place = Eigen::Vector2d(values[0], values[1]) / kRoiPixels;
   return roi.image_from_roi(refined(place, outputs.heatmaps, point));
+}
+
+/// The landmark on the other side of the body; a landmark in the middle is its own.
+std::size_t mirrored_landmark(std::size_t landmark) {
+  constexpr std::array<std::size_t, 11> kOfFace = {0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9};
+  if (landmark < kOfFace.size()) return kOfFace[landmark];
+  return landmark % 2 == 1 ? landmark + 1 : landmark - 1;
 }
 
 /// The network's mask as values that are rounded to the image's mask.
@@ -114,17 +125,50 @@ BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi) {
   BodyPose pose;
   pose.score = outputs.presence;
   pose.roi = roi;
-  const Eigen::Matrix2d turn = roi.turn();
+  const Eigen::Matrix2d axes = roi.axes();
   for (std::size_t i = 0; i < as_size(kNumBodyLandmarks); ++i) {
     const float* values = &outputs.points[kValuesPerPoint * i];
     const Eigen::Vector2d pixel = pixel_of(outputs, i, roi);
-    pose.landmarks[i] = {pixel.x(), pixel.y(), values[2] / kRoiPixels * roi.side, sigmoid(values[3]),
-                         sigmoid(values[4])};
+    const std::size_t of_person = roi.mirrored ? mirrored_landmark(i) : i;
+    pose.landmarks[of_person] = {pixel.x(), pixel.y(), values[2] / kRoiPixels * roi.side, sigmoid(values[3]),
+                                 sigmoid(values[4])};
     const float* metres = &outputs.world[3 * i];
-    pose.world[i] << turn * Eigen::Vector2d(metres[0], metres[1]), metres[2];
+    pose.world[of_person] << axes * Eigen::Vector2d(metres[0], metres[1]), metres[2];
   }
   pose.next_roi = body_roi(pixel_of(outputs, kRoiCentrePoint, roi), pixel_of(outputs, kRoiRimPoint, roi));
   return pose;
+}
+
+double landmark_confidence(const BodyPose& pose, std::size_t landmark) {
+  const bool is_face = landmark <= kMouthRight && landmark != kLeftEar && landmark != kRightEar;
+  const double ears = 0.5 * (pose.world[kLeftEar].z() + pose.world[kRightEar].z());
+  const bool hidden = is_face && pose.world[kNose].z() > ears + kDepthOfHiddenNose;
+  return (hidden ? kTrustOfHidden : 1.0) * pose.landmarks[landmark].visibility;
+}
+
+BodyPose mean_pose(const std::vector<BodyPose>& poses) {
+  BodyPose mean = poses.at(0);
+  const double share = 1.0 / static_cast<double>(poses.size());
+  for (std::size_t i = 0; i < as_size(kNumBodyLandmarks); ++i) {
+    BodyLandmark sum;
+    Eigen::Vector3d world = Eigen::Vector3d::Zero();
+    for (const BodyPose& pose : poses) {
+      const BodyLandmark& landmark = pose.landmarks[i];
+      sum.x += share * landmark.x;
+      sum.y += share * landmark.y;
+      sum.z += share * landmark.z;
+      sum.visibility += share * landmark.visibility;
+      sum.presence += share * landmark.presence;
+      world += share * pose.world[i];
+    }
+    mean.landmarks[i] = sum;
+    mean.world[i] = world;
+  }
+  if (mean.mask.empty()) return mean;
+  cv::Mat masks = cv::Mat::zeros(mean.mask.size(), CV_32F);
+  for (const BodyPose& pose : poses) cv::accumulate(pose.mask, masks);
+  masks.convertTo(mean.mask, CV_8U, share);
+  return mean;
 }
 
 cv::Mat draw_person_mask(std::span<const float> logits, const BodyRoi& roi, cv::Size image) {

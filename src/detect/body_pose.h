@@ -4,6 +4,7 @@
 #include <array>
 #include <opencv2/core.hpp>
 #include <span>
+#include <vector>
 
 #include "doppel/detect/roi.h"
 
@@ -32,6 +33,11 @@ struct BodyPose {
   cv::Mat mask;        ///< 8-bit, size of the image: probability of the person times 255; empty if not asked for
 };
 
+/// How far to trust a landmark in the image: its visibility, and a tenth of it for the nose, the eyes and the mouth
+/// where the head hides them. There, the network guesses them with full visibility. The head hides the face of a person
+/// whose nose is farther from the camera than the ears.
+double landmark_confidence(const BodyPose& pose, std::size_t landmark);
+
 inline constexpr int kRoiPixels = 256;     ///< side of the landmark network's input and of its mask
 inline constexpr int kHeatmapPixels = 64;  ///< side of its heat maps
 inline constexpr int kNetworkPoints = 39;  ///< the landmarks, two points for `next_roi`, four unused points
@@ -44,9 +50,12 @@ struct LandmarkOutputs {
   float presence = 0.0f;            ///< probability of a person
 };
 
-/// The pose without its mask. x and y of a point move to the weighted mean of its heat map in a window of 7 x 7 cells
-/// around it, if the map has a probability of 0.5 or more there.
+/// The pose without its mask, also of a mirrored region. x and y of a point move to the weighted mean of its heat map
+/// in a window of 7 x 7 cells around it, if the map has a probability of 0.5 or more there.
 BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi);
+
+/// The mean of poses of one person in one image. Score and regions are those of the first.
+BodyPose mean_pose(const std::vector<BodyPose>& poses);
 
 /// The probability of the person in each pixel of the image, times 255, 8-bit; 0 outside of the region. The network's
 /// mask is sampled bilinearly.

@@ -21,17 +21,17 @@ bool BodyRoi::valid() const {
          std::isfinite(rotation);
 }
 
-Eigen::Matrix2d BodyRoi::turn() const {
-  const double c = std::cos(rotation), s = std::sin(rotation);
-  return (Eigen::Matrix2d() << c, -s, s, c).finished();
+Eigen::Matrix2d BodyRoi::axes() const {
+  const double c = std::cos(rotation), s = std::sin(rotation), right = mirrored ? -1.0 : 1.0;
+  return (Eigen::Matrix2d() << right * c, -s, right * s, c).finished();
 }
 
 Eigen::Vector2d BodyRoi::image_from_roi(const Eigen::Vector2d& point) const {
-  return centre + turn() * (point - Eigen::Vector2d(0.5, 0.5)) * side;
+  return centre + axes() * (point - Eigen::Vector2d(0.5, 0.5)) * side;
 }
 
 Eigen::Vector2d BodyRoi::roi_from_image(const Eigen::Vector2d& pixel) const {
-  return turn().transpose() * (pixel - centre) / side + Eigen::Vector2d(0.5, 0.5);
+  return axes().transpose() * (pixel - centre) / side + Eigen::Vector2d(0.5, 0.5);
 }
 
 BodyRoi body_roi(const Eigen::Vector2d& centre, const Eigen::Vector2d& rim) {

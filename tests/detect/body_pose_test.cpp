@@ -60,6 +60,68 @@ TEST(DecodePose, TurnsPointsAndJointsWithTheRegion) {
   EXPECT_LT((pose.world[0] - Vector3d(0, 1, 0.5)).norm(), 1e-9);
 }
 
+TEST(DecodePose, AMirroredRegionShowsTheOtherSide) {
+  Outputs outputs;
+  outputs.set_point(11, 64, 32, -12.8f);  // the left shoulder of the person in the mirror
+  outputs.world[3 * 11] = 0.3f;
+  outputs.world[3 * 11 + 1] = -0.4f;
+  outputs.set_point(0, 100, 50);
+  BodyRoi roi = kUpright;
+  roi.mirrored = true;
+  const BodyPose pose = outputs.decode(roi);
+  EXPECT_NEAR(pose.landmarks[12].x, 256 - 64, 1e-9) << "the right shoulder";
+  EXPECT_NEAR(pose.landmarks[12].y, 32, 1e-9);
+  EXPECT_NEAR(pose.landmarks[12].z, -12.8, 1e-5);
+  EXPECT_LT((pose.world[12] - Vector3d(-0.3, -0.4, 0)).norm(), 1e-6);
+  EXPECT_NEAR(pose.landmarks[0].x, 156, 1e-9) << "the nose stays the nose";
+  std::set<std::string> sides;
+  for (int i = 0; i < kNumBodyLandmarks; ++i) {
+    Outputs one;
+    for (int other = 0; other < kNumBodyLandmarks; ++other) one.set_point(other, other == i ? 10.0f : 128.0f, 128);
+    const BodyPose mirrored = one.decode(roi);
+    for (int found = 0; found < kNumBodyLandmarks; ++found) {
+      if (std::abs(mirrored.landmarks[std::size_t(found)].x - 246.0) > 1e-9) continue;
+      std::string expected = kBodyLandmarkNames[std::size_t(i)];
+      if (const auto left = expected.find("left"); left != std::string::npos)
+        expected.replace(left, 4, "right");
+      else if (const auto right = expected.find("right"); right != std::string::npos)
+        expected.replace(right, 5, "left");
+      EXPECT_EQ(kBodyLandmarkNames[std::size_t(found)], expected);
+      sides.insert(expected);
+    }
+  }
+  EXPECT_EQ(sides.size(), std::size_t(kNumBodyLandmarks));
+}
+
+TEST(MeanPose, IsTheMeanOfPointsAndMasks) {
+  BodyPose first, second;
+  first.landmarks[4] = {10, 20, 30, 0.5, 1.0};
+  second.landmarks[4] = {20, 40, 10, 1.0, 0.5};
+  first.world[4] = {1, 2, 3};
+  second.world[4] = {3, 2, 1};
+  first.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(100));
+  second.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(200));
+  first.score = 0.9;
+  const BodyPose mean = mean_pose({first, second});
+  EXPECT_NEAR(mean.landmarks[4].x, 15, 1e-12);
+  EXPECT_NEAR(mean.landmarks[4].z, 20, 1e-12);
+  EXPECT_NEAR(mean.landmarks[4].visibility, 0.75, 1e-12);
+  EXPECT_LT((mean.world[4] - Vector3d(2, 2, 2)).norm(), 1e-12);
+  EXPECT_EQ(mean.mask.at<uchar>(1, 2), 150);
+  EXPECT_EQ(mean.score, 0.9);
+}
+
+TEST(LandmarkConfidence, AFaceBehindTheHeadIsAGuess) {
+  BodyPose pose;
+  for (BodyLandmark& landmark : pose.landmarks) landmark.visibility = 0.9;
+  pose.world[0].z() = -0.1;  // in front of the ears
+  for (std::size_t i = 0; i < pose.landmarks.size(); ++i) EXPECT_NEAR(landmark_confidence(pose, i), 0.9, 1e-12);
+  pose.world[0].z() = 0.1;
+  const std::set<std::size_t> hidden = {0, 1, 2, 3, 4, 5, 6, 9, 10};
+  for (std::size_t i = 0; i < pose.landmarks.size(); ++i)
+    EXPECT_NEAR(landmark_confidence(pose, i), hidden.count(i) ? 0.09 : 0.9, 1e-12) << kBodyLandmarkNames[i];
+}
+
 TEST(DecodePose, MovesAPointToTheMeanOfItsHeatmap) {
   Outputs outputs;
   outputs.set_point(5, 4 * 20.5f, 4 * 30.5f);

@@ -103,8 +103,7 @@ TEST_F(CaptureToDetect, KeypointsOfTheCaptureOrOfAnEarlierRunAreUsed) {
 /// A real man in four real videos with a calibration, nothing else.
 using RealDetectedCapture = support::BlazePoseTest;
 
-// 36.0 mm here. BlazePose and OpenPose place the same joint at different points of the body, hips most, so 35 mm, the
-// bound for OpenPose's own files, is not reached.
+// BlazePose and OpenPose place the same joint at different points of the body, the hips 55 mm apart.
 TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
   const TemporaryFolder folder;
   const fs::path p2s = shared_ / "captures/p2s";
@@ -121,7 +120,7 @@ TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
       read_space_points(folder / "points/walk.trc"), read_space_points(p2s / "reference/pose2sim_filtered.trc"));
   RecordProperty("mean_mm", std::to_string(1e3 * mean));
   EXPECT_EQ(common, 15u);
-  EXPECT_LE(mean, 0.0375);
+  EXPECT_LE(mean, 0.035);
 }
 
 }  // namespace

@@ -17,7 +17,8 @@ NetworkPerson person_of(const BodyPose& pose) {
   const Eigen::Vector3d root = 0.5 * (pose.world[kLeftHip] + pose.world[kRightHip]);
   for (std::size_t i = 0; i < pose.landmarks.size(); ++i) {
     const BodyLandmark& point = pose.landmarks[i];
-    person.push_back({static_cast<float>(point.x), static_cast<float>(point.y), static_cast<float>(point.visibility)});
+    person.push_back(
+        {static_cast<float>(point.x), static_cast<float>(point.y), static_cast<float>(landmark_confidence(pose, i))});
     found.joints.push_back({pose.world[i] - root, true});
   }
   found.people.push_back(std::move(person));
@@ -27,7 +28,8 @@ NetworkPerson person_of(const BodyPose& pose) {
 
 /// A detector and the tracker that refers to it.
 struct BlazePose {
-  explicit BlazePose(BlazePoseModel model) : detector({.model = model, .threads = 1, .masks = true, .models = {}}) {}
+  explicit BlazePose(BlazePoseModel model)
+      : detector({.model = model, .threads = 1, .masks = true, .mirror = false, .models = {}}) {}
 
   BodyDetector detector;
   BodyTracker tracker{detector};
