@@ -43,12 +43,12 @@ struct DetectArguments {
   fs::path out;
   std::vector<double> person;
   bool masks = false, raw_masks = false;
-  std::optional<bool> mirror;  ///< nothing: chosen by the number of cameras
+  std::optional<bool> mirror;  ///< nothing: as the model was chosen
 
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
 
-/// Several cameras are no live recording: accuracy counts more than time there, unless the user chose.
+/// Several cameras are no live recording: accuracy counts more than time there, unless the user chose a network.
 bool several_cameras(const std::vector<DetectSource>& sources) {
   return std::any_of(sources.begin(), sources.end(),
                      [&](const DetectSource& source) { return source.camera != sources[0].camera; });
@@ -114,7 +114,7 @@ class DetectJob {
     for (const DetectSource& source : sources_) sequences_ += source.sequence != sources_[0].sequence;
     if (!arguments.person.empty() && sources_.size() != 1)
       fail<UsageError>("--person states a pixel of one camera; {} has {} cameras", arguments.source, sources_.size());
-    const bool accurate = several_cameras(sources_);
+    const bool accurate = arguments.model.empty() && several_cameras(sources_);
     if (arguments_.model.empty()) arguments_.model = accurate ? "heavy" : "full";
     const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
@@ -319,7 +319,7 @@ Command add_detect(CLI::App& program) {
   app->add_flag_function(
       "--mirror,!--no-mirror", [arguments](std::int64_t count) { arguments->mirror = count > 0; },
       "Read each image in a mirror too and take the mean: more accurate, twice the time (default: for a capture of "
-      "several cameras)");
+      "several cameras without --model)");
   app->add_flag("--masks", arguments->masks, "Also write masks: 255 on the person, 0 elsewhere");
   app->add_flag("--raw-masks", arguments->raw_masks, "With --masks: the network's probability of the person times 255");
   app->add_option("--person", arguments->person,
