@@ -12,6 +12,7 @@
 #include "command.h"
 #include "detected_capture.h"
 #include "doppel/character/character_folder.h"
+#include "doppel/character/landmarks.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
@@ -21,6 +22,7 @@
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/method_trackers.h"
 #include "doppel/track/points/track_points.h"
+#include "doppel/track/shape/place_landmarks.h"
 #include "doppel/track/shape/scale_bones.h"
 #include "doppel/track/track_capture.h"
 #include "doppel/track/track_results.h"
@@ -58,9 +60,11 @@ struct TrackArguments {
   std::string source, preview, texture, send;
   SourceOptions playing;
   int empty_frames = 0;
-  std::string detect;  ///< a model of BlazePose; empty: evidence as the capture says
-  std::string scale;   ///< "bones": the bone lengths are fitted first; empty: the character as it is
+  std::string detect;            ///< a model of BlazePose; empty: evidence as the capture says
+  std::string scale;             ///< "bones": the bone lengths are fitted first; empty: the character as it is
+  bool place_landmarks = false;  ///< their places on the body are fitted first
 
+  bool looks_at_all_frames_first() const { return !scale.empty() || place_landmarks; }
   bool live() const { return !source.empty(); }
   bool needs_masks() const { return method == "livecap" || method == "deepcap" || surface; }
 };
@@ -219,12 +223,25 @@ TrackReport track_with_scaled_bones(const Footage& footage, const TrackArguments
   return track_capture(*scaled_footage, options);
 }
 
+/// Tracks with the landmarks where the detector sees them, which are written beside the motions.
+TrackReport track_with_placed_landmarks(const Footage& footage, const TrackArguments& arguments,
+                                        const TrackOptions& options) {
+  const std::vector<Marker> placed = place_landmarks(footage, chosen_sequences(footage, options), options.config);
+  const fs::path written = options.out / "landmarks.csv";
+  fs::create_directories(options.out);
+  write_landmarks(written, footage.character(), placed);
+  log::info("landmarks where the detector sees them: {}", written.string());
+  return track_capture(*Footage::open_with_landmarks(written, arguments.capture, options.config.fit.outline_pixels),
+                       options);
+}
+
 TrackReport track_with_all_cameras(const TrackArguments& arguments) {
   const TrackOptions options{
       arguments.task, read_track_config(config_document(arguments)), arguments.surface, arguments.sheet_frames, {}};
   const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels);
-  return arguments.scale.empty() ? track_capture(*footage, options)
-                                 : track_with_scaled_bones(*footage, arguments, options);
+  if (!arguments.scale.empty()) return track_with_scaled_bones(*footage, arguments, options);
+  if (arguments.place_landmarks) return track_with_placed_landmarks(*footage, arguments, options);
+  return track_capture(*footage, options);
 }
 
 /// Points in space have a report of their own: no pose is known.
@@ -243,7 +260,7 @@ int run_points(const TrackArguments& arguments, const CommonOptions& common) {
 /// @throws UsageError for options that cannot be combined with --method points
 void check_points(const TrackArguments& arguments) {
   const TrackTask& task = arguments.task;
-  if (arguments.surface || task.vertices || !arguments.scale.empty() || arguments.live() ||
+  if (arguments.surface || task.vertices || arguments.looks_at_all_frames_first() || arguments.live() ||
       !arguments.preview.empty() || !arguments.texture.empty() || !arguments.camera.empty() ||
       !arguments.deepcap.run.empty() || !arguments.config.empty() || !arguments.set.empty())
     fail<UsageError>(
@@ -262,8 +279,13 @@ void check(const TrackArguments& arguments) {
     fail<UsageError>("--camera belongs to livecap and deepcap; the multi-view fit uses all cameras of the capture");
   if (!livecap && !deepcap && (arguments.live() || !arguments.preview.empty() || !arguments.texture.empty()))
     fail<UsageError>("--source, --preview and --texture belong to livecap and deepcap, which use one camera");
-  if ((livecap || deepcap) && !arguments.scale.empty())
-    fail<UsageError>("--scale belongs to --method multiview, which sees the lengths of bones with all cameras");
+  if ((livecap || deepcap) && arguments.looks_at_all_frames_first())
+    fail<UsageError>(
+        "--scale and --place-landmarks belong to --method multiview, which sees the body with all cameras");
+  if (!arguments.scale.empty() && arguments.place_landmarks)
+    fail<UsageError>(
+        "--scale and --place-landmarks explain the same distances; give one of them: --scale for another person's "
+        "body, --place-landmarks for this person's body and a detector with other joints");
   if (deepcap && arguments.deepcap.run.empty())
     fail<UsageError>("--method deepcap needs --run RUN, a run of `doppel train` or `doppel adapt`");
   if (deepcap && (!arguments.config.empty() || !arguments.set.empty()))
@@ -283,10 +305,10 @@ void check(const TrackArguments& arguments) {
 /// @throws UsageError for work that is not cut into sequences
 void check_in_shards(const TrackArguments& arguments) {
   if (arguments.live()) fail<UsageError>("--shard: live images come to one machine; leave --shard or --source out");
-  if (!arguments.scale.empty())
+  if (arguments.looks_at_all_frames_first())
     fail<UsageError>(
-        "--shard: --scale looks at all sequences together; scale the bones in a run without --shard, and "
-        "track with the character it writes");
+        "--shard: --scale and --place-landmarks look at all sequences together; use them in a run without --shard, "
+        "and track with the character or the landmarks that it writes");
   if (!arguments.preview.empty()) fail<UsageError>("--shard: --preview shows one run; leave one of them out");
   if (lacks_keypoints(arguments.capture))
     fail<UsageError>(
@@ -373,6 +395,9 @@ Command add_track(CLI::App& program) {
                   "bones: first find the lengths of the bones over all frames together, for a body that is not quite "
                   "this person's; the scaled character is written to OUT/character")
       ->check(CLI::IsMember({"bones"}));
+  app->add_flag("--place-landmarks", arguments->place_landmarks,
+                "First find where on the body the detector sees its points, over many frames together; the places are "
+                "written to OUT/landmarks.csv");
   app->add_flag("--vertices", task.vertices, "Write SEQUENCE_vertices.npy too: the surface, skinned or deformed");
   app->add_option("--sheet-frames", arguments->sheet_frames, "Frames on the contact sheet SEQUENCE.jpg (0: none)")
       ->check(CLI::Range(0, 100))

@@ -92,6 +92,15 @@ std::vector<Marker> markers_named(const Skeleton& skeleton, const std::vector<st
   return markers;
 }
 
+Character with_markers(Character character, const std::vector<Marker>& landmarks) {
+  std::vector<Marker>& markers = character.skeleton.markers;
+  for (const Marker& landmark : landmarks) {
+    std::erase_if(markers, [&](const Marker& marker) { return marker.name == landmark.name; });
+    markers.push_back(landmark);
+  }
+  return character;
+}
+
 std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const std::vector<Marker>& landmarks,
                                                 const std::vector<double>& dofs) {
   const auto world_from_joint = skeleton.pose(dofs);

@@ -28,6 +28,9 @@ std::vector<std::string> landmark_names(const std::vector<Marker>& landmarks);
 /// The markers of a skeleton with these names, in the order of the names. @throws Error for a name that no marker has
 std::vector<Marker> markers_named(const Skeleton& skeleton, const std::vector<std::string>& names);
 
+/// The character with landmarks as markers, which replace markers of the same names.
+Character with_markers(Character character, const std::vector<Marker>& landmarks);
+
 /// Positions of landmarks in a pose: [M], world metres. @param dofs [D]
 /// @throws Error when the joint of a landmark is not in the skeleton, or `dofs` has another length
 std::vector<Eigen::Vector3d> landmark_positions(const Skeleton& skeleton, const std::vector<Marker>& landmarks,

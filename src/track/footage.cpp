@@ -294,6 +294,13 @@ class CaptureFootage : public Footage {
   std::vector<FootageSequence> sequences_;
 };
 
+/// @param made_for says what a prepared folder does not allow to exchange
+Capture unprepared_capture(const fs::path& path, const std::string& made_for) {
+  if (fs::is_directory(path / "store"))
+    fail<UsageError>("{} is a prepared folder, {}; give the capture itself", path.string(), made_for);
+  return find_capture(path);
+}
+
 }  // namespace
 
 bool FootageSequence::begins_segment(long frame) const {
@@ -321,11 +328,17 @@ std::unique_ptr<Footage> Footage::open(const fs::path& path, int outline_pixels,
 
 std::unique_ptr<Footage> Footage::open_for(Character character, const fs::path& file, const fs::path& path,
                                            int outline_pixels) {
-  if (fs::is_directory(path / "store"))
-    fail<UsageError>("{} is a prepared folder, made for one character; give the capture itself", path.string());
-  Capture capture = find_capture(path);
+  Capture capture = unprepared_capture(path, "made for one character");
   capture.character = fs::absolute(file).lexically_normal().string();
   capture.landmarks.clear();
+  return std::make_unique<CaptureFootage>(std::move(capture), std::move(character), outline_pixels);
+}
+
+std::unique_ptr<Footage> Footage::open_with_landmarks(const fs::path& placement, const fs::path& path,
+                                                      int outline_pixels) {
+  Capture capture = unprepared_capture(path, "made for its landmarks");
+  capture.landmarks = fs::absolute(placement).lexically_normal().string();
+  Character character = load_character(capture.character_path());
   return std::make_unique<CaptureFootage>(std::move(capture), std::move(character), outline_pixels);
 }
 

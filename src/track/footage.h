@@ -66,6 +66,12 @@ class Footage {
   static std::unique_ptr<Footage> open_for(Character character, const std::filesystem::path& file,
                                            const std::filesystem::path& capture, int outline_pixels);
 
+  /// As `open`, of a capture that is not prepared, with the landmarks of another placement file, which `capture()`
+  /// names.
+  /// @throws UsageError for a prepared capture
+  static std::unique_ptr<Footage> open_with_landmarks(const std::filesystem::path& placement,
+                                                      const std::filesystem::path& capture, int outline_pixels);
+
   virtual const Capture& capture() const = 0;
   virtual const Character& character() const = 0;
   virtual const std::vector<PinholeCamera>& cameras() const = 0;  ///< [C]
