@@ -79,7 +79,8 @@ Command add_calibrate(CLI::App& program) {
   convert_app->add_option("--up", arguments->up, "Axis of the file that points up, if it does not state it: +x ... -z");
   convert_app->add_option("--size", arguments->size, "WIDTHxHEIGHT of the images, if the file does not state it");
   convert_app->footer("Example: doppel calibrate convert Calib_qualisys.toml cameras.yml");
-  const std::vector<Command> others{add_calibrate_board(*app), add_calibrate_sync(*app), add_calibrate_refine(*app)};
+  const std::vector<Command> others{add_calibrate_board(*app), add_calibrate_sync(*app), add_calibrate_refine(*app),
+                                    add_calibrate_world(*app)};
   app->footer("Example: doppel calibrate convert colmap/sparse/0 cameras.yml");
   return {app, [arguments, others](const CommonOptions& common) {
             for (const Command& other : others)

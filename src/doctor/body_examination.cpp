@@ -10,6 +10,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/doctor/statistics.h"
+#include "doppel/rig/world_by_person.h"
 
 namespace doppel {
 
@@ -17,7 +18,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kLegShare = 0.49, kTrunkShare = 0.30;              ///< of the stature: hip to ankle, hips to shoulders
 constexpr double kSmallestPerson = 0.6, kLargestPerson = 3.0;       ///< metres; beyond, the unit is wrong
 constexpr double kSmallestUsual = 0.9, kLargestUsual = 2.35;        ///< beyond, the unit is doubtful
 constexpr double kLying = 55.0, kUpsideDownAngle = 125.0;           ///< degrees between the trunk and up

@@ -270,7 +270,7 @@ TEST_F(Shards, DamagedAreNamed) {
 
 TEST_F(Shards, AreNotForWorkThatNeedsAllSequences) {
   const std::string track = "track --shard 0/2 --out " + part(0) + " ";
-  EXPECT_THAT(refusal(track + "--scale bones " + capture()), HasSubstr("--scale looks at all sequences"));
+  EXPECT_THAT(refusal(track + "--scale bones " + capture()), HasSubstr("look at all sequences together"));
   EXPECT_THAT(refusal(track + "--set template_fit.frames=2 " + capture()), HasSubstr("fitted to all sequences"));
   EXPECT_THAT(refusal(track + "--method livecap --source film.mp4 " + capture()), HasSubstr("live images"));
   EXPECT_THAT(refusal(track + "--method livecap --camera 0 --preview x.mp4 " + capture()), HasSubstr("--preview"));
