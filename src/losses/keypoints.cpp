@@ -11,10 +11,13 @@ using torch::Tensor;
 
 namespace {
 
+constexpr double kReferenceWidth = 1024.0;  // scaled pixels of an image
+
 /// Squared distances in scaled pixels, and the confidences of those that count.
 struct Residuals {
   Tensor squared;     ///< [B,C,M]; 0 where it does not count
   Tensor confidence;  ///< [B,C,M]; likewise
+  Tensor lost;        ///< [B,C,M] bool: the keypoint would count, but its landmark is nowhere in the image
 };
 
 Tensor or_zero(const Tensor& where, const Tensor& value) {
@@ -39,11 +42,11 @@ Residuals residuals(const Tensor& points, const KeypointTarget& target, const Ke
       projection.select(-1, 3).unsqueeze(2);  // [B,C,M,3]: u z, v z, z
   const Tensor depth = seen.narrow(-1, 2, 1);
   const Tensor confidence = keypoints.select(-1, 2);
-  const Tensor counts = (confidence >= options.confidence_threshold) & keypoints.isfinite().all(-1) &
-                        known.unsqueeze(1) & (depth.squeeze(-1) > options.nearest_depth);
+  const Tensor wanted = (confidence >= options.confidence_threshold) & keypoints.isfinite().all(-1);
+  const Tensor counts = wanted & known.unsqueeze(1) & (depth.squeeze(-1) > options.nearest_depth);
   const Tensor pixel = seen.narrow(-1, 0, 2) / torch::where(counts.unsqueeze(-1), depth, torch::ones_like(depth));
   const Tensor off = or_zero(counts.unsqueeze(-1), scale * (pixel - keypoints.narrow(-1, 0, 2)));
-  return {off.square().sum(-1), or_zero(counts, confidence)};
+  return {off.square().sum(-1), or_zero(counts, confidence), wanted & ~counts};
 }
 
 Tensor cameras_that_count(const Residuals& found) { return (found.confidence > 0).any(-1).sum(); }
@@ -69,7 +72,8 @@ std::int64_t keypoint_cameras(const Tensor& points, const KeypointTarget& target
 Tensor keypoint_error(const Tensor& points, const KeypointTarget& target, const KeypointLossOptions& options) {
   const torch::NoGradGuard no_grad;
   const Residuals found = residuals(points, target, options);
-  return found.squared.sqrt().sum() / (found.confidence > 0).sum().clamp_min(1);
+  const Tensor sum = found.squared.sqrt().sum() + kReferenceWidth * found.lost.sum();
+  return sum / ((found.confidence > 0) | found.lost).sum().clamp_min(1);
 }
 
 LandmarkKind landmark_kind(const std::string& name) {

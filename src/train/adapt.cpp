@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -241,7 +242,8 @@ class Adaptation {
     return evaluate_surface(dataset_, split, face_tensor(trained.character.mesh), drawn, options, title);
   }
 
-  /// Keypoint error of the pose's landmarks or of those on the deformed graph; mean over frames, reference pixels.
+  /// Keypoint error of the pose's landmarks or of those on the deformed graph; mean over frames, reference pixels. A
+  /// frame in which no pose is found counts as one whose landmarks left the image.
   double keypoint_error(TrainedPose& trained, Split split, bool deformed) const {
     const torch::NoGradGuard no_grad;
     GraphLandmarks graph_landmarks(trained.character, trained.landmarks);
@@ -249,13 +251,15 @@ class Adaptation {
     for (const SampleId& sample : dataset_.samples(split)) {
       const Batch batch = seen(trained, {sample});
       const CapturedPose captured = trained.capture(person_view(batch));
-      if (!(captured.valid & batch.person_valid).item<bool>()) continue;
+      if (!batch.person_valid.item<bool>()) continue;
+      const bool found = captured.valid.item<bool>();
       torch::Tensor landmarks = captured.landmarks;
-      if (deformed) {
+      if (!found) landmarks = torch::full_like(landmarks, std::numeric_limits<double>::quiet_NaN());
+      if (found && deformed) {
         const auto [A, T] = trained.deformation(batch.person.select(1, 0));
         landmarks = graph_landmarks->forward(A, T, trained.surface->node_transforms(trained.dofs(captured)));
       }
-      const KeypointTarget target = keypoint_target(batch, captured.valid);
+      const KeypointTarget target = keypoint_target(batch, batch.person_valid);
       sum += doppel::keypoint_error(landmarks, target, trained.detections.loss).item<double>();
       ++frames;
     }

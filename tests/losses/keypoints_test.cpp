@@ -114,6 +114,18 @@ TEST(KeypointLoss, WithoutDetectionsIsZeroWithAZeroGradient) {
   EXPECT_EQ(keypoint_error(scene.points, scene.target).item<double>(), 0.0);
 }
 
+TEST(KeypointLoss, ALandmarkBehindTheCameraIsAsFarOffAsTheImageIsWide) {
+  const Scene scene;
+  Tensor points = scene.points.clone();
+  const double all_in_front = keypoint_error(points, scene.target).item<double>();
+  points.fill_(kNan);
+  EXPECT_EQ(keypoint_error(points, scene.target).item<double>(), 1024.0);
+  points.copy_(scene.points);
+  points[0][0].fill_(kNan);
+  EXPECT_GT(keypoint_error(points, scene.target).item<double>(), all_in_front);
+  EXPECT_LT(keypoint_error(points, scene.target).item<double>(), 1024.0);
+}
+
 TEST(KeypointLoss, GradientEqualsCentralDifferences) {
   const Scene scene;
   const Tensor lambda = torch::tensor({3.0, 1.0, 2.0, 1.0, 0.5});
