@@ -53,17 +53,16 @@ class BodyMeasurer {
   }
 
   double stature() const {
-    std::vector<double> estimates;
+    std::vector<double> legs;
     for (const std::string side : {"left_", "right_"}) {
       const auto part = [&](const char* a, const char* b) {
         return typical([&](int i) { return (point(i, (side + a).c_str()) - point(i, (side + b).c_str())).norm(); });
       };
       const double thigh = part("hip", "knee"), shank = part("knee", "ankle");
-      if (thigh > 0.0 && shank > 0.0) estimates.push_back((thigh + shank) / kLegShare);
+      if (thigh > 0.0 && shank > 0.0) legs.push_back(thigh + shank);
     }
     const double trunk = typical([&](int i) { return (middle(i, "shoulder") - middle(i, "hip")).norm(); });
-    if (trunk > 0.0) estimates.push_back(trunk / kTrunkShare);
-    return median(estimates) / seen_.scale;
+    return stature_by(median(legs), trunk) / seen_.scale;
   }
 
   /// From the feet, or else the hips, to the shoulders: the median direction.

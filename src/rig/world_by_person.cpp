@@ -19,11 +19,14 @@ using Eigen::Vector3d;
 
 constexpr double kSmallestPerson = 0.9, kLargestPerson = 2.35, kUsualStature = 1.7;     // metres
 constexpr double kHeightOfAnkle = 0.047, kHeightOfHeel = 0.018, kHeightOfToes = 0.015;  // above the floor; of stature
+constexpr double kLegAndTrunkShare = 0.755, kLegShare = 0.475, kTrunkShare = 0.28;      // of stature
+constexpr double kRaisedFoot = 0.03;  // of stature; above the other foot
+constexpr int kUprightSteps = 5;
 constexpr double kFewestTimes = 10;
 constexpr double kLeastUpright = 0.5;     // length of the median direction
 constexpr double kHeightNoise = 0.012;    // of the lower foot; of stature
 constexpr double kDependentTimes = 10.0;  // whose errors are about the same
-constexpr double kLeaning = 0.05;         // radians; of the upright direction against up
+constexpr double kLeaning = 0.1;         // radians; of the upright direction against up
 constexpr int kFloorSteps = 10;
 constexpr double kRoomRadius = 3.0;  // metres; mean distance of cameras from their middle
 
@@ -63,32 +66,45 @@ class PersonInSpace {
 };
 
 double stature_of(const PersonInSpace& person, const BodyPointIndices& points) {
-  std::vector<double> estimates;
+  const auto length = [&](int a, int b) {
+    return person.typical([&](std::size_t t) { return (person.at(t, a) - person.at(t, b)).norm(); });
+  };
+  std::vector<double> legs;
   for (const std::size_t side : {0U, 1U}) {
-    const auto length = [&](int a, int b) {
-      return person.typical([&](std::size_t t) { return (person.at(t, a) - person.at(t, b)).norm(); });
-    };
     const double thigh = length(points.hips[side], points.knees[side]);
     const double shank = length(points.knees[side], points.ankles[side]);
-    if (thigh > 0.0 && shank > 0.0) estimates.push_back((thigh + shank) / kLegShare);
+    if (thigh > 0.0 && shank > 0.0) legs.push_back(thigh + shank);
   }
   const double trunk = person.typical(
       [&](std::size_t t) { return (person.middle(t, points.shoulders) - person.middle(t, points.hips)).norm(); });
-  if (trunk > 0.0) estimates.push_back(trunk / kTrunkShare);
-  return median(std::move(estimates));
+  return stature_by(mean_of(legs), trunk);
 }
 
-Vector3d upright_direction(const PersonInSpace& person, const BodyPointIndices& points) {
-  Vector3d up;
-  for (int axis = 0; axis < 3; ++axis)
-    up[axis] = person.typical([&](std::size_t t) {
-      return (person.middle(t, points.shoulders) - person.middle(t, points.ankles)).normalized()[axis];
-    });
-  if (!(up.norm() >= kLeastUpright))
-    fail(
-        "finding the world: shoulders and ankles were not seen together, or the person does not stand upright; give a "
-        "recording of a person who walks, seen from head to foot");
-  return up.normalized();
+/// Where the weight rests: on the lower ankle, or between both where none is raised.
+Vector3d support(const PersonInSpace& person, const BodyPointIndices& points, std::size_t t, const Vector3d& up,
+                 double stature) {
+  const Vector3d left = person.at(t, points.ankles[0]), right = person.at(t, points.ankles[1]);
+  const double higher = up.dot(left - right);
+  if (std::abs(higher) < kRaisedFoot * stature) return 0.5 * (left + right);
+  return higher > 0.0 ? right : left;
+}
+
+Vector3d upright_direction(const PersonInSpace& person, const BodyPointIndices& points, double stature) {
+  Vector3d up = Vector3d::Zero();  // at first, both feet count
+  for (int step = 0; step < kUprightSteps; ++step) {
+    Vector3d next;
+    for (int axis = 0; axis < 3; ++axis)
+      next[axis] = person.typical([&](std::size_t t) {
+        const Vector3d trunk = 0.5 * (person.middle(t, points.shoulders) + person.middle(t, points.hips));
+        return (trunk - support(person, points, t, up, stature)).normalized()[axis];
+      });
+    if (!(next.norm() >= kLeastUpright))
+      fail(
+          "finding the world: shoulders and ankles were not seen together, or the person does not stand upright; give "
+          "a recording of a person who walks, seen from head to foot");
+    up = next.normalized();
+  }
+  return up;
 }
 
 /// The plane up . p = height.
@@ -172,6 +188,11 @@ void check_points(const BodyPointIndices& points) {
 
 }  // namespace
 
+double stature_by(double leg, double trunk) {
+  if (leg > 0.0 && trunk > 0.0) return (leg + trunk) / kLegAndTrunkShare;
+  return leg > 0.0 ? leg / kLegShare : std::max(0.0, trunk / kTrunkShare);
+}
+
 WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTracks& tracks,
                               const BodyPointIndices& points, const WorldOptions& options) {
   check_tracks(cameras, tracks, 2, "finding the world");
@@ -187,7 +208,7 @@ WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTra
   if (!(stature > 0.0))
     fail("finding the world: neither legs nor trunk of the person were found by two cameras at {} times or more",
          kFewestTimes);
-  const Floor floor = floor_of(person, points, upright_direction(person, points), stature);
+  const Floor floor = floor_of(person, points, upright_direction(person, points, stature), stature);
 
   WorldByPerson found;
   const double old_stature = stature / room.scale;

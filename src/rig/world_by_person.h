@@ -9,8 +9,10 @@
 
 namespace doppel {
 
-/// Shares of a person's stature: from hip over knee to ankle, and from the middle of the hips to that of the shoulders.
-constexpr double kLegShare = 0.49, kTrunkShare = 0.30;
+/// A person's stature by two lengths: from hip over knee to ankle, and from the middle of the hips to that of the
+/// shoulders. Detectors and rigs put the hips at different heights, which hardly changes the sum: .755 of the stature.
+/// @param leg, trunk 0: not known @return 0 when neither is known
+double stature_by(double leg, double trunk);
 
 /// Indices of a detector's points, left and right; -1: the detector does not find the point.
 struct BodyPointIndices {
@@ -35,9 +37,9 @@ struct WorldByPerson {
 };
 
 /// Finds floor, up and unit of a rig that only knows how its cameras stand to each other, by a person who walks. Up is
-/// first the median direction from the ankles to the shoulders. The floor is the plane below the lower foot of each
-/// time, by robust least squares, drawn to the upright direction: a person on one spot does not show how the floor
-/// lies. The stature is that of legs and trunk, by their usual shares.
+/// first the median direction from the standing foot, or from between both, to the trunk: a person who does not fall
+/// has his weight above his feet. The floor is the plane below the lower foot of each time, by robust least squares,
+/// drawn to the upright direction: a person on one spot does not show how the floor lies.
 /// @throws Error as check_tracks for fewer than two cameras, when hips, shoulders and ankles are not found, or when the
 /// person does not stand
 WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTracks& tracks,

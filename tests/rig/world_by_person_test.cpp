@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 /// The walker's points of walking_rig.h: arms from 3, legs from 9.
 const BodyPointIndices kWalker{{3, 6}, {9, 12}, {10, 13}, {11, 14}, {-1, -1}, {-1, -1}};
-constexpr double kWalkersStature = 0.85 / kLegShare;
+const double kWalkersStature = stature_by(0.85, 0.49);
 
 /// The rig as a program that knows no metre and no floor would give it.
 std::vector<Camera> elsewhere(const std::vector<Camera>& cameras, double scale, const Eigen::Vector3d& turn) {
@@ -83,6 +83,13 @@ TEST(WorldByPerson, APersonOnOneSpotLeavesUpToTheUprightBody) {
   const auto [degrees, height] = errors(truth, truth, found);
   EXPECT_LT(degrees, 3.0);
   EXPECT_LT(height, 0.15);
+}
+
+TEST(WorldByPerson, StatureHardlyDependsOnTheHeightOfTheHips) {
+  EXPECT_NEAR(stature_by(0.85, 0.49), stature_by(0.80, 0.54), 1e-12);
+  EXPECT_NEAR(stature_by(0.0, 0.49), 1.75, 1e-12);
+  EXPECT_NEAR(stature_by(0.85, 0.0), 0.85 / 0.475, 1e-12);
+  EXPECT_EQ(stature_by(0.0, 0.0), 0.0);
 }
 
 TEST(WorldByPerson, SaysWhatIsMissing) {
