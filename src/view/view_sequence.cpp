@@ -13,6 +13,7 @@ PointMotion points_if_any(const Capture& capture, const SequenceEntry& sequence,
     log::warn("the points are not shown: points in space need at least two cameras");
     return {};
   }
+  log::info("finding the person's points in the {} cameras of sequence {}", filmed.cameras.size(), sequence.name);
   try {
     return points_of_sequence(capture, sequence, filmed);
   } catch (const std::exception& e) {
