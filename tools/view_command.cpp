@@ -44,9 +44,12 @@ int run(const ViewArguments& arguments, const CommonOptions& common) {
 
 Command add_view(CLI::App& program) {
   auto arguments = std::make_shared<ViewArguments>();
-  CLI::App* app = program.add_subcommand("view", "Show a double in the browser: play its motion, pose it by hand");
+  CLI::App* app = program.add_subcommand(
+      "view",
+      "Show a double in the browser: play its motion, pose it by hand; or a capture before its character is made");
   app->add_option("target", arguments->target,
-                  "A run, an exported actor (.pt), a .character file, a capture or a prepared capture")
+                  "A run, an exported actor (.pt), a .character file, a capture (with or without a character) or a "
+                  "prepared capture")
       ->required();
   app->add_option("--motion", arguments->motion,
                   "The motion to play, as for `doppel animate` (default: that of the capture)");

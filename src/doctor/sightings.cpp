@@ -20,6 +20,7 @@
 #include "doppel/keypoints/keypoint_map.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/landmark_key.h"
+#include "doppel/keypoints/limbs.h"
 #include "doppel/keypoints/read_keypoints.h"
 
 namespace doppel {
@@ -34,20 +35,6 @@ constexpr int kWindows = 20, kShortestWindow = 4, kLongestWindow = 40;
 constexpr double kSeenShare = 0.5;  ///< of the camera's median confidence: below, a point counts as not seen
 constexpr double kLowestConfidence = 0.05;
 constexpr double kUsualDistance = 3.0;  ///< of the cameras from their middle
-
-/// Neighbours on the body.
-constexpr std::array<std::array<const char*, 2>, 12> kNeighbours{{{"left_shoulder", "left_elbow"},
-                                                                  {"right_shoulder", "right_elbow"},
-                                                                  {"left_elbow", "left_wrist"},
-                                                                  {"right_elbow", "right_wrist"},
-                                                                  {"left_shoulder", "left_hip"},
-                                                                  {"right_shoulder", "right_hip"},
-                                                                  {"left_shoulder", "right_shoulder"},
-                                                                  {"left_hip", "right_hip"},
-                                                                  {"left_hip", "left_knee"},
-                                                                  {"right_hip", "right_knee"},
-                                                                  {"left_knee", "left_ankle"},
-                                                                  {"right_knee", "right_ankle"}}};
 
 /// The parts of the body that detectors agree on. Points of hands and faces are left out.
 const std::set<std::string>& body_parts() {
@@ -335,7 +322,7 @@ void normalise_scale(Sightings& seen) {
 
 void complete_sightings(Sightings& seen) {
   seen.bones.clear();
-  for (const auto& [a, b] : kNeighbours)
+  for (const auto& [a, b] : kLimbs)
     if (seen.point(a) >= 0 && seen.point(b) >= 0) seen.bones.push_back({seen.point(a), seen.point(b)});
   seen.size.clear();
   for (const auto& camera : seen.people) {

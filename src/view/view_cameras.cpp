@@ -60,6 +60,15 @@ ViewCameras::ViewCameras(const Capture& capture, const SequenceEntry& sequence)
 
 ViewCameras::~ViewCameras() = default;
 
+CaptureCameras ViewCameras::filmed() const {
+  CaptureCameras filmed;
+  for (const auto& view : views_) {
+    filmed.cameras.push_back(view->camera);
+    filmed.file_index.push_back(view->file_index);
+  }
+  return filmed;
+}
+
 std::string ViewCameras::description() const {
   nlohmann::json cameras = nlohmann::json::array();
   for (const auto& view : views_) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "doppel/capture/capture.h"
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/mask_source.h"
 #include "doppel/capture/video.h"
 
@@ -21,6 +22,8 @@ class ViewCameras {
   ~ViewCameras();
 
   std::size_t size() const { return views_.size(); }
+  /// The cameras at the resolution of their images, with their lenses.
+  CaptureCameras filmed() const;
   bool has_masks() const { return sequence_.has_masks(); }
   /// JSON: `masks` (whether there are any) and `cameras`, each with `name`, `width`, `height`, `K` [3][3] (pixels),
   /// `R` [3][3] and `t` [3] (camera from world, metres), without lens distortion.

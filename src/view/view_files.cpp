@@ -1,8 +1,10 @@
 #include "doppel/view/view_files.h"
 
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/keypoints/limbs.h"
 #include "doppel/view/reach_dofs.h"
 #include "doppel/view/view_mesh.h"
 
@@ -51,6 +53,26 @@ nlohmann::json description(const ViewSubject& subject, const Motion& motion) {
           {"stages", stages}};
 }
 
+/// A description without a double, which says what a sequence has.
+nlohmann::json with_sequence(nlohmann::json description, const ViewSequence& sequence) {
+  description["name"] = sequence.name;
+  description["frames"] = sequence.frames;
+  description["points"] = sequence.points.points;
+  description["sticks"] = sticks_between(sequence.points.points);
+  return description;
+}
+
+std::string point_bytes(const PointMotion& motion) {
+  const Eigen::Vector3d nowhere = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::string bytes;
+  for (const PointMotion::Frame& frame : motion.frames)
+    for (const auto& point : frame) {
+      const Eigen::Vector3f position = point.value_or(nowhere).cast<float>();
+      bytes.append(reinterpret_cast<const char*>(position.data()), 3 * sizeof(float));
+    }
+  return bytes;
+}
+
 std::string motion_bytes(const Motion& motion) {
   std::string bytes;
   for (const std::vector<double>& frame : motion.frames) {
@@ -69,8 +91,10 @@ std::string jpeg(const cv::Mat& image) {
 }  // namespace
 
 ViewFiles view_files(const ViewSubject& subject, const Motion& motion) {
-  return {description(subject, motion).dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)),
-          motion_bytes(motion), jpeg(subject.character.mesh.texture)};
+  nlohmann::json about = description(subject, motion);
+  if (subject.sequence) about = with_sequence(std::move(about), *subject.sequence);
+  return {about.dump(), view_mesh_bytes(split_at_seams(subject.character.mesh)), motion_bytes(motion),
+          jpeg(subject.character.mesh.texture), subject.sequence ? point_bytes(subject.sequence->points) : ""};
 }
 
 }  // namespace doppel

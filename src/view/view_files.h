@@ -12,16 +12,18 @@ struct ViewFiles {
   /// texture.jpg), `cameras` and `training` (whether the
   /// server has pictures of this motion, and a run), `rest` [D], `dofs` (`name`, `limits` if any), `joints` (`name`,
   /// `parent`, `moved_by`: reach_dofs.h) and `stages` (`name`, `past_frames`, `texture_size`, and `geometry`: the stage
-  /// that has the same vertices)
+  /// that has the same vertices). For a sequence without a character the lists are empty, and there are `points` [K]
+  /// names and `sticks`: pairs of points with a line between them
   std::string description;
   /// `mesh.bin`: uint32 counts of corners and of split vertices; uint32 corners [3F]; uint32 template vertex of each
   /// split vertex [S]; float32 UVs [S,2]
   std::string mesh;
   std::string motion;   ///< `motion.bin`: float32 [frames, D]
   std::string texture;  ///< `texture.jpg`: the template's texture; empty without
+  std::string points;   ///< `points.bin`: float32 [frames, K, 3], world metres, NaN: not found; empty with a character
 };
 
-/// @param motion at least one frame; the subject's own or another
+/// @param motion at least one frame, the subject's own or another; ignored for a sequence without a character
 ViewFiles view_files(const ViewSubject& subject, const Motion& motion);
 
 }  // namespace doppel

@@ -132,7 +132,7 @@ struct ViewServer::State {
   };
 
   ViewSubject subject;
-  Kinematics kinematics;
+  Kinematics kinematics{nullptr};  ///< none without a character
   std::atomic<std::shared_ptr<const Shown>> shown;
   std::string token = random_token();
   httplib::Server server;
@@ -140,8 +140,8 @@ struct ViewServer::State {
   std::mutex networks;  ///< one request at a time runs the networks
   int port = 0;
 
-  explicit State(ViewSubject given)
-      : subject(std::move(given)), kinematics(subject.character), live(longest_window(subject.stages)) {
+  explicit State(ViewSubject given) : subject(std::move(given)), live(longest_window(subject.stages)) {
+    if (!subject.sequence) kinematics = Kinematics(subject.character);
     show(subject.motion);
   }
 
@@ -150,7 +150,14 @@ struct ViewServer::State {
   /// Browsers share cookies between ports, so each server has a name of its own.
   std::string cookie() const { return fmt::format("doppel_view_{}", port); }
 
+  /// The character, for requests that need one.
+  const Character& character() const {
+    if (subject.sequence) fail<UsageError>("{} has no character", subject.sequence->name);
+    return subject.character;
+  }
+
   const ViewStage& stage_of(const httplib::Request& request) const {
+    character();
     const std::string name = request.get_param_value("stage");
     for (const ViewStage& stage : subject.stages)
       if (stage.name == name) return stage;
@@ -182,7 +189,7 @@ struct ViewServer::State {
 
   /// @return [1,D]
   torch::Tensor one_pose(const httplib::Request& request) const {
-    torch::Tensor row = poses_of(request, subject.character.num_dofs());
+    torch::Tensor row = poses_of(request, character().num_dofs());
     if (row.size(0) != 1) fail<UsageError>("one pose is needed, found {}", row.size(0));
     return row;
   }
@@ -213,7 +220,7 @@ struct ViewServer::State {
 
   std::string joint_bytes(const httplib::Request& request) {
     const torch::NoGradGuard no_grad;
-    return bytes_of(joints(poses_of(request, subject.character.num_dofs())));
+    return bytes_of(joints(poses_of(request, character().num_dofs())));
   }
 
   ViewCameras& cameras() {
@@ -222,10 +229,11 @@ struct ViewServer::State {
   }
 
   std::string picture(const httplib::Request& request) {
-    const int frame = parameter<int>(request, "frame");
-    if (frame < 0 || frame >= subject.motion.num_frames())
-      fail<UsageError>("the motion of the capture has the frames 0..{}", subject.motion.num_frames() - 1);
-    return cameras().picture(parameter<int>(request, "camera"), frame, parameter<int>(request, "mask") != 0);
+    const long frame = parameter<long>(request, "frame");
+    const long frames = subject.sequence ? subject.sequence->frames : subject.motion.num_frames();
+    if (frame < 0 || frame >= frames) fail<UsageError>("the capture has the frames 0..{}", frames - 1);
+    const long row = frame + (subject.sequence ? subject.sequence->first_row : 0);
+    return cameras().picture(parameter<int>(request, "camera"), row, parameter<int>(request, "mask") != 0);
   }
 
   const fs::path& run() const {
@@ -235,6 +243,7 @@ struct ViewServer::State {
 
   /// Plays the motion file of the request's body from now on.
   std::string take_motion(const httplib::Request& request) {
+    character();
     const std::string name = request.get_param_value("name");
     const ScratchFolder folder;
     const fs::path file = folder.path() / ("motion" + safe_extension(name));
@@ -303,6 +312,7 @@ struct ViewServer::State {
     file("/double/mesh.bin", &ViewFiles::mesh, "application/octet-stream");
     file("/double/motion.bin", &ViewFiles::motion, "application/octet-stream");
     if (!shown.load()->files.texture.empty()) file("/double/texture.jpg", &ViewFiles::texture, "image/jpeg");
+    if (subject.sequence) file("/double/points.bin", &ViewFiles::points, "application/octet-stream");
     answer("/api/frame", false, [this](const httplib::Request& request) { return frame(request); });
     answer("/api/pose", true, [this](const httplib::Request& request) { return pose(request); });
     answer("/api/joints", true, [this](const httplib::Request& request) { return joint_bytes(request); });

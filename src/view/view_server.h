@@ -13,7 +13,7 @@ namespace doppel {
 /// stands still for five seconds is closed.
 ///
 /// - `GET /`: the page
-/// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`: see view_files.h
+/// - `GET /double/description.json`, `mesh.bin`, `motion.bin`, `texture.jpg`, `points.bin`: see view_files.h
 /// - `GET /api/frame?i=0&stage=skinning`: float32 vertices [N,3], then joints [J,3], world metres. For a stage with a
 ///   dynamic texture, `&projection=` gives the camera, twelve numbers [3,4] (pixels from world metres), and the texture
 ///   follows: uint8 RGBA [T,T,4], row 0 at v = 1
@@ -29,6 +29,8 @@ namespace doppel {
 ///   number and whether the person is seen, float32 [D], and what `/api/frame` gives, for a window of the newest poses.
 ///   Empty: there was none
 /// - `POST /api/joints` with float32 [B,D]: float32 joints [B,J,3], world metres
+///
+/// For a sequence without a character, the requests that need one get 400 and say so.
 class ViewServer {
  public:
   /// Binds the port; 0: any free one. @throws Error when the port is taken

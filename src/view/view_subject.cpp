@@ -6,6 +6,8 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/capture/capture.h"
+#include "doppel/capture/capture_layouts.h"
+#include "doppel/capture/filmed_sequence.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
@@ -31,12 +33,12 @@ ViewSubject of_character(const fs::path& path) {
   return subject;
 }
 
-/// A test sequence with a motion, else the first sequence that has one; null without.
-template <typename Sequences, typename HasMotion>
-auto sequence_to_play(const Sequences& sequences, const HasMotion& has_motion) {
+/// A test sequence that can be played, else the first sequence that can; null without.
+template <typename Sequences, typename Playable>
+auto sequence_to_play(const Sequences& sequences, const Playable& playable) {
   const typename Sequences::value_type* chosen = nullptr;
   for (const auto& sequence : sequences)
-    if (has_motion(sequence) && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
+    if (playable(sequence) && (!chosen || (chosen->split != Split::test && sequence.split == Split::test)))
       chosen = &sequence;
   return chosen;
 }
@@ -119,8 +121,29 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
   return subject;
 }
 
-ViewSubject of_capture(const fs::path& file) {
-  const Capture capture = read_capture(file);
+/// A capture before its character is made.
+ViewSubject of_filmed_sequence(const Capture& capture) {
+  const CaptureCameras cameras = choose_cameras(capture);
+  const auto filmed = [&](const SequenceEntry& sequence) {
+    if (sequence.videos.empty()) return false;
+    for (std::size_t c = 0; c < cameras.cameras.size(); ++c)
+      if (has_images(capture, sequence, cameras.cameras[c], cameras.file_index[c])) return true;
+    return false;
+  };
+  const SequenceEntry* chosen = sequence_to_play(capture.sequences, filmed);
+  if (!chosen)
+    fail("viewing {}: there is neither a character nor a video of any camera; add one of them to {}", capture.name,
+         capture.file.empty() ? "its capture.yaml" : capture.file.string());
+  ViewSubject subject;
+  subject.frames_per_second = capture.fps;
+  subject.cameras = std::make_shared<ViewCameras>(capture, *chosen);
+  subject.sequence = open_view_sequence(capture, *chosen, *subject.cameras);
+  return subject;
+}
+
+ViewSubject of_capture(const Capture& capture, const ViewOptions& options) {
+  // With a motion, a capture without a character gets the message of `character_path`.
+  if (capture.character.empty() && options.motion.empty()) return of_filmed_sequence(capture);
   ViewSubject subject = of_character(capture.character_path());
   subject.frames_per_second = capture.fps;
   if (const auto* chosen = sequence_to_play(capture.sequences, [](const auto& s) { return !s.motion.empty(); })) {
@@ -142,9 +165,12 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
     subject.run = target;
     return subject;
   }
-  if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(target);
+  if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(read_capture(target), options);
+  if (fs::is_directory(target))
+    if (const auto recognised = recognise_capture(target)) return of_capture(recognised->capture, options);
   fail<UsageError>(
-      "viewing {}: neither a run, an actor file (.pt), a .character file, a capture.yaml nor a prepared capture",
+      "viewing {}: neither a run, an actor file (.pt), a .character file, a capture nor a prepared capture; `doppel "
+      "capture init` describes a folder with videos and calibration",
       target.string());
 }
 
@@ -156,7 +182,7 @@ ViewSubject open_view_subject(const fs::path& target, const ViewOptions& options
     subject.motion = motion_for(subject, options.motion);
     subject.cameras = nullptr;
   }
-  if (subject.motion.num_frames() == 0) subject.motion = {{subject.character.rest_dofs}, {0}};
+  if (subject.motion.num_frames() == 0 && !subject.sequence) subject.motion = {{subject.character.rest_dofs}, {0}};
   return subject;
 }
 

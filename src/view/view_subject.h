@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "doppel/character/motion.h"
 #include "doppel/export/actor_trace.h"
 #include "doppel/view/view_cameras.h"
+#include "doppel/view/view_sequence.h"
 
 namespace doppel {
 
@@ -25,10 +27,11 @@ struct ViewStage {
   std::string geometry = {};  ///< with `texture`: the earlier stage that has the same vertices
 };
 
-/// What `doppel view` shows.
+/// What `doppel view` shows: a character, or a sequence of a capture that has none.
 struct ViewSubject {
-  Character character;
-  Motion motion;  ///< at least one frame
+  Character character;                   ///< empty with `sequence`
+  Motion motion;                         ///< at least one frame; none with `sequence`
+  std::optional<ViewSequence> sequence;  ///< shown instead of a character; `cameras` filmed it, and there is no stage
   double frames_per_second = 25.0;
   std::vector<ViewStage> stages;  ///< the best last
   /// The cameras that filmed `motion`, frame i at row i; null: a motion from elsewhere, or no pictures
@@ -45,12 +48,14 @@ struct ViewOptions {
 
 /// Opens a run of egnet or ddc (before its first checkpoint, its character is shown), of posenet or deepcap (its
 /// character and its capture are shown), an exported actor (`.pt`, with
-/// options.character), a `.character` file, a capture (a `capture.yaml` or its folder) or a prepared capture.
-/// @throws UsageError for another target, and for an actor file without a character; Error as the readers
+/// options.character), a `.character` file, a capture (a `capture.yaml`, its folder, or a folder that
+/// recognise_capture knows) or a prepared capture. Of a capture without a character, a sequence with videos is shown.
+/// @throws UsageError for another target, and for an actor file without a character; Error for a capture that has
+/// neither a character nor videos, and for options.motion without a character; Error as the readers
 ViewSubject open_view_subject(const std::filesystem::path& target, const ViewOptions& options = {});
 
 /// A motion for the subject's character at its frame rate, from every kind of file that `doppel animate --motion`
-/// takes.
+/// takes. @pre the subject has a character
 /// @throws Error as the readers
 Motion motion_for(const ViewSubject& subject, const std::filesystem::path& file);
 

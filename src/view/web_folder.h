@@ -17,6 +17,7 @@ namespace doppel {
 /// - `runtime/`: ONNX Runtime, 14 MB, fetched on first use (fetch/package_files.h)
 ///
 /// A folder that exists is replaced only if it holds such a page.
+/// @pre the subject has a character
 /// @throws UsageError when `folder` exists and holds something else; Error as onnx_model and find_package_file. Then
 /// nothing is written.
 void write_web_folder(const std::filesystem::path& folder, const ViewSubject& subject);

@@ -1,5 +1,6 @@
 // Checks the page of `doppel view` in a browser.
-//   node check_view.mjs [--picture FILE.png] [--cameras FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
+//   node check_view.mjs [--sequence FILE.png] [--picture FILE.png] [--cameras FILE.png] [--other MOTION FRAMES] DOPPEL TARGET [OPTION ...]
+// --sequence: the target is a capture without a character, with masks and keypoints; a screenshot. No other option.
 // --cameras: the target is a capture with pictures, which must stand where its cameras saw them; a screenshot.
 // --other: a motion file of this many frames, which the page opens.
 // The double plays, follows a slider and live poses, and its hand follows the mouse to 1 cm; the page fits a phone; the
@@ -9,10 +10,11 @@ import { spawn } from 'node:child_process';
 import { request } from 'node:http';
 import { launch } from './browser.mjs';
 import {
-  checkCameras, checkLive, checkMotion, checkPhone, checkPlaying, checkReach, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
+  checkCameras, checkLive, checkMotion, checkPhone, checkPlaying, checkReach, checkSequence, checkSlider, checkTexture, checkTraining, kWebGl, leaveCameras, openPage,
 } from './page_checks.mjs';
 
 const given = process.argv.slice(2);
+const sequence = given[0] === '--sequence' ? given.splice(0, 2)[1] : '';
 const picture = given[0] === '--picture' ? given.splice(0, 2)[1] : '';
 const cameras = given[0] === '--cameras' ? given.splice(0, 2)[1] : '';
 const other = given[0] === '--other' ? given.splice(0, 3).slice(1) : null;
@@ -54,13 +56,7 @@ async function checkAccess(url) {
   assert.ok(huge === 413 || huge === 0, `a huge request got ${huge}`);
 }
 
-const child = spawn(program, ['view', ...target, '--port', '0', '--no-open', '--json'], { stdio: ['ignore', 'pipe', 'inherit'] });
-const browser = await launch(...kWebGl);
-let code = 0;
-try {
-  const url = await started(child);
-  await checkAccess(url);
-  const { page, complaints, outside } = await openPage(browser, url);
+async function checkDouble(page, url) {
   await checkPlaying(page);
   await checkSlider(page);
   await checkReach(page);
@@ -77,6 +73,24 @@ try {
     await checkMotion(page, other[0], Number(other[1]));
     await checkPlaying(page);
   }
+}
+
+async function checkWithoutDouble(page) {
+  await checkSequence(page);
+  await page.screenshot({ path: sequence });
+  await checkCameras(page);
+  await leaveCameras(page);
+}
+
+const child = spawn(program, ['view', ...target, '--port', '0', '--no-open', '--json'], { stdio: ['ignore', 'pipe', 'inherit'] });
+const browser = await launch(...kWebGl);
+let code = 0;
+try {
+  const url = await started(child);
+  await checkAccess(url);
+  const { page, complaints, outside } = await openPage(browser, url);
+  if (sequence) await checkWithoutDouble(page);
+  else await checkDouble(page, url);
   await checkPhone(page);
   assert.deepEqual(complaints, []);
   assert.deepEqual(outside, []);

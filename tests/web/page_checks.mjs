@@ -111,7 +111,7 @@ export async function checkCameras(page) {
     await idle(page);
     const off = await page.evaluate((i) => {
       const { picture, source, state } = window.doppel, { K, R, t, width, height } = source.cameras.cameras[i];
-      const corner = picture.cameras.sheet.geometry.getAttribute('position'), place = picture.jointAt(0), at = place.clone();
+      const corner = picture.cameras.sheet.geometry.getAttribute('position'), place = picture.anchor().clone(), at = place.clone();
       picture.camera.updateMatrixWorld();
       const onPage = (point) => point.project(picture.camera).toArray();
       const [left, bottom] = onPage(at.fromBufferAttribute(corner, 3)), [right, top] = onPage(at.fromBufferAttribute(corner, 1));
@@ -119,7 +119,7 @@ export async function checkCameras(page) {
       const pixel = [0, 1].map((r) => (K[r][0] * seen[0] + K[r][1] * seen[1] + K[r][2] * seen[2]) / seen[2]);
       const [x, y] = onPage(place.clone());
       const shown = [((x - left) / (right - left)) * width, ((top - y) / (top - bottom)) * height];
-      return picture.cameras.sheet.visible && state.geometry ? Math.hypot(shown[0] - pixel[0], shown[1] - pixel[1]) : NaN;
+      return picture.cameras.sheet.visible && state.drawn ? Math.hypot(shown[0] - pixel[0], shown[1] - pixel[1]) : NaN;
     }, index);
     assert.ok(off < 0.5, `${cameras[index].name}: the joint is ${off} pixels from its place in the picture`);
   }
@@ -127,6 +127,27 @@ export async function checkCameras(page) {
   await page.keyboard.press('ArrowRight');
   await idle(page);
   console.log(`${cameras.length} cameras of the capture hold their pictures behind the double`);
+}
+
+// A capture without a character: the person's points play, and nothing asks for a double.
+export async function checkSequence(page) {
+  for (const id of ['stages', 'texture', 'beside', 'open', 'opacity', 'rest', 'find', 'dofs', 'mirror'])
+    assert.ok(!(await page.locator(`#${id}`).isVisible()), `#${id} is shown without a double`);
+  const points = () => page.evaluate(() => window.doppel.picture.figure.found.flatMap((place) => place.toArray()));
+  await idle(page);
+  const first = await points();
+  assert.ok(first.length > 3 * 10, `${first.length / 3} points are shown`);
+  await page.keyboard.press('r');  // no double takes the rest pose
+  await page.keyboard.press('Space');
+  await page.waitForFunction(() => window.doppel.state.frame > 2);
+  await page.keyboard.press('Space');
+  await idle(page);
+  const last = await points();
+  assert.ok(Math.abs(first[1] - last[1]) + Math.abs(first[0] - last[0]) > 1e-4, 'playing moves no point');
+  await page.locator('#scrub').evaluate((input) => { input.value = 1; input.dispatchEvent(new Event('input')); });
+  await idle(page);
+  assert.equal(await page.evaluate(() => window.doppel.state.frame), 1);
+  console.log(`${await page.locator('#facts').textContent()}: the points play`);
 }
 
 // Sends poses as a tracker does; the double follows each, and the page says that it is live. @param url of the page

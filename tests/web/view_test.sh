@@ -9,3 +9,7 @@ trap 'rm -rf "$folder"' EXIT
 "$1" synth --preset tiny --out "$folder/capture" >/dev/null 2>&1
 CHROMIUM="$(command -v chromium)" node "$here/check_view.mjs" --cameras "$folder/cameras.png" \
   --other "$folder/capture/training/skeletoolToGTPose/poseAngles.motion" 24 "$1" "$folder/capture"
+# Before the character is made.
+grep -v -e '^character:' -e '^    motion:' "$folder/capture/capture.yaml" >"$folder/capture/filmed.yaml"
+CHROMIUM="$(command -v chromium)" node "$here/check_view.mjs" --sequence "$folder/sequence.png" \
+  "$1" "$folder/capture/filmed.yaml"

@@ -26,7 +26,7 @@ function app(source) {
   const state = { frame: 0, playing: false, edited: null, stage: about.stages.findLast(({ texture_size }) => !texture_size), speed: 1 };
   const dofs = () => state.edited ?? source.dofsOf(state.frame);
 
-  const draw = newestOnly(async () => {
+  async function drawDouble() {
     const { frame, edited } = state, chosen = state.stage, projection = picture.projection();
     const surfaces = [];
     for (const stage of state.beside ? about.stages : [chosen]) {
@@ -35,6 +35,13 @@ function app(source) {
     }
     state.geometry = surfaces.find(({ stage }) => stage === chosen);
     picture.show(surfaces, chosen, state.geometry.joints);
+    return surfaces;
+  }
+
+  const draw = newestOnly(async () => {
+    const { frame } = state;
+    const surfaces = source.points ? [] : await drawDouble();
+    if (source.points) picture.showPoints(source.points(frame));
     if (picture.through >= 0) await picture.project(source.picture(picture.through, frame, element('mask').checked));
     state.drawn = (state.drawn ?? 0) + 1;
     if (!state.framed) {
@@ -70,7 +77,7 @@ function app(source) {
     for (const button of element('stages').children) button.setAttribute('aria-checked', button.textContent === state.stage.name);
   }
   const update = () => { showNumbers(); draw(); };
-  const edit = (pose) => { state.playing = false; state.edited = pose; update(); };
+  const edit = (pose) => { if (source.points) return; state.playing = false; state.edited = pose; update(); };
   const goTo = (frame) => { state.edited = null; state.frame = Math.max(0, Math.min(about.frames - 1, frame)); update(); };
   const play = (on) => { state.playing = on && about.frames > 1; if (on) state.edited = null; state.since = null; showNumbers(); };
 
@@ -89,11 +96,18 @@ function app(source) {
   }
   element('name').textContent = document.title = about.name;
   const showSizes = () => {
-    element('facts').textContent = `${about.vertices} vertices, ${about.dofs.length} DoFs, ${about.frames} frames`;
+    const { cameras } = source.cameras, counts = source.points
+      ? [`${cameras.length} cameras`, ...(about.points.length ? [`${about.points.length} points`] : [])]
+      : [`${about.vertices} vertices`, `${about.dofs.length} DoFs`];
+    element('facts').textContent = [...counts, `${about.frames} frames`].join(', ');
     element('scrub').max = about.frames - 1;
   };
   showSizes();
-  element('scrub').addEventListener('input', (event) => { play(false); goTo(Number(event.target.value)); });
+  element('scrub').addEventListener('input', ({ target }) => {
+    const frame = Number(target.value);  // `play` shows the old one
+    play(false);
+    goTo(frame);
+  });
   element('play').addEventListener('click', () => play(!state.playing));
   element('speed').addEventListener('change', (event) => { state.speed = Number(event.target.value); state.since = null; });
   element('light').addEventListener('input', (event) => picture.turnLight(Number(event.target.value)));
@@ -110,6 +124,12 @@ function app(source) {
   if (window.matchMedia('(max-width: 640px)').matches) element('panel').classList.add('hidden');
   picture.controls.addEventListener('end', () => { if (state.geometry?.texels) draw(); });  // its texture depends on the camera
   if (about.stages.length < 2) element('beside').parentElement.hidden = true;
+  if (source.points) {
+    document.body.classList.add('without-double');
+    element('handles').parentElement.hidden = !about.points.length;
+    element('handles').nextSibling.textContent = ' Points';
+    element('stage').ariaLabel = 'What the cameras filmed. Drag to turn, scroll to zoom.';
+  }
   if (!about.textured) element('texture').parentElement.hidden = true;
 
   // The cameras of the capture.

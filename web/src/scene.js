@@ -6,6 +6,7 @@ import {
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Body } from './body.js';
 import { Cameras, centreOf } from './cameras.js';
+import { Figure } from './figure.js';
 
 const kHandle = 0.02;  // metres
 
@@ -26,6 +27,8 @@ export class Picture {
     this.handles.renderOrder = 1;
     this.handles.frustumCulled = false;
     this.scene.add(this.handles);
+    this.figure = source.points ? new Figure(source.about) : null;  // without a character
+    if (this.figure) this.scene.add(this.figure.group);
     this.through = -1;  // the camera of the capture that the page looks through
     this.opacity = 1;
     this.cameras = new Cameras(this.scene, source.cameras.cameras);
@@ -93,7 +96,7 @@ export class Picture {
   // The picture of the camera that the page looks through. @param address of the picture
   async project(address) {
     const index = this.through;
-    await this.cameras.project(index, address, this.jointAt(0));
+    await this.cameras.project(index, address, this.anchor());
     if (this.through !== index) this.cameras.hide();
     this.redraw();
   }
@@ -149,14 +152,21 @@ export class Picture {
     this.redraw();
   }
 
-  // Points the camera at all bodies in view.
+  // Shows the person's points. @param positions [3K], NaN: not found
+  showPoints(positions) {
+    this.figure.show(positions);
+    this.redraw();
+  }
+
+  // Points the camera at all bodies in view, or at the person's points and all cameras of the capture.
   frameAll() {
     const box = new Box3();
+    if (this.figure) box.setFromPoints([...this.figure.found, ...this.source.cameras.cameras.map(centreOf)]);
     for (const body of this.bodies.values()) if (body.mesh.visible) box.union(body.box().clone().translate(body.mesh.position));
     const centre = box.getCenter(new Vector3()), size = box.getSize(new Vector3());
     const wide = size.x / (2 * this.camera.aspect * Math.tan((this.camera.fov * Math.PI) / 360));
     const distance = Math.max(1.6 * size.y, 1.1 * wide + size.z / 2);
-    this.grid.position.y = box.min.y;
+    this.grid.position.y = this.figure ? Math.min(0, ...this.figure.found.map(({ y }) => y)) : box.min.y;
     this.controls.target.copy(centre);
     this.camera.position.copy(centre).add(new Vector3(0.5 * size.y, 0.15 * size.y, distance));
     this.controls.update();
@@ -183,10 +193,14 @@ export class Picture {
 
   showHandles(wanted) {
     this.handles.visible = wanted;
+    if (this.figure) this.figure.group.visible = wanted;
     this.redraw();
   }
 
   jointAt(j) { return new Vector3(this.joints[3 * j], this.joints[3 * j + 1], this.joints[3 * j + 2]); }
+
+  // What a picture stands behind: the root of the double, or the middle of the person's points.
+  anchor() { return this.figure ? this.figure.middle() ?? this.controls.target : this.jointAt(0); }
 
   // Pixels of the page -> a ray.
   ray(event) {

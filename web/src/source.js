@@ -55,8 +55,11 @@ export async function open() {
     about.frames = frames;
     about.cameras = false;  // they filmed another motion
   }
+  // A sequence without a character: the points of a frame [3K].
+  const all_points = about.points ? new Float32Array(await bytesOf('double/points.bin')) : null;
+  const points = all_points && ((frame) => all_points.subarray(3 * frame * about.points.length, 3 * (frame + 1) * about.points.length));
   const cameras = about.cameras && !in_folder ? await (await fetched('api/cameras')).json() : { cameras: [], masks: false };
   const picture = (camera, frame, mask) => `api/picture?${new URLSearchParams({ camera, frame, mask: Number(mask) })}`;
   const training = about.training && !in_folder ? async () => (await fetched('api/training')).json() : null;
-  return { about, mesh, dofsOf, play, cameras, picture, training, texture: about.textured ? 'double/texture.jpg' : null, ...networks };
+  return { about, mesh, dofsOf, points, play, cameras, picture, training, texture: about.textured ? 'double/texture.jpg' : null, ...networks, ...(points ? { live: null } : {}) };
 }

@@ -41,25 +41,6 @@ std::vector<long> cuts_from(const SequenceEntry& entry, long first) {
   return cuts;
 }
 
-PointMotion find_motion(const Capture& capture, SequenceEntry entry, const CaptureCameras& filmed,
-                        const TrackPointsOptions& options) {
-  RowRange rows = rows_of_sequence(capture, entry, filmed);
-  if (options.limit_frames > 0) rows.last = std::min(rows.last, rows.first + options.limit_frames - 1);
-  entry.last_frame = rows.last;
-  const PointTracks tracks = read_person_tracks(capture, entry, filmed);
-  std::vector<FrameClock> clocks;
-  for (const Camera& camera : filmed.cameras) clocks.push_back(capture.clock(entry, camera.name));
-  PointMotion motion =
-      triangulate_tracks(tracks, filmed.cameras, clocks, capture.fps, rows.first, rows.last, options.motion);
-  if (motion.found() == 0.0)
-    fail(
-        "sequence {}: no two cameras agree on any point; check that calibration, keypoints and `frame_offset` belong "
-        "together",
-        entry.name);
-  fill_and_smooth(motion, cuts_from(entry, rows.first), options.motion);
-  return motion;
-}
-
 ordered_json camera_json(const PointCamera& camera) {
   const double share = camera.seen > 0 ? static_cast<double>(camera.agreeing) / static_cast<double>(camera.seen) : 0.0;
   return {{"camera", camera.name}, {"points", camera.seen}, {"agreeing", share}, {"residual_px", camera.residual_px}};
@@ -83,6 +64,25 @@ ordered_json to_json(const TrackPointsReport& report) {
   return json;
 }
 
+PointMotion points_of_sequence(const Capture& capture, SequenceEntry entry, const CaptureCameras& filmed,
+                               const TrackPointsOptions& options) {
+  RowRange rows = rows_of_sequence(capture, entry, filmed);
+  if (options.limit_frames > 0) rows.last = std::min(rows.last, rows.first + options.limit_frames - 1);
+  entry.last_frame = rows.last;
+  const PointTracks tracks = read_person_tracks(capture, entry, filmed);
+  std::vector<FrameClock> clocks;
+  for (const Camera& camera : filmed.cameras) clocks.push_back(capture.clock(entry, camera.name));
+  PointMotion motion =
+      triangulate_tracks(tracks, filmed.cameras, clocks, capture.fps, rows.first, rows.last, options.motion);
+  if (motion.found() == 0.0)
+    fail(
+        "sequence {}: no two cameras agree on any point; check that calibration, keypoints and `frame_offset` belong "
+        "together",
+        entry.name);
+  fill_and_smooth(motion, cuts_from(entry, rows.first), options.motion);
+  return motion;
+}
+
 TrackPointsReport track_points(const fs::path& path, const TrackPointsOptions& options) {
   const Capture capture = find_capture(path);
   const std::vector<SequenceEntry> wanted = wanted_sequences(capture, options);
@@ -92,7 +92,7 @@ TrackPointsReport track_points(const fs::path& path, const TrackPointsOptions& o
   fs::create_directories(options.out);
   TrackPointsReport report;
   for (const SequenceEntry& entry : own_units(wanted, options)) {
-    report.sequences.push_back({entry.name, find_motion(capture, entry, filmed, options)});
+    report.sequences.push_back({entry.name, points_of_sequence(capture, entry, filmed, options)});
     const PointMotion& motion = report.sequences.back().motion;
     const std::string array = wanted.size() > 1 ? entry.name + "_points.npy" : "points.npy";
     write_point_array(options.out / array, motion);

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "doppel/capture/capture.h"
+#include "doppel/capture/capture_cameras.h"
 #include "doppel/track/points/point_motion.h"
 #include "doppel/track/track_task.h"
 
@@ -23,6 +25,13 @@ struct TrackPointsReport {
 };
 /// The content of `track.json`.
 nlohmann::ordered_json to_json(const TrackPointsReport& report);
+
+/// One person's points in space in a sequence with keypoints, short gaps filled, smoothed.
+/// @param filmed filmed_cameras(capture), or some of these cameras, at least two
+/// @param options `motion` and `limit_frames`
+/// @throws Error when the sequence has no keypoints, or no point that two cameras agree on; FileError as the readers
+PointMotion points_of_sequence(const Capture& capture, SequenceEntry entry, const CaptureCameras& filmed,
+                               const TrackPointsOptions& options = {});
 
 /// Finds one person's points in space in a capture with keypoints of at least two cameras. No character is needed.
 /// Writes into `options.out`:
