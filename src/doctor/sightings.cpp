@@ -322,7 +322,7 @@ void normalise_scale(Sightings& seen) {
 
 void complete_sightings(Sightings& seen) {
   seen.bones.clear();
-  for (const auto& [a, b] : kLimbs)
+  for (const auto& [a, b] : kBodyLimbs)
     if (seen.point(a) >= 0 && seen.point(b) >= 0) seen.bones.push_back({seen.point(a), seen.point(b)});
   seen.size.clear();
   for (const auto& camera : seen.people) {

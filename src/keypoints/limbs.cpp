@@ -31,7 +31,7 @@ std::vector<std::array<int, 2>> sticks_between(const std::vector<std::string>& n
     const std::optional<int> a = find_landmark(names, limb[0]), b = find_landmark(names, limb[1]);
     if (a && b) sticks.push_back({*a, *b});
   };
-  for (const NamedLimb& limb : kLimbs) add(limb);
+  for (const NamedLimb& limb : kBodyLimbs) add(limb);
   for (const NamedLimb& limb : kFeetAndHead) add(limb);
   return sticks;
 }
