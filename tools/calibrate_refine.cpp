@@ -64,10 +64,6 @@ std::vector<Camera> all_cameras(const RigFootage& footage, const std::vector<Cam
   return all;
 }
 
-std::filesystem::path default_out(const Capture& capture) {
-  return folder_of(capture) / (capture.calibration_path().stem().string() + "_refined.yml");
-}
-
 Json json_of(const RigRefinement& found, const std::vector<MovedCamera>& moved, const std::string& out) {
   Json report{{"out", out},
               {"points", found.points},
@@ -138,8 +134,7 @@ int run_refine(const RefineArguments& arguments, const CommonOptions& common) {
   if (found.cameras.size() >= 3)
     for (const RigTake& take : takes)
       for (const MovedCamera& camera : find_moved_cameras(found.cameras, take.tracks)) moved.push_back(camera);
-  const std::filesystem::path out =
-      arguments.out.empty() ? default_out(footage.capture) : std::filesystem::path(arguments.out);
+  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_refined");
   write_calibration(out, all_cameras(footage, found.cameras));
   if (common.json) {
     std::printf("%s\n", json_of(found, moved, out.string()).dump(2).c_str());

@@ -1,10 +1,7 @@
 #include "calibrate_rig.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <set>
 
 #include "doppel/capture/capture_layouts.h"
@@ -13,6 +10,7 @@
 #include "doppel/capture/person_tracks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/log.h"
 
 namespace doppel::tools {
 
@@ -33,14 +31,9 @@ std::set<long> frames_around(const CameraTrack& track, const std::vector<double>
 /// The outlines of one camera in some frames. @throws FileError when a mask cannot be read
 OutlineTrack outlines_of(const RigFootage& footage, std::size_t c, const std::set<long>& frames) {
   const Camera& camera = footage.filmed.cameras[c];
-  const int file_index = footage.filmed.file_index[c];
-  MaskSource masks(footage.capture, footage.entry(), camera, file_index);
-  std::unique_ptr<FrameReader> images;
-  if (masks.needs_image())
-    images = open_frames(footage.capture.source(footage.entry().videos, file_index, camera.name), PixelFormat::colour);
+  MaskReader masks(footage.capture, footage.entry(), camera, footage.filmed.file_index[c]);
   OutlineTrack outlines(as_size(footage.tracks.cameras[c].num_frames()));
-  for (const long frame : frames)
-    outlines[as_size(frame)] = outline_of(masks.read(frame, images ? images->read(frame) : cv::Mat()), camera);
+  for (const long frame : frames) outlines[as_size(frame)] = outline_of(masks.read(frame), camera);
   return outlines;
 }
 
@@ -52,7 +45,7 @@ std::vector<OutlineTrack> outlines_of(const RigFootage& footage, const std::vect
     try {
       outlines.push_back(outlines_of(footage, c, frames[c]));
     } catch (const FileError& error) {
-      spdlog::warn("the masks of camera {} are not used: {}", footage.filmed.cameras[c].name, error.what());
+      log::warn("the masks of camera {} are not used: {}", footage.filmed.cameras[c].name, error.what());
       outlines.emplace_back(as_size(footage.tracks.cameras[c].num_frames()));
     }
   }
@@ -97,6 +90,11 @@ std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage) {
     for (long frame = 0; frame < std::min(track.num_frames(), kMostFirstOutlines); ++frame) of_camera.insert(frame);
   }
   return outlines_of(footage, frames);
+}
+
+std::filesystem::path calibration_to_write(const Capture& capture, const std::string& out, const std::string& ending) {
+  return out.empty() ? folder_of(capture) / (capture.calibration_path().stem().string() + ending + ".yml")
+                     : std::filesystem::path(out);
 }
 
 std::filesystem::path folder_of(const Capture& capture) {

@@ -11,7 +11,8 @@
 
 namespace doppel::tools {
 
-/// What `doppel calibrate sync` and `refine` work on: a sequence of a capture and what its cameras saw of the person.
+/// What `doppel calibrate sync`, `refine` and `world` work on: a sequence of a capture and what its cameras saw of the
+/// person.
 struct RigFootage {
   Capture capture;
   std::size_t sequence = 0;  ///< index into capture.sequences
@@ -36,5 +37,7 @@ std::vector<OutlineTrack> read_first_outlines(const RigFootage& footage);
 
 /// The folder of the capture.yaml; for a capture that was recognised from a folder, this folder.
 std::filesystem::path folder_of(const Capture& capture);
+/// `out`, or without it NAME`ending`.yml in this folder, NAME being that of the capture's calibration.
+std::filesystem::path calibration_to_write(const Capture& capture, const std::string& out, const std::string& ending);
 
 }  // namespace doppel::tools

@@ -39,10 +39,7 @@ int run_world(const WorldArguments& arguments, const CommonOptions& common) {
       world_by_person(footage.filmed.cameras, footage.tracks, indices_of(footage.tracks.points), options);
   std::vector<Camera> cameras = calibrated_cameras(footage.capture);
   for (Camera& camera : cameras) camera = transformed(camera, found.world);
-  const std::filesystem::path out =
-      arguments.out.empty()
-          ? folder_of(footage.capture) / (footage.capture.calibration_path().stem().string() + "_world.yml")
-          : std::filesystem::path(arguments.out);
+  const std::filesystem::path out = calibration_to_write(footage.capture, arguments.out, "_world");
   write_calibration(out, cameras);
   if (common.json) {
     const nlohmann::ordered_json report{{"out", out.string()},        {"scale", found.world.scale},
@@ -57,7 +54,7 @@ int run_world(const WorldArguments& arguments, const CommonOptions& common) {
     std::printf("unit       1 of the old world is %.4g m\n", found.world.scale);
   else
     std::printf("unit       metres, as it was\n");
-  std::printf("floor      y = 0; standing feet are %.0f mm off in the mean\n", 1000.0 * found.floor_spread);
+  std::printf("floor      y = 0; standing feet are %.0f mm off (root mean square)\n", 1000.0 * found.floor_spread);
   std::printf("written: %s\n", out.string().c_str());
   return 0;
 }

@@ -48,7 +48,7 @@ struct DetectArguments {
   bool has_network() const { return !network.empty() || !config.empty(); }
 };
 
-/// Several cameras are no live recording: accuracy counts more than time there, unless the user chose a network.
+/// Whether the sources are several cameras. These are no live recording, so accuracy counts more than time.
 bool several_cameras(const std::vector<DetectSource>& sources) {
   return std::any_of(sources.begin(), sources.end(),
                      [&](const DetectSource& source) { return source.camera != sources[0].camera; });
@@ -119,11 +119,11 @@ class DetectJob {
     const int workers = std::clamp(static_cast<int>(sources_.size()) / shard_.count, 1, threads);
     if (arguments.has_network())
       network_ = choose_network(arguments.network, arguments.config, arguments.layout, arguments.masks);
-    const BodyDetectorOptions options{parse_blazepose_model(arguments_.model),
-                                      std::clamp(threads / workers, 1, 8),
-                                      arguments.masks,
-                                      arguments.mirror.value_or(accurate),
-                                      {}};
+    const BodyDetectorOptions options{.model = parse_blazepose_model(arguments_.model),
+                                      .threads = std::clamp(threads / workers, 1, 8),
+                                      .masks = arguments.masks,
+                                      .mirror = arguments.mirror.value_or(accurate),
+                                      .models = {}};
     const auto person = person_hint(arguments);
     sharpen_ = arguments.masks && !arguments.raw_masks && !network_;
     for (int i = 0; i < workers && common.merged.empty(); ++i)

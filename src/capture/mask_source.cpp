@@ -73,4 +73,12 @@ cv::Mat MaskSource::cut(cv::Mat grey) const {
   return sequence_.largest_component ? largest_component(mask) : mask;
 }
 
+MaskReader::MaskReader(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
+    : masks_(capture, sequence, camera, file_index) {
+  if (masks_.needs_image())
+    images_ = open_frames(capture.source(sequence.videos, file_index, camera.name), PixelFormat::colour);
+}
+
+cv::Mat MaskReader::read(long frame) { return masks_.read(frame, images_ ? images_->read(frame) : cv::Mat()); }
+
 }  // namespace doppel

@@ -43,4 +43,18 @@ class MaskSource {
   std::optional<BackgroundModel> model_;
 };
 
+/// The masks of one camera by frame, for who needs no images: these are opened only where masks are computed from them.
+class MaskReader {
+ public:
+  /// @throws FileError as MaskSource and open_frames @pre sequence.has_masks()
+  MaskReader(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index);
+
+  /// @param frame of the video, in ascending order @return as MaskSource::read
+  cv::Mat read(long frame);
+
+ private:
+  MaskSource masks_;
+  std::unique_ptr<FrameReader> images_;
+};
+
 }  // namespace doppel

@@ -116,7 +116,7 @@ std::optional<BodyPose> BodyDetector::read_pose(const cv::Mat& image, const Body
   BodyRoi in_mirror = roi;
   in_mirror.mirrored = true;
   const std::optional<BodyPose> mirrored = impl_->read(image, in_mirror);
-  return mirrored ? mean_pose({*pose, *mirrored}) : pose;
+  return mirrored ? mean_pose(*pose, *mirrored) : pose;
 }
 
 std::optional<BodyPose> BodyDetector::detect(const cv::Mat& image) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
 
@@ -146,28 +145,16 @@ double landmark_confidence(const BodyPose& pose, std::size_t landmark) {
   return (hidden ? kTrustOfHidden : 1.0) * pose.landmarks[landmark].visibility;
 }
 
-BodyPose mean_pose(const std::vector<BodyPose>& poses) {
-  BodyPose mean = poses.at(0);
-  const double share = 1.0 / static_cast<double>(poses.size());
+BodyPose mean_pose(const BodyPose& first, const BodyPose& second) {
+  BodyPose mean = first;
   for (std::size_t i = 0; i < as_size(kNumBodyLandmarks); ++i) {
-    BodyLandmark sum;
-    Eigen::Vector3d world = Eigen::Vector3d::Zero();
-    for (const BodyPose& pose : poses) {
-      const BodyLandmark& landmark = pose.landmarks[i];
-      sum.x += share * landmark.x;
-      sum.y += share * landmark.y;
-      sum.z += share * landmark.z;
-      sum.visibility += share * landmark.visibility;
-      sum.presence += share * landmark.presence;
-      world += share * pose.world[i];
-    }
-    mean.landmarks[i] = sum;
-    mean.world[i] = world;
+    const BodyLandmark &a = first.landmarks[i], &b = second.landmarks[i];
+    mean.landmarks[i] = {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.z + b.z), 0.5 * (a.visibility + b.visibility),
+                         0.5 * (a.presence + b.presence)};
+    mean.world[i] = 0.5 * (first.world[i] + second.world[i]);
   }
-  if (mean.mask.empty()) return mean;
-  cv::Mat masks = cv::Mat::zeros(mean.mask.size(), CV_32F);
-  for (const BodyPose& pose : poses) cv::accumulate(pose.mask, masks);
-  masks.convertTo(mean.mask, CV_8U, share);
+  mean.mask = cv::Mat();  // not to write into that of `first`
+  if (!first.mask.empty()) cv::addWeighted(first.mask, 0.5, second.mask, 0.5, 0.0, mean.mask);
   return mean;
 }
 

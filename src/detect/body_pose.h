@@ -4,7 +4,6 @@
 #include <array>
 #include <opencv2/core.hpp>
 #include <span>
-#include <vector>
 
 #include "doppel/detect/roi.h"
 
@@ -54,8 +53,8 @@ struct LandmarkOutputs {
 /// in a window of 7 x 7 cells around it, if the map has a probability of 0.5 or more there.
 BodyPose decode_pose(const LandmarkOutputs& outputs, const BodyRoi& roi);
 
-/// The mean of poses of one person in one image. Score and regions are those of the first.
-BodyPose mean_pose(const std::vector<BodyPose>& poses);
+/// The mean of two poses of one person in one image. Score and regions are those of the first.
+BodyPose mean_pose(const BodyPose& first, const BodyPose& second);
 
 /// The probability of the person in each pixel of the image, times 255, 8-bit; 0 outside of the region. The network's
 /// mask is sampled bilinearly.

@@ -10,7 +10,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/doctor/statistics.h"
-#include "doppel/rig/world_by_person.h"
+#include "doppel/rig/stature.h"
 
 namespace doppel {
 

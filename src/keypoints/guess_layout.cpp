@@ -8,6 +8,7 @@
 #include "doppel/core/path_pattern.h"
 #include "doppel/keypoints/keypoint_map.h"
 #include "doppel/keypoints/keypoint_source.h"
+#include "doppel/keypoints/limbs.h"
 #include "doppel/keypoints/read_keypoints.h"
 
 namespace doppel {
@@ -20,21 +21,13 @@ constexpr int kMostFilesRead = 40, kMostFramesTried = 2000;
 constexpr double kClearlyShorter = 0.8;  ///< ratio of the limbs' lengths in the two layouts
 constexpr int kFewestLimbs = 8;          ///< seen in both layouts
 
-/// Neighbours on the body; the order of a wrong layout joins points that are far apart.
-constexpr const char* kLimbs[][2] = {{"nose", "left_eye"},
-                                     {"nose", "right_eye"},
-                                     {"left_shoulder", "right_shoulder"},
-                                     {"left_hip", "right_hip"},
-                                     {"left_shoulder", "left_hip"},
-                                     {"right_shoulder", "right_hip"},
-                                     {"left_elbow", "left_shoulder"},
-                                     {"right_elbow", "right_shoulder"},
-                                     {"left_elbow", "left_wrist"},
-                                     {"right_elbow", "right_wrist"},
-                                     {"left_hip", "left_knee"},
-                                     {"right_hip", "right_knee"},
-                                     {"left_ankle", "left_knee"},
-                                     {"right_ankle", "right_knee"}};
+/// The order of a wrong layout joins points that are far apart.
+std::vector<NamedLimb> checked_limbs() {
+  std::vector<NamedLimb> limbs(kBodyLimbs.begin(), kBodyLimbs.end());
+  limbs.push_back({"nose", "left_eye"});
+  limbs.push_back({"nose", "right_eye"});
+  return limbs;
+}
 
 /// Mean length of the limbs in the order of a layout.
 struct LimbLength {
@@ -45,7 +38,7 @@ struct LimbLength {
 
 LimbLength limb_length(const KeypointMap& map, const std::vector<Detections>& detections) {
   LimbLength length;
-  for (const auto& limb : kLimbs) {
+  for (const NamedLimb& limb : checked_limbs()) {
     const KeypointMap::Entry *a = map.find(limb[0]), *b = map.find(limb[1]);
     if (!a || !b || a->points.size() != 1 || b->points.size() != 1) continue;
     for (const Detections& file : detections)

@@ -41,8 +41,8 @@ std::int64_t keypoint_cameras(const torch::Tensor& points, const KeypointTarget&
                               const KeypointLossOptions& options = {});
 
 /// Mean distance over the batch between projections and the keypoints that count, in scaled pixels, for reports; 0
-/// without such keypoints. A landmark behind the camera, or not finite, is as far off as the image is wide (1024):
-/// otherwise a pose that left the image would be the best. @return scalar without gradient
+/// without such keypoints. A landmark behind the camera, or not finite, is as far off as the image is wide (1024).
+/// Otherwise a pose behind the camera would have the smallest error. @return scalar without gradient
 torch::Tensor keypoint_error(const torch::Tensor& points, const KeypointTarget& target,
                              const KeypointLossOptions& options = {});
 

@@ -16,6 +16,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
+namespace {
+
+constexpr int kAllPairsUpTo = 9;      // cameras
+constexpr std::size_t kPartners = 6;  // of each camera, if there are more
+constexpr double kBestAngle = 1.2;    // radians between the viewing directions of partners
+
+}  // namespace
+
 EpipolarPair::EpipolarPair(const Camera& a, const Camera& b) {
   const Matrix3d b_from_a = b.R * a.R.transpose();
   const Vector3d t = b.t - b_from_a * a.t;
@@ -39,6 +47,13 @@ std::optional<Vector2d> straight_pixel(const Camera& camera, const Vector2d& pix
   return Vector2d(scale * *plane + centre);
 }
 
+Vector2d filmed_pixel(const Camera& camera, const Vector2d& straight) {
+  if (!camera.has_distortion()) return straight;
+  const Eigen::Matrix2d scale = camera.K.topLeftCorner<2, 2>();
+  const Vector2d centre = camera.K.topRightCorner<2, 1>();
+  return scale * camera.distorted(scale.inverse() * (straight - centre)) + centre;
+}
+
 PointTracks straight_tracks(const std::vector<Camera>& cameras, const PointTracks& tracks) {
   PointTracks straight = tracks;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -52,6 +67,26 @@ PointTracks straight_tracks(const std::vector<Camera>& cameras, const PointTrack
       }
   }
   return straight;
+}
+
+std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cameras) {
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t a = 0; a < cameras.size(); ++a) {
+    std::vector<std::pair<double, std::size_t>> partners;
+    for (std::size_t b = 0; b < cameras.size(); ++b) {
+      const double baseline = (cameras[a].centre() - cameras[b].centre()).norm();
+      if (a == b || !(baseline > 1e-6)) continue;  // cameras in one place have no epipolar lines
+      const double cosine = cameras[a].R.row(2).dot(cameras[b].R.row(2));
+      partners.emplace_back(std::abs(std::acos(std::clamp(cosine, -1.0, 1.0)) - kBestAngle), b);
+    }
+    std::sort(partners.begin(), partners.end());
+    if (cameras.size() > as_size(kAllPairsUpTo) && partners.size() > kPartners) partners.resize(kPartners);
+    for (const auto& [difference, b] : partners)
+      pairs.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
+  }
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
 }
 
 std::vector<EpipolarAgreement> epipolar_agreement(const std::vector<Camera>& cameras, const PointTracks& tracks,

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "doppel/geometry/camera.h"
@@ -28,8 +29,15 @@ class EpipolarPair {
 /// @return nothing for pixels that are not finite, or where the lens has no inverse
 std::optional<Eigen::Vector2d> straight_pixel(const Camera& camera, const Eigen::Vector2d& pixel);
 
+/// The pixel as filmed: the inverse of straight_pixel.
+Eigen::Vector2d filmed_pixel(const Camera& camera, const Eigen::Vector2d& straight);
+
 /// The tracks without lens distortion. Points where a lens has no inverse are not seen.
 PointTracks straight_tracks(const std::vector<Camera>& cameras, const PointTracks& tracks);
+
+/// Pairs of cameras that are compared: all for few cameras. For many, each camera with those that look at the person
+/// from the most different sides, but not from opposite ones, where both move along the same lines.
+std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cameras);
 
 /// How well two cameras agree.
 struct EpipolarAgreement {

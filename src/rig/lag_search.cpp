@@ -13,9 +13,6 @@
 namespace doppel {
 namespace {
 
-constexpr int kAllPairsUpTo = 9;           // cameras
-constexpr std::size_t kPartners = 6;       // of each camera, if there are more
-constexpr double kBestAngle = 1.2;         // radians between the viewing directions of partners
 constexpr double kMostFrames = 160.0;      // of one camera that are compared at each lag
 constexpr double kSmallestOverlap = 0.35;  // of the samples at the lag with the most
 constexpr double kFewestOfLag = 30.0;
@@ -175,26 +172,6 @@ class LagGraph {
 };
 
 }  // namespace
-
-std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cameras) {
-  std::vector<std::pair<int, int>> pairs;
-  for (std::size_t a = 0; a < cameras.size(); ++a) {
-    std::vector<std::pair<double, std::size_t>> partners;
-    for (std::size_t b = 0; b < cameras.size(); ++b) {
-      const double baseline = (cameras[a].centre() - cameras[b].centre()).norm();
-      if (a == b || !(baseline > 1e-6)) continue;  // cameras in one place have no epipolar lines
-      const double cosine = cameras[a].R.row(2).dot(cameras[b].R.row(2));
-      partners.emplace_back(std::abs(std::acos(std::clamp(cosine, -1.0, 1.0)) - kBestAngle), b);
-    }
-    std::sort(partners.begin(), partners.end());
-    if (cameras.size() > as_size(kAllPairsUpTo) && partners.size() > kPartners) partners.resize(kPartners);
-    for (const auto& [difference, b] : partners)
-      pairs.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
-  }
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
-  return pairs;
-}
 
 std::vector<FoundLag> search_lags(const std::vector<Camera>& cameras, const PointTracks& tracks,
                                   const LagSearchOptions& options) {

@@ -30,10 +30,6 @@ struct FoundLag {
   double contrast = 1.0;  ///< the lowest cost outside of the minimum over that of the minimum
 };
 
-/// Pairs of cameras that are compared: all for few cameras. For many, each camera with those that look at the person
-/// from the most different sides, but not from opposite ones, where both move along the same lines.
-std::vector<std::pair<int, int>> pairs_to_compare(const std::vector<Camera>& cameras);
-
 /// The lag of every camera. Beginning with the reference, the camera with the clearest minimum over all cameras that
 /// were placed is placed next; then each camera is placed again with respect to all others.
 /// @param tracks without lens distortion

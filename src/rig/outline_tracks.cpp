@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
 #include "doppel/rig/epipolar.h"
 
 namespace doppel {
@@ -43,14 +44,6 @@ void add_crossings(const cv::Mat_<float>& image, bool transposed, std::vector<cv
   }
 }
 
-/// The pixel as filmed of a pixel of the image without distortion.
-Vector2d filmed_pixel(const Camera& camera, const Vector2d& straight) {
-  if (!camera.has_distortion()) return straight;
-  const Eigen::Matrix2d scale = camera.K.topLeftCorner<2, 2>();
-  const Vector2d centre = camera.K.topRightCorner<2, 1>();
-  return scale * camera.distorted(scale.inverse() * (straight - centre)) + centre;
-}
-
 }  // namespace
 
 Outline outline_of(const cv::Mat& mask, const Camera& camera) {
@@ -77,20 +70,28 @@ FrontierFinder::FrontierFinder(const Camera& a, const Camera& b) : cameras_{&a, 
   const Vector3d looking = (a.R.row(2) + b.R.row(2)).transpose() / 2.0;
   const Vector3d towards = looking - along * along.dot(looking);
   usable_ = towards.norm() >= kSmallestTurn;
-  pencil_.row(0) = towards.normalized();
-  pencil_.row(1) = along.cross(towards).normalized();
-  pencil_.row(2) = along;
+  Eigen::Matrix3d pencil;
+  pencil.row(0) = towards.normalized();
+  pencil.row(1) = along.cross(towards).normalized();
+  pencil.row(2) = along;
+  for (std::size_t which = 0; which < 2; ++which)
+    pencil_from_pixel_[which] = pencil * cameras_[which]->R.transpose() * cameras_[which]->K.inverse();
+}
+
+void check_outlines(const std::vector<Camera>& cameras, const std::vector<OutlineTrack>& outlines,
+                    const std::string& purpose) {
+  if (!outlines.empty() && outlines.size() != cameras.size())
+    fail<UsageError>("{}: there are outlines of {} cameras, and {} cameras", purpose, outlines.size(), cameras.size());
 }
 
 std::optional<Vector2d> FrontierFinder::tangent(int which, const Outline& outline, int side) const {
   const Camera& camera = *cameras_[as_size(which)];
-  const Eigen::Matrix3d pencil_from_pixel = pencil_ * camera.R.transpose() * camera.K.inverse();
   const Outline::Corner* best = nullptr;
   double extreme = 0.0;
   for (const Outline::Corner& corner : outline.hull) {
     const auto straight = straight_pixel(camera, corner.pixel);
     if (!straight) return std::nullopt;
-    const Vector3d ray = (pencil_from_pixel * straight->homogeneous()).normalized();
+    const Vector3d ray = (pencil_from_pixel_[as_size(which)] * straight->homogeneous()).normalized();
     const double across = std::hypot(ray.x(), ray.y());
     if (across < kLeastAcross || ray.x() < kWidestPencil * across) return std::nullopt;
     const double slope = (side == 0 ? -1.0 : 1.0) * ray.y() / ray.x();

@@ -11,7 +11,7 @@
 #include "doppel/core/statistics.h"
 #include "doppel/rig/align_cameras.h"
 #include "doppel/rig/bundle_problem.h"
-#include "doppel/rig/lag_search.h"
+#include "doppel/rig/epipolar.h"
 #include "doppel/rig/reprojection.h"
 
 namespace doppel {
@@ -39,9 +39,7 @@ void check_takes(const std::vector<Camera>& cameras, const std::vector<RigTake>&
     check_tracks(cameras, take.tracks, 2, "refining a rig");
     if (take.tracks.points != takes.front().tracks.points)
       fail<UsageError>("refining a rig: the takes have different points of the person");
-    if (!take.outlines.empty() && take.outlines.size() != cameras.size())
-      fail<UsageError>("refining a rig: there are outlines of {} cameras, and {} cameras", take.outlines.size(),
-                       cameras.size());
+    check_outlines(cameras, take.outlines, "refining a rig");
   }
 }
 
@@ -61,7 +59,7 @@ void check_refine_options(const std::vector<Camera>& cameras, const PointTracks&
 
 /// A take, the times of it that are used, and the number of the first stretch of time (Bundle::Point::stretch).
 struct TimedTake {
-  const RigTake& take;
+  const RigTake& recording;
   std::vector<double> times;
   int first_stretch;
 
@@ -92,7 +90,7 @@ Bundle bundle_of(const std::vector<Camera>& cameras, const std::vector<TimedTake
   std::vector<std::vector<double>> limb_lengths(limbs.size());
   int group = 0;
   const auto add_time = [&](const TimedTake& take, double time) {
-    const PointTracks& tracks = take.take.tracks;
+    const PointTracks& tracks = take.recording.tracks;
     std::vector<int> index(as_size(tracks.num_points()), -1);
     for (int k = 0; k < tracks.num_points(); ++k) {
       std::vector<SeenFrom> seen = seen_at(tracks, time, k);
@@ -125,8 +123,8 @@ void add_frontier_points(Bundle& bundle, const std::vector<TimedTake>& takes, in
   options.inlier_threshold = threshold;
   const auto add = [&](const TimedTake& take, double time, int side) {
     const auto find = [&](int which, int camera) {
-      const double frame = take.take.tracks.cameras[as_size(camera)].frame_at(time);
-      return finder.find(which, take.take.outlines[as_size(camera)], frame, side);
+      const double frame = take.recording.tracks.cameras[as_size(camera)].frame_at(time);
+      return finder.find(which, take.recording.outlines[as_size(camera)], frame, side);
     };
     const auto in_a = find(0, a), in_b = find(1, b);
     if (!in_a || !in_b) return;
@@ -138,7 +136,7 @@ void add_frontier_points(Bundle& bundle, const std::vector<TimedTake>& takes, in
     bundle.observations.push_back({b, index, *in_b});
   };
   for (const TimedTake& take : takes) {
-    if (take.take.outlines.empty()) continue;
+    if (take.recording.outlines.empty()) continue;
     for (const double time : take.times)
       for (const int side : {0, 1}) add(take, time, side);
   }
@@ -241,16 +239,16 @@ void check_points(const Bundle& bundle) {
          std::sqrt(spread));
 }
 
-/// The largest turn (radians) and shift (metres) of a camera, after the rigs are brought to each other.
-std::pair<double, double> largest_change(const std::vector<Camera>& from, const std::vector<Camera>& to) {
-  const Similarity world = align_cameras(from, to);
-  double turn = 0.0, shift = 0.0;
-  for (std::size_t c = 0; c < from.size(); ++c) {
-    const Camera moved = transformed(from[c], world);
-    turn = std::max(turn, Eigen::AngleAxisd(moved.R * to[c].R.transpose()).angle());
-    shift = std::max(shift, (moved.centre() - to[c].centre()).norm());
+/// Whether no camera turned or moved, apart from a similarity of the world.
+bool are_settled(const std::vector<Camera>& cameras, const std::vector<Camera>& before) {
+  const Similarity world = align_cameras(cameras, before);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const Camera aligned = transformed(cameras[c], world);
+    if (!(Eigen::AngleAxisd(aligned.R * before[c].R.transpose()).angle() <= kSettledTurn) ||
+        !((aligned.centre() - before[c].centre()).norm() <= kSettledShift))
+      return false;
   }
-  return {turn, shift};
+  return true;
 }
 
 /// The run of one refinement: rounds of least squares whose robust kernel narrows.
@@ -267,8 +265,6 @@ class Refinement {
   RigRefinement run() {
     const std::vector<Camera> initial = cameras_;
     Bundle bundle = first_bundle();
-    num_points_ = bundle.observations.size();
-    weigh(bundle, num_points_);
     double kernel = next_kernel(bundle);
     const int rounds = has_outlines_ ? kMostRoundsOfOutlines : kMostRounds;
     for (int round = 0; round < rounds; ++round) {
@@ -277,7 +273,7 @@ class Refinement {
       const double narrower = std::min(kernel, next_kernel(bundle));
       const bool settled = kernel - narrower <= kSettled * kernel;
       kernel = narrower;
-      if (settled && (!has_outlines_ || (round > 0 && is_settled(before)))) break;
+      if (settled && (!has_outlines_ || (round > 0 && are_settled(cameras_, before)))) break;
       if (round + 1 < rounds) bundle = next_bundle(kernel);
     }
     align(initial, bundle);
@@ -306,6 +302,8 @@ class Refinement {
            kFewestObservations);
     bundle = make();
     check_points(bundle);
+    num_points_ = bundle.observations.size();
+    weigh(bundle, num_points_);
     return bundle;
   }
 
@@ -320,11 +318,6 @@ class Refinement {
         if (takes_part_[as_size(a)] && takes_part_[as_size(b)]) add_frontier_points(bundle, takes_, a, b, threshold);
     weigh(bundle, num_points_);
     return bundle;
-  }
-
-  bool is_settled(const std::vector<Camera>& before) const {
-    const auto [turn, shift] = largest_change(cameras_, before);
-    return turn <= kSettledTurn && shift <= kSettledShift;
   }
 
   double next_kernel(const Bundle& bundle) const {
@@ -405,7 +398,7 @@ class Refinement {
   std::vector<std::vector<double>> distances(const std::vector<Camera>& cameras) const {
     std::vector<std::vector<double>> all(cameras.size());
     for (const TimedTake& take : takes_) {
-      const auto of_take = reprojection_distances(cameras, take.take.tracks, take.times);
+      const auto of_take = reprojection_distances(cameras, take.recording.tracks, take.times);
       for (std::size_t c = 0; c < all.size(); ++c) all[c].insert(all[c].end(), of_take[c].begin(), of_take[c].end());
     }
     return all;

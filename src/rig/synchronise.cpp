@@ -74,12 +74,12 @@ std::vector<double> agreements(const std::vector<Camera>& cameras, const PointTr
   return sums;
 }
 
-/// The tracks with two more points for each pair: its frontier points, seen by its cameras alone. Where a camera sees
-/// them depends on its own outline only, so that they have tracks like points.
+/// The tracks with two more points for each pair: its frontier points, seen by its cameras alone. The pixel of a
+/// frontier point depends on the outline of its own camera only, so frontier points have tracks like points.
 PointTracks with_tangents(const std::vector<Camera>& cameras, const PointTracks& clean,
                           const std::vector<std::pair<int, int>>& pairs, const std::vector<OutlineTrack>& outlines) {
   PointTracks result = clean;
-  for (std::size_t i = 0; i < 2 * pairs.size(); ++i) result.points.push_back(fmt::format("tangent {}", i));
+  result.points.resize(result.points.size() + 2 * pairs.size());
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const CameraTrack& old = clean.cameras[c];
     CameraTrack track(old.name, old.fps, old.num_frames(), result.num_points());
@@ -169,9 +169,7 @@ Synchronisation synchronise(const std::vector<Camera>& cameras, const PointTrack
                             const SynchroniseOptions& options, const std::vector<OutlineTrack>& outlines) {
   check_tracks(cameras, tracks, 2, "synchronising");
   check_options(tracks, options);
-  if (!outlines.empty() && outlines.size() != cameras.size())
-    fail<UsageError>("synchronising: there are outlines of {} cameras, and {} cameras", outlines.size(),
-                     cameras.size());
+  check_outlines(cameras, outlines, "synchronising");
   PointTracks clean = cleaned(cameras, tracks);
   const double slowest = slowest_rate(tracks), width = std::max(kShortestWidth, 1.0 / slowest);
   const std::vector<FoundLag> lags = whole_lags(cameras, clean, width, options);

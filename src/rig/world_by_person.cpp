@@ -10,6 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 #include "doppel/rig/reprojection.h"
+#include "doppel/rig/stature.h"
 #include "doppel/solver/residuals.h"
 
 namespace doppel {
@@ -19,14 +20,13 @@ using Eigen::Vector3d;
 
 constexpr double kSmallestPerson = 0.9, kLargestPerson = 2.35, kUsualStature = 1.7;     // metres
 constexpr double kHeightOfAnkle = 0.047, kHeightOfHeel = 0.018, kHeightOfToes = 0.015;  // above the floor; of stature
-constexpr double kLegAndTrunkShare = 0.755, kLegShare = 0.475, kTrunkShare = 0.28;      // of stature
 constexpr double kRaisedFoot = 0.03;  // of stature; above the other foot
 constexpr int kUprightSteps = 5;
-constexpr double kFewestTimes = 10;
+constexpr std::size_t kFewestTimes = 10;
 constexpr double kLeastUpright = 0.5;     // length of the median direction
 constexpr double kHeightNoise = 0.012;    // of the lower foot; of stature
 constexpr double kDependentTimes = 10.0;  // whose errors are about the same
-constexpr double kLeaning = 0.1;         // radians; of the upright direction against up
+constexpr double kLeaning = 0.1;          // radians; of the upright direction against up
 constexpr int kFloorSteps = 10;
 constexpr double kRoomRadius = 3.0;  // metres; mean distance of cameras from their middle
 
@@ -80,7 +80,7 @@ double stature_of(const PersonInSpace& person, const BodyPointIndices& points) {
   return stature_by(mean_of(legs), trunk);
 }
 
-/// Where the weight rests: on the lower ankle, or between both where none is raised.
+/// The lower ankle, or the middle of both where none is raised: the weight of the person is above.
 Vector3d support(const PersonInSpace& person, const BodyPointIndices& points, std::size_t t, const Vector3d& up,
                  double stature) {
   const Vector3d left = person.at(t, points.ankles[0]), right = person.at(t, points.ankles[1]);
@@ -187,11 +187,6 @@ void check_points(const BodyPointIndices& points) {
 }
 
 }  // namespace
-
-double stature_by(double leg, double trunk) {
-  if (leg > 0.0 && trunk > 0.0) return (leg + trunk) / kLegAndTrunkShare;
-  return leg > 0.0 ? leg / kLegShare : std::max(0.0, trunk / kTrunkShare);
-}
 
 WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTracks& tracks,
                               const BodyPointIndices& points, const WorldOptions& options) {

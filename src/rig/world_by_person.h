@@ -9,11 +9,6 @@
 
 namespace doppel {
 
-/// A person's stature by two lengths: from hip over knee to ankle, and from the middle of the hips to that of the
-/// shoulders. Detectors and rigs put the hips at different heights, which hardly changes the sum: .755 of the stature.
-/// @param leg, trunk 0: not known @return 0 when neither is known
-double stature_by(double leg, double trunk);
-
 /// Indices of a detector's points, left and right; -1: the detector does not find the point.
 struct BodyPointIndices {
   using Pair = std::array<int, 2>;
@@ -37,9 +32,10 @@ struct WorldByPerson {
 };
 
 /// Finds floor, up and unit of a rig that only knows how its cameras stand to each other, by a person who walks. Up is
-/// first the median direction from the standing foot, or from between both, to the trunk: a person who does not fall
-/// has his weight above his feet. The floor is the plane below the lower foot of each time, by robust least squares,
-/// drawn to the upright direction: a person on one spot does not show how the floor lies.
+/// first the median direction from the standing foot, or from the middle of both feet, to the trunk: a person who does
+/// not fall has his weight above his feet. The floor is the plane below the lower foot of each time, by robust least
+/// squares with a prior on its normal, the upright direction: a person on one spot does not show the slope of the
+/// floor.
 /// @throws Error as check_tracks for fewer than two cameras, when hips, shoulders and ankles are not found, or when the
 /// person does not stand
 WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTracks& tracks,

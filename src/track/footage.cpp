@@ -118,19 +118,14 @@ class ViewMasks {
   /// @param row ascending @return empty without masks
   cv::Mat read(long row) {
     if (!view_.entry.has_masks()) return cv::Mat();
-    if (!masks_) {
-      masks_ = view_.open_masks();
-      if (masks_->needs_image()) images_ = view_.open_images();
-    }
-    const long frame = clock_.frame(row);
-    return masks_->read(frame, images_ ? images_->read(frame) : cv::Mat());
+    if (!masks_) masks_.emplace(view_.capture, view_.entry, view_.camera, view_.file_index);
+    return masks_->read(clock_.frame(row));
   }
 
  private:
   View view_;
   FrameClock clock_;
-  std::optional<MaskSource> masks_;
-  std::unique_ptr<FrameReader> images_;
+  std::optional<MaskReader> masks_;
 };
 
 /// The keypoint files of a sequence, and who of the people in them is followed.

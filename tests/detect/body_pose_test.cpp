@@ -102,7 +102,7 @@ TEST(MeanPose, IsTheMeanOfPointsAndMasks) {
   first.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(100));
   second.mask = cv::Mat(2, 3, CV_8U, cv::Scalar(200));
   first.score = 0.9;
-  const BodyPose mean = mean_pose({first, second});
+  const BodyPose mean = mean_pose(first, second);
   EXPECT_NEAR(mean.landmarks[4].x, 15, 1e-12);
   EXPECT_NEAR(mean.landmarks[4].z, 20, 1e-12);
   EXPECT_NEAR(mean.landmarks[4].visibility, 0.75, 1e-12);

@@ -38,9 +38,7 @@ inline std::vector<OutlineTrack> outlines_of(const std::vector<Camera>& cameras,
         }
       cv::convexHull(pixels, hull);
       for (const cv::Point2f& corner : hull) {
-        const Eigen::Matrix2d scale = cameras[c].K.topLeftCorner<2, 2>();
-        const Eigen::Vector2d middle = cameras[c].K.topRightCorner<2, 1>(), straight(corner.x, corner.y);
-        const Eigen::Vector2d filmed = scale * cameras[c].distorted(scale.inverse() * (straight - middle)) + middle;
+        const Eigen::Vector2d filmed = filmed_pixel(cameras[c], {corner.x, corner.y});
         track[as_size(f)].hull.push_back({filmed + Eigen::Vector2d(normal(random), normal(random)), false});
       }
     }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "doppel/core/error.h"
+#include "doppel/rig/stature.h"
 #include "rig/walking_rig.h"
 #include "support/message_of.h"
 

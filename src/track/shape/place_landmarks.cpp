@@ -4,15 +4,12 @@
 #include "doppel/character/landmarks.h"
 
 namespace doppel {
+
 std::vector<Marker> place_landmarks(const Footage& footage, const std::vector<FootageSequence>& sequences,
                                     const TrackConfig& config, int frames) {
   const std::vector<std::string> names = landmark_names(footage.landmarks());
   const LandmarkPlaces family(with_markers(footage.character(), footage.landmarks()), names);
-  const ShapeRounds rounds;
-  Progress progress("landmarks", frames + rounds.rounds + 1);
-  const SeenFrames seen = see_frames(footage, sequences, frames, progress);
-  const ShapedCharacter placed = find_shape(family, names, footage.cameras(), seen, config, rounds, progress);
-  progress.finish();
+  const ShapedCharacter placed = find_shape(family, footage, sequences, config, frames, "landmarks");
   return markers_named(placed.character.skeleton, names);
 }
 

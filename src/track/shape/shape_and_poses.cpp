@@ -100,4 +100,16 @@ ShapedCharacter find_shape(const ShapeFamily& family, const std::vector<std::str
   }
 }
 
+ShapedCharacter find_shape(const ShapeFamily& family, const Footage& footage,
+                           const std::vector<FootageSequence>& sequences, const TrackConfig& config, int count,
+                           const std::string& title) {
+  const ShapeRounds rounds;
+  Progress progress(title, count + rounds.rounds + 1);
+  const SeenFrames seen = see_frames(footage, sequences, count, progress);
+  ShapedCharacter shaped =
+      find_shape(family, landmark_names(footage.landmarks()), footage.cameras(), seen, config, rounds, progress);
+  progress.finish();
+  return shaped;
+}
+
 }  // namespace doppel

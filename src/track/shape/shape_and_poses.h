@@ -67,5 +67,9 @@ struct ShapeRounds {
 ShapedCharacter find_shape(const ShapeFamily& family, const std::vector<std::string>& landmarks,
                            const std::vector<PinholeCamera>& cameras, const SeenFrames& frames,
                            const TrackConfig& config, const ShapeRounds& rounds, Progress& progress);
+/// The same in about `count` frames of sequences, for the landmarks of the footage. @param title of the progress
+ShapedCharacter find_shape(const ShapeFamily& family, const Footage& footage,
+                           const std::vector<FootageSequence>& sequences, const TrackConfig& config, int count,
+                           const std::string& title);
 
 }  // namespace doppel
