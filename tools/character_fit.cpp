@@ -11,6 +11,7 @@
 #include "doppel/body/body_shapes.h"
 #include "doppel/capture/capture.h"
 #include "doppel/character/character_folder.h"
+#include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -24,6 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
+
+constexpr const char* kLandmarksFile = "landmarks.csv";
 
 struct FitOptions {
   std::string capture, out, config, name = "actor";
@@ -58,10 +61,13 @@ Json report_of(const fs::path& written, const ShapeFamily& family, const FittedC
   return report;
 }
 
-/// The capture with this character, and the weight of the outlines for `doppel track`, beside the character.
+/// The capture with this character and its landmarks, and the weight of the outlines for `doppel track`, beside the
+/// character.
 void write_fitted_capture(const fs::path& out, const fs::path& character, const Footage& footage, double outlines) {
   Capture capture = footage.capture();
-  capture.character = fs::absolute(character).lexically_normal().string();
+  const fs::path folder = fs::absolute(character).lexically_normal().parent_path();
+  capture.character = (folder / character.filename()).string();
+  capture.landmarks = (folder / kLandmarksFile).string();
   for (SequenceEntry& entry : capture.sequences) entry.motion.clear();  // of another skeleton
   write_capture(out / "capture.yaml", capture,
                 {"Written by `doppel character fit`: the capture with the fitted character."});
@@ -84,6 +90,7 @@ int run_fit(FitOptions options, const CommonOptions& common) {
   const FittedCharacter fitted = fit_character(family, *footage, options.fit);
   const fs::path written = write_character_folder(out, options.name, [&](const fs::path& folder) {
     write_character(folder, fitted.character);
+    write_landmarks(folder / kLandmarksFile, fitted.character, fitted.landmarks);
     write_atomically(folder / "measures.json", measures_of(family, fitted.parameters).dump(2) + "\n");
     if (!fitted.sheet.empty()) write_image(folder / "fit.jpg", fitted.sheet);
   });

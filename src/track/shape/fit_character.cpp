@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "doppel/character/landmark_places.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
@@ -66,9 +67,8 @@ void bake(const Footage& footage, const FitCharacterOptions& options, FittedChar
   fitted.character.mesh.texture = texture.texture();
 }
 
-cv::Mat sheet_of(const Footage& footage, const std::vector<Marker>& landmarks, const FitCharacterOptions& options,
-                 const FittedCharacter& fitted) {
-  const PoseModel model(fitted.character, landmarks, {});
+cv::Mat sheet_of(const Footage& footage, const FitCharacterOptions& options, const FittedCharacter& fitted) {
+  const PoseModel model(fitted.character, fitted.landmarks, {});
   TrackSheet sheet(footage.cameras(), model, options.config.fit.outline_pixels);
   const std::size_t count = fitted.poses.frames.size();
   const std::size_t step = std::max<std::size_t>(1, count / as_size(std::max(1, options.sheet_frames)));
@@ -96,18 +96,17 @@ void warn_of_disagreement(const Footage& footage, const SeenFrames& frames) {
 }
 
 /// Bends the template to the outlines of all frames, and finds the poses again.
-void bend(const Footage& footage, const std::vector<std::string>& names, const SeenFrames& frames,
-          const FitCharacterOptions& options, FittedCharacter& fitted, Progress& progress) {
+void bend(const Footage& footage, const SeenFrames& frames, const FitCharacterOptions& options, FittedCharacter& fitted,
+          Progress& progress) {
   for (int round = 0; round < options.bends; ++round) {
-    const std::vector<Marker> landmarks = markers_named(fitted.character.skeleton, names);
-    TemplateFit fit(fitted.character, landmarks, footage.cameras(), options.config.surface);
+    TemplateFit fit(fitted.character, fitted.landmarks, footage.cameras(), options.config.surface);
     double overlap = 0.0;
     for (const PosedEvidence& frame : fitted.poses.frames) {
       overlap += fit.add(frame.seen, frame.dofs) / static_cast<double>(fitted.poses.frames.size());
       progress.advance(1, "surface");
     }
     fitted.character = fit.character();
-    fitted.poses = find_poses(fitted.character, landmarks, footage.cameras(), frames, options.config);
+    fitted.poses = find_poses(fitted.character, fitted.landmarks, footage.cameras(), frames, options.config);
     log::info("surface bent to the outlines: IoU {:.4f} of each frame's surface, {:.4f} of the common template",
               overlap, fitted.poses.overlap);
   }
@@ -121,20 +120,23 @@ FittedCharacter fit_character(const ShapeFamily& family, const Footage& footage,
   const bool masks = std::all_of(sequences.begin(), sequences.end(), [](const auto& s) { return s.has_masks; });
   const std::vector<std::string> names = landmark_names(footage.landmarks());
   const int bends = masks ? options.bends : 0;
-  Progress progress("fit", static_cast<std::int64_t>(options.frames) * (2 + bends) + options.shape.rounds + 1);
+  Progress progress("fit", static_cast<std::int64_t>(options.frames) * (2 + bends) + 2 * (options.shape.rounds + 1));
   const SeenFrames frames = see_frames(footage, sequences, options.frames, progress);
   warn_of_disagreement(footage, frames);
 
   ShapedCharacter shaped =
       find_shape(family, names, footage.cameras(), frames, options.config, options.shape, progress);
+  ShapedCharacter placed = find_shape(LandmarkPlaces(shaped.character, names), names, footage.cameras(), frames,
+                                      options.config, options.shape, progress);
   FittedCharacter fitted;
+  fitted.landmarks = markers_named(placed.character.skeleton, names);
   fitted.parameters = std::move(shaped.parameters);
   fitted.character = std::move(shaped.character);
-  fitted.poses = std::move(shaped.poses);
+  fitted.poses = std::move(placed.poses);
   fitted.measured_overlap = fitted.poses.overlap;
-  if (masks) bend(footage, names, frames, options, fitted, progress);
+  if (masks) bend(footage, frames, options, fitted, progress);
   if (options.texture_size > 0) bake(footage, options, fitted, progress);
-  fitted.sheet = sheet_of(footage, markers_named(fitted.character.skeleton, names), options, fitted);
+  fitted.sheet = sheet_of(footage, options, fitted);
   progress.finish();
   return fitted;
 }

@@ -27,6 +27,7 @@ struct FitCharacterOptions {
 struct FittedCharacter {
   Character character;
   std::vector<double> parameters;  ///< [P] of the family, before the surface was bent
+  std::vector<Marker> landmarks;   ///< [M] where on the body the detector sees them, in the order of the keypoints
   PosedFrames poses;               ///< of the final character
   double measured_overlap = 0.0;   ///< IoU with the masks before the surface was bent
   double texture_coverage = 0.0;   ///< share of the texels that an image showed
@@ -34,8 +35,8 @@ struct FittedCharacter {
 };
 
 /// Makes the character of a filmed person without a scan: the shape of a family that fits keypoints and outlines of
-/// many frames best, then a template that is bent to the outlines of all these frames by the embedded graph, then a
-/// texture from their images.
+/// many frames best, then the places of the detector's landmarks on this body (LandmarkPlaces), then a template that is
+/// bent to the outlines of all these frames by the embedded graph, then a texture from their images.
 /// @param footage of a capture with keypoints, opened for a character of the family; masks and images are used where
 ///   there are any
 /// @throws UsageError for an unknown sequence; Error when no frame can be fitted

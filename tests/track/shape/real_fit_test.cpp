@@ -40,7 +40,7 @@ TEST_F(RealFit, AManIsMeasuredByHisKeypoints) {
   RecordProperty("keypoint_error_px", std::to_string(fitted.poses.keypoint_error));
   EXPECT_EQ(fitted.poses.frames.size(), 8u);
   EXPECT_GT(fitted.poses.inlier_ratio, 0.9);
-  EXPECT_LT(fitted.poses.keypoint_error, 14.0) << "the points of the cameras are 10 pixels apart";
+  EXPECT_LT(fitted.poses.keypoint_error, 12.0) << "the points of the cameras are 10 pixels apart";
   double top = 0.0;
   for (const Eigen::Vector3d& p : fitted.character.mesh.vertices) top = std::max(top, p.y());
   EXPECT_NEAR(top, 1.72, 0.1) << "a man of usual height";
