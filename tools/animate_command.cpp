@@ -18,6 +18,7 @@
 #include "doppel/character/loop_motion.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
 #include "doppel/export/animation.h"
@@ -348,6 +349,7 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   const double fps = read.frames_per_second;
   const Motion motion =
       options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, fps)) : read.motion;
+  const FolderLock lock(options.out);
   FigureReport figure;
   const auto writers = make_writers(options, character, performer, fps, figure);
   write_motions(options, character, motion, fps);

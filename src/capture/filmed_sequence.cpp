@@ -50,6 +50,11 @@ RowRange rows_of_sequence(const Capture& capture, const SequenceEntry& sequence,
     if (!sequence.last_frame) expected = found;
   }
   const RowRange range{sequence.first_frame, sequence.last_frame.value_or(rows - 1)};
+  if (rows <= 0)
+    fail(
+        "sequence {}: there is no frame that all cameras filmed; an image file is empty or damaged, or the offsets in "
+        "capture.yaml leave the cameras no time in common",
+        sequence.name);
   if (range.last >= rows || range.first > range.last)
     fail("sequence {}: frames {} to {} are requested, but all cameras together have frames 0 to {}", sequence.name,
          range.first, range.last, rows - 1);
