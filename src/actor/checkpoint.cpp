@@ -234,6 +234,7 @@ void CheckpointFolder::note(std::int64_t step, const Checkpoint& checkpoint) con
   const fs::path latest = folder_ / "latest";
   if (!fs::exists(latest) || read_file(latest) != path(step).filename().string() + "\n") name_step("latest", step);
   note_best(step, checkpoint);
+  remove_leftovers();
 }
 
 /// Among equal losses, the earlier step stays the best.
@@ -258,7 +259,6 @@ void CheckpointFolder::save(std::int64_t step, const Checkpoint& checkpoint) {
   fs::create_directories(folder_);
   checkpoint.save(path(step));
   note(step, checkpoint);
-  remove_leftovers();
   prune();
 }
 

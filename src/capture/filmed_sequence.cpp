@@ -42,19 +42,19 @@ RowRange rows_of_sequence(const Capture& capture, const SequenceEntry& sequence,
       rows = std::min(rows, *sequence.last_frame + 1);  // keypoints alone
       continue;
     }
-    const auto reader = sequence.masks.empty()
-                            ? open_frames(capture.source(sequence.videos, index, camera.name), PixelFormat::colour)
-                            : open_frames(capture.source(sequence.masks, index, camera.name), PixelFormat::grey);
-    const long found = reader->num_frames(expected);
-    rows = std::min(rows, capture.clock(sequence, camera.name).num_rows(found));
+    const bool masks = !sequence.masks.empty();
+    const std::string source = capture.source(masks ? sequence.masks : sequence.videos, index, camera.name);
+    const long found = open_frames(source, masks ? PixelFormat::grey : PixelFormat::colour)->num_frames(expected);
+    const long filmed_rows = capture.clock(sequence, camera.name).num_rows(found);
+    if (filmed_rows <= 0)
+      fail(
+          "sequence {}: camera {} filmed no frame of it, with the {} frames of {}; the file is damaged, or the "
+          "frame_offset in capture.yaml belongs to another file",
+          sequence.name, camera.name, found, source);
+    rows = std::min(rows, filmed_rows);
     if (!sequence.last_frame) expected = found;
   }
   const RowRange range{sequence.first_frame, sequence.last_frame.value_or(rows - 1)};
-  if (rows <= 0)
-    fail(
-        "sequence {}: there is no frame that all cameras filmed; an image file is empty or damaged, or the offsets in "
-        "capture.yaml leave the cameras no time in common",
-        sequence.name);
   if (range.last >= rows || range.first > range.last)
     fail("sequence {}: frames {} to {} are requested, but all cameras together have frames 0 to {}", sequence.name,
          range.first, range.last, rows - 1);

@@ -184,6 +184,20 @@ TEST(CheckpointFolderRecovers, FromADamagedNewestFileAndLeftovers) {
   EXPECT_TRUE(fs::exists(folder / "notes.txt"));
 }
 
+// A run killed while it names its last checkpoint saves no other one, which would remove the remains.
+TEST(CheckpointFolderRecovers, FromAKillBetweenACheckpointAndItsName) {
+  const TemporaryFolder folder;
+  CheckpointFolder checkpoints(folder.path(), 3);
+  checkpoints.save(1, example(1));
+  example(2).save(checkpoints.path(2));
+  write(folder / ".latest.4711-27", "step-000002.pt\n");
+  write(folder / ".notes.4711-27", "not ours");
+  checkpoints.note(2, example(2));
+  EXPECT_EQ(read_file(folder / "latest"), "step-000002.pt\n");
+  EXPECT_FALSE(fs::exists(folder / ".latest.4711-27"));
+  EXPECT_TRUE(fs::exists(folder / ".notes.4711-27"));
+}
+
 TEST(CheckpointFolderRejects, NothingReadable) {
   const TemporaryFolder folder;
   CheckpointFolder checkpoints(folder.path());
