@@ -175,26 +175,39 @@ void Planner::order_joints() {
   }
 }
 
-/// The place of a skin's vertices for which most joints keep them as they are in the rest pose.
+/// The first of the matrices that agree with most others; a difference of 1e-4 of the largest entry is none.
+/// @param candidates indices into `matrices`, at least one; on return those that agree with the chosen one
+template <typename Matrix>
+std::size_t most_agreed(const std::vector<Matrix>& matrices, std::vector<std::size_t>& candidates) {
+  std::vector<std::size_t> best;
+  for (const std::size_t a : candidates) {
+    const double tolerance = 1e-4 * std::max(matrices[a].cwiseAbs().maxCoeff(), 1e-12);
+    std::vector<std::size_t> agreeing;
+    for (const std::size_t b : candidates)
+      if ((matrices[b] - matrices[a]).cwiseAbs().maxCoeff() < tolerance) agreeing.push_back(b);
+    if (agreeing.size() > best.size()) best = std::move(agreeing);
+  }
+  candidates = best;
+  return candidates.front();
+}
+
+/// The place of a skin's vertices for which most joints keep them as they are in the rest pose. Where the rest pose is
+/// another pose, few joints agree in all. Then the trunk and the joints that stand as it does agree at least in their
+/// directions, and outvote the bones of a hand.
 Affine Planner::bind_of_skin(const SceneSkin& skin) const {
   if (skin.bind_place) return *skin.bind_place;
   std::vector<Affine> places;
-  for (std::size_t j = 0; j < skin.joints.size(); ++j)
+  std::vector<Eigen::Matrix3d> directions;
+  std::vector<Eigen::Matrix4d> matrices;
+  std::vector<std::size_t> candidates;
+  for (std::size_t j = 0; j < skin.joints.size(); ++j) {
     places.push_back(rest_[as_size(skin.joints[j])] * skin.joint_from_mesh[j]);
-  std::size_t best = 0;
-  int most = 0;
-  for (std::size_t a = 0; a < places.size(); ++a) {
-    const double tolerance = 1e-4 * std::max(places[a].matrix().cwiseAbs().maxCoeff(), 1e-12);
-    const auto agrees = [&](const Affine& other) {
-      return (other.matrix() - places[a].matrix()).cwiseAbs().maxCoeff() < tolerance;
-    };
-    const int votes = static_cast<int>(std::count_if(places.begin(), places.end(), agrees));
-    if (votes > most) {
-      most = votes;
-      best = a;
-    }
+    directions.emplace_back(places[j].linear());
+    matrices.push_back(places[j].matrix());
+    candidates.push_back(j);
   }
-  return places[best];
+  most_agreed(directions, candidates);
+  return places[most_agreed(matrices, candidates)];
 }
 
 void Planner::find_bind_poses() {

@@ -25,8 +25,8 @@ struct RigPlan {
 /// The joints of all skins in use, the nodes between them, and nodes that carry parts without a skin and move by
 /// themselves. If that leaves several roots, the node above all of them is the root.
 ///
-/// The bind pose is the one in which most joints of a skin agree that the surface keeps its shape; where a file names
-/// it, that one.
+/// The bind pose is the one in which most joints of a skin agree that the surface keeps its shape and, first, its
+/// directions; where a file names it, that one.
 /// @throws Error when no surface has a skin, or a joint is mirrored or sheared against its bind pose
 RigPlan plan_rig(const Scene& scene);
 

@@ -7,7 +7,7 @@
 
 #include "doppel/character/blend_skin.h"
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
+#include "doppel/rigging/hinges.h"
 #include "doppel/rigging/limb_piece.h"
 #include "doppel/rigging/sticking.h"
 #include "doppel/rigging/stretch.h"
@@ -18,26 +18,15 @@ namespace {
 
 using Eigen::Vector3d;
 
-int bone_index(const Character& character, const std::string& name) {
-  const auto& bones = character.skin.bones;
-  const auto found = std::find(bones.begin(), bones.end(), name);
-  if (found == bones.end())
-    fail("examining how '{}' bends: its skeleton has no bone '{}', as those of `doppel character create` have",
-         character.name, name);
-  return static_cast<int>(found - bones.begin());
-}
-
 /// A limb of which the middle joint is examined.
 struct ExaminedLimb {
   LimbPiece piece;
   double rest_volume;
 };
 
-/// @param bones of the limb; the piece lies around the joint where the second one begins
-/// @param end the bone that begins where the lower bone ends
-ExaminedLimb limb_of(const Character& character, const std::vector<std::string>& bones, const std::string& end) {
+ExaminedLimb limb_of(const Character& character, const Hinge& hinge) {
   std::vector<bool> of_limb(as_size(character.skin.num_bones()), false);
-  for (const std::string& bone : bones) of_limb[as_size(bone_index(character, bone))] = true;
+  for (const int bone : hinge.limb) of_limb[as_size(bone)] = true;
   std::vector<bool> member;
   for (int v = 0; v < character.num_vertices(); ++v) {
     const auto row = character.skin.vertex_bones.row(v);
@@ -46,12 +35,8 @@ ExaminedLimb limb_of(const Character& character, const std::vector<std::string>&
     for (std::size_t i = 0; i < row.size(); ++i) sum += of_limb[as_size(row[i])] ? weights[i] : 0.0;
     member.push_back(sum > 0.5);
   }
-  const auto rest = character.skeleton.pose(character.rest_dofs);
-  const auto place = [&](const std::string& bone) {
-    return Vector3d(rest[as_size(character.bone_joint[as_size(bone_index(character, bone))])].translation());
-  };
   const TriangleMesh& mesh = character.mesh;
-  LimbPiece piece(mesh.vertices, mesh.faces, member, {place(bones[0]), place(bones[1]), place(end)});
+  LimbPiece piece(mesh.vertices, mesh.faces, member, hinge.places);
   const double volume = piece.volume(mesh.vertices);
   return {std::move(piece), volume};
 }
@@ -80,10 +65,7 @@ BendReport examine_bending(const Character& character, const BendLimits& limits)
   const StickingVertices sticking(character);
   const IndexRows neighbours = face_neighbours(mesh.faces);
   std::vector<ExaminedLimb> elbows, knees;
-  for (const std::string side : {"Left", "Right"}) {
-    elbows.push_back(limb_of(character, {side + "Arm", side + "ForeArm", side + "ForeArmRoll"}, side + "Hand"));
-    knees.push_back(limb_of(character, {side + "UpLeg", side + "Leg"}, side + "Foot"));
-  }
+  for (const Hinge& hinge : find_hinges(character)) (hinge.knee ? knees : elbows).push_back(limb_of(character, hinge));
   BendReport report{mesh.num_faces(), mesh.num_vertices(), limits, {}};
   for (const TestPose& pose : test_poses(character.skeleton, character.rest_dofs)) {
     const SkinBlend blend(bone_motions(character, pose.dofs), character.skinning);

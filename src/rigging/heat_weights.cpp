@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rigging/heat_domain.h"
+#include "doppel/rigging/same_places.h"
 
 namespace doppel {
 namespace {
@@ -21,21 +21,13 @@ struct Places {
 };
 
 Places find_places(const TriangleMesh& mesh) {
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
+    if (!mesh.vertices[v].allFinite()) fail("skinning weights: vertex {} has no finite position", v);
   Places places;
-  std::vector<int> order(mesh.vertices.size());
-  std::iota(order.begin(), order.end(), 0);
-  const auto key = [&](int v) {
-    const Eigen::Vector3d& p = mesh.vertices[as_size(v)];
-    return std::array<double, 3>{p.x(), p.y(), p.z()};
-  };
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
-  places.place.resize(order.size());
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const Eigen::Vector3d& p = mesh.vertices[as_size(order[i])];
-    if (!p.allFinite()) fail("skinning weights: vertex {} has no finite position", order[i]);
-    if (i == 0 || key(order[i]) != key(order[i - 1])) places.positions.push_back(p);
-    places.place[as_size(order[i])] = static_cast<int>(places.positions.size()) - 1;
-  }
+  places.place = same_places(mesh.vertices);
+  const int count = places.place.empty() ? 0 : 1 + *std::max_element(places.place.begin(), places.place.end());
+  places.positions.resize(as_size(count));
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) places.positions[as_size(places.place[v])] = mesh.vertices[v];
   places.normals.assign(places.positions.size(), Eigen::Vector3d::Zero());
   for (const Triangle& face : mesh.faces) {
     const Eigen::Vector3d& a = mesh.vertices[as_size(face[0])];
@@ -45,8 +37,6 @@ Places find_places(const TriangleMesh& mesh) {
   for (Eigen::Vector3d& normal : places.normals) normal = normal.stableNormalized();
   return places;
 }
-
-using Field = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;  // [P, Bn]
 
 /// The centre of the inside cell that is nearest to a point, at most two cells away along each axis; else the point.
 Eigen::Vector3d nearest_inside(const SolidGrid& solid, const Eigen::Vector3d& point) {
@@ -76,9 +66,10 @@ std::vector<Eigen::Vector3d> reading_points(const Places& places, const SolidGri
   return points;
 }
 
-Field read_field(const HeatDomain& domain, const std::vector<float>& heat, int num_bones,
-                 const std::vector<Eigen::Vector3d>& points) {
-  Field field = Field::Zero(static_cast<Eigen::Index>(points.size()), num_bones);
+/// The temperatures at the points [P, Bn].
+WeightField read_field(const HeatDomain& domain, const std::vector<float>& heat, int num_bones,
+                       const std::vector<Eigen::Vector3d>& points) {
+  WeightField field = WeightField::Zero(static_cast<Eigen::Index>(points.size()), num_bones);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const HeatDomain::Stencil stencil = domain.stencil(points[i]);
     for (std::size_t k = 0; k < 8; ++k) {
@@ -92,7 +83,7 @@ Field read_field(const HeatDomain& domain, const std::vector<float>& heat, int n
   return field;
 }
 
-void scale_rows(Field& field, double power) {
+void scale_rows(WeightField& field, double power) {
   for (Eigen::Index i = 0; i < field.rows(); ++i) {
     const float largest = field.row(i).maxCoeff();
     if (!(largest > 0)) fail("skinning weights: no heat reaches a vertex");
@@ -104,7 +95,7 @@ void scale_rows(Field& field, double power) {
 
 /// Averages the rows over the edges of the mesh, `rounds` times. A short edge counts more: the two sides of a hem must
 /// not part. An edge of two cells counts as much as the vertex itself counts against six of them.
-void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, double cell, int rounds) {
+void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Places& places, double cell, int rounds) {
   std::vector<std::array<int, 2>> edges;
   for (const Triangle& face : mesh.faces)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -114,7 +105,7 @@ void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, d
   std::sort(edges.begin(), edges.end());
   edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   for (int round = 0; round < rounds; ++round) {
-    Field sum = field;
+    WeightField sum = field;
     Eigen::VectorXf total = Eigen::VectorXf::Ones(field.rows());
     for (const auto& [a, b] : edges) {
       const double length = (places.positions[as_size(a)] - places.positions[as_size(b)]).norm();
@@ -126,23 +117,6 @@ void smooth_rows(Field& field, const TriangleMesh& mesh, const Places& places, d
     }
     field = total.cwiseInverse().asDiagonal() * sum;
   }
-}
-
-/// The largest weights of one vertex, scaled to sum 1.
-void append_sparse(SkinningWeights& skin, const Eigen::RowVectorXf& row, const HeatOptions& options) {
-  std::vector<int> order(as_size(row.size()));
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return row[a] > row[b]; });
-  std::size_t count = 1;
-  while (count < order.size() && count < as_size(options.max_bones) && row[order[count]] >= options.smallest_weight)
-    ++count;
-  double total = 0;
-  for (std::size_t k = 0; k < count; ++k) total += double{row[order[k]]};
-  for (std::size_t k = 0; k < count; ++k) {
-    skin.vertex_bones.items.push_back(order[k]);
-    skin.weights.push_back(double{row[order[k]]} / total);
-  }
-  skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));
 }
 
 void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, const HeatOptions& options) {
@@ -161,21 +135,24 @@ void check_input(const std::vector<HeatBone>& bones, const SolidGrid& solid, con
 
 }  // namespace
 
-SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                             const HeatOptions& options) {
+WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
+                       const HeatOptions& options) {
   check_input(bones, solid, options);
   const Places places = find_places(mesh);
   const std::vector<Eigen::Vector3d> points = reading_points(places, solid);
   const HeatDomain domain = make_heat_domain(mesh, bones, solid, points, options);
   const int num_bones = static_cast<int>(bones.size());
-  Field field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
+  WeightField field = read_field(domain, solve_heat(domain, num_bones, options), num_bones, points);
   scale_rows(field, options.sharpness);
   smooth_rows(field, mesh, places, solid.cell, options.smoothing);
+  return field(places.place, Eigen::all);
+}
 
-  SkinningWeights skin;
-  for (const HeatBone& bone : bones) skin.bones.push_back(bone.name);
-  for (const int place : places.place) append_sparse(skin, field.row(place), options);
-  return skin;
+SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
+                             const HeatOptions& options) {
+  std::vector<std::string> names;
+  for (const HeatBone& bone : bones) names.push_back(bone.name);
+  return sparse_weights(heat_field(mesh, bones, solid, options), names, options);
 }
 
 }  // namespace doppel

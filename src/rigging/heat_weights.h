@@ -2,10 +2,10 @@
 
 #include <vector>
 
-#include "doppel/character/skinning_weights.h"
 #include "doppel/geometry/mesh.h"
 #include "doppel/rigging/heat_options.h"
 #include "doppel/rigging/solid_grid.h"
+#include "doppel/rigging/weight_field.h"
 
 namespace doppel {
 
@@ -17,9 +17,13 @@ namespace doppel {
 /// Vertices at equal positions have equal weights.
 /// @param mesh [N] vertices in the coordinates of the grid, metres
 /// @param bones in the order of SkinningWeights::bones
-/// @return sorted, largest first
+/// @return [N, Bn]
 /// @throws Error without bones, for a bone whose segments all lie outside of the grid, an empty solid, or when the
 ///   equations are not solved in 2000 iterations
+WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
+                       const HeatOptions& options = {});
+
+/// The same without the small weights, as a character holds them.
 SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
                              const HeatOptions& options = {});
 

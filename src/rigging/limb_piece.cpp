@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include "doppel/core/as_size.h"
@@ -12,6 +13,8 @@ namespace {
 
 using Eigen::Vector3d;
 using Edge = std::array<int, 2>;
+
+constexpr double kLongestHole = 0.5;  // share of the length of a piece
 
 /// The directed edges of a surface without a partner in the opposite direction, each as often as it lacks partners.
 std::vector<Edge> open_edges(const std::vector<Triangle>& faces) {
@@ -25,6 +28,11 @@ std::vector<Edge> open_edges(const std::vector<Triangle>& faces) {
   for (const auto& [edge, count] : surplus)
     for (int i = 0; i < std::abs(count); ++i) edges.push_back(count > 0 ? edge : Edge{edge[1], edge[0]});
   return edges;
+}
+
+void sort_unique(std::vector<int>& items) {
+  std::sort(items.begin(), items.end());
+  items.erase(std::unique(items.begin(), items.end()), items.end());
 }
 
 double tetrahedron(const Vector3d& a, const Vector3d& b, const Vector3d& c) { return a.dot(b.cross(c)) / 6.0; }
@@ -50,10 +58,22 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
     cap.vertices.insert(cap.vertices.end(), edge.begin(), edge.end());
   }
   for (auto& [component, cap] : caps) {
-    std::sort(cap.vertices.begin(), cap.vertices.end());
-    cap.vertices.erase(std::unique(cap.vertices.begin(), cap.vertices.end()), cap.vertices.end());
+    sort_unique(cap.vertices);
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const int v : cap.vertices) {
+      const double along = (vertices[as_size(v)] - from).dot(to - from) / (to - from).squaredNorm();
+      low = std::min(low, along);
+      high = std::max(high, along);
+    }
+    if (high - low > kLongestHole) {
+      faces_.clear();
+      caps_.clear();
+      return;
+    }
     caps_.push_back(std::move(cap));
   }
+  for (const Triangle& face : faces_) vertices_.insert(vertices_.end(), face.begin(), face.end());
+  sort_unique(vertices_);
 }
 
 double LimbPiece::volume(const std::vector<Vector3d>& vertices) const {

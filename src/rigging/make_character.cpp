@@ -3,7 +3,10 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/rigging/bend_report.h"
 #include "doppel/rigging/body_skeleton.h"
+#include "doppel/rigging/hinge_volume.h"
+#include "doppel/rigging/lone_triangles.h"
 #include "doppel/rigging/solid_surface.h"
 
 namespace doppel {
@@ -37,10 +40,16 @@ Character make_character(const std::string& name, const TriangleMesh& mesh, cons
   add_body_markers(body, joints, mesh);
   character.skeleton = std::move(body.skeleton);
   character.rest_dofs = std::move(body.rest_dofs);
-  character.skin = heat_weights(mesh, heat_bones(joints), solid, options.heat);
+  const std::vector<HeatBone> bones = heat_bones(joints);
+  WeightField field = heat_field(mesh, bones, solid, options.heat);
+  std::vector<std::string> names;
+  for (const HeatBone& bone : bones) names.push_back(bone.name);
+  character.skin = sparse_weights(field, names, options.heat);
   character.labels = region_labels(mesh, character.skin, joints);
   character.graph = graph_of(mesh, solid, character.options);
   complete_character(character);
+  keep_hinge_volumes(field, character);
+  set_smooth_skin(character, field, options.heat, BendLimits().stretch);
   return character;
 }
 

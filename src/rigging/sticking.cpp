@@ -14,6 +14,7 @@ using Eigen::Vector3d;
 
 constexpr int kSteps = 2;            // in the tree of bones
 constexpr double kUsualReach = 2.0;  // of a bone, in its usual distance from its skin
+constexpr double kReachOfEnd = 0.7;  // of a bone without bones below it, in its length
 
 /// The bone that carries the nearest joint above a joint, or -1. @param bone_of_joint [J] or -1
 int bone_above(const Skeleton& skeleton, const std::vector<int>& bone_of_joint, int joint) {
@@ -81,20 +82,35 @@ std::vector<double> usual_distances(const Character& character, const BoneSegmen
   return usual;
 }
 
+/// The distance within which a vertex could belong to each bone [Bn]; 0 for a bone that moves none most.
+std::vector<double> reaches(const Character& character, const BoneSegments& segments,
+                            const std::vector<int>& bone_of_joint) {
+  std::vector<double> reach = usual_distances(character, segments);
+  std::vector<bool> is_end(reach.size(), true);
+  for (const int joint : character.bone_joint)
+    if (const int bone = bone_above(character.skeleton, bone_of_joint, joint); bone >= 0) is_end[as_size(bone)] = false;
+  for (std::size_t b = 0; b < reach.size(); ++b) {
+    if (reach[b] <= 0.0) continue;
+    reach[b] *= kUsualReach;
+    for (const auto& [from, to] : segments[b])
+      if (is_end[b]) reach[b] = std::max(reach[b], kReachOfEnd * (to - from).norm());
+  }
+  return reach;
+}
+
 /// [N] the bones that each vertex could belong to, ascending.
-IndexRows possible_owners(const Character& character, const BoneSegments& segments) {
-  const std::vector<double> usual = usual_distances(character, segments);
+IndexRows possible_owners(const Character& character, const BoneSegments& segments, const std::vector<double>& reach) {
   IndexRows owners;
   for (const Vector3d& vertex : character.mesh.vertices) {
     double nearest = std::numeric_limits<double>::infinity();
     std::vector<double> ratios;
     for (std::size_t b = 0; b < segments.size(); ++b) {
-      ratios.push_back(usual[b] > 0.0 ? distance_to(segments[b], vertex) / usual[b]
+      ratios.push_back(reach[b] > 0.0 ? distance_to(segments[b], vertex) / reach[b]
                                       : std::numeric_limits<double>::infinity());
       nearest = std::min(nearest, ratios.back());
     }
     for (std::size_t b = 0; b < ratios.size(); ++b)
-      if (ratios[b] <= std::max(nearest, kUsualReach) && usual[b] > 0.0) owners.items.push_back(static_cast<int>(b));
+      if (ratios[b] <= std::max(nearest, 1.0) && reach[b] > 0.0) owners.items.push_back(static_cast<int>(b));
     owners.offsets.push_back(static_cast<int>(owners.items.size()));
   }
   return owners;
@@ -107,7 +123,8 @@ StickingVertices::StickingVertices(const Character& character) : character_(char
   for (std::size_t b = 0; b < character.bone_joint.size(); ++b)
     bone_of_joint[as_size(character.bone_joint[b])] = static_cast<int>(b);
   related_ = related_bones(character, bone_of_joint);
-  owners_ = possible_owners(character, segments_of_bones(character, bone_of_joint));
+  const BoneSegments segments = segments_of_bones(character, bone_of_joint);
+  owners_ = possible_owners(character, segments, reaches(character, segments, bone_of_joint));
   Eigen::AlignedBox3d box;
   for (const Vector3d& vertex : character.mesh.vertices) box.extend(vertex);
   tolerance_ = kShareOfHeight * box.sizes().y();

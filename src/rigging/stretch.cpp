@@ -49,16 +49,21 @@ std::vector<double> triangle_stretches(const std::vector<Triangle>& faces, const
   return result;
 }
 
+bool stretches_alone(const std::vector<double>& stretches, const IndexRows& neighbours, int face, double limit) {
+  const double own = stretches[as_size(face)];
+  if (own <= limit) return false;
+  const auto row = neighbours.row(face);
+  return row.empty() ||
+         std::any_of(row.begin(), row.end(), [&](int other) { return stretches[as_size(other)] < 0.5 * own; });
+}
+
 StretchedTriangles count_stretched(const std::vector<double>& stretches, const IndexRows& neighbours, double limit) {
   StretchedTriangles result;
   for (std::size_t f = 0; f < stretches.size(); ++f) {
     result.largest = std::max(result.largest, stretches[f]);
     if (stretches[f] <= limit) continue;
     ++result.all;
-    const auto row = neighbours.row(static_cast<int>(f));
-    result.alone += row.empty() || std::any_of(row.begin(), row.end(), [&](int other) {
-                      return stretches[as_size(other)] < 0.5 * stretches[f];
-                    });
+    result.alone += stretches_alone(stretches, neighbours, static_cast<int>(f), limit);
   }
   return result;
 }

@@ -15,10 +15,15 @@ std::vector<double> triangle_stretches(const std::vector<Triangle>& faces, const
                                        const std::vector<Eigen::Vector3d>& posed);
 
 struct StretchedTriangles {
-  int all = 0;    ///< triangles that stretch more than the limit
-  int alone = 0;  ///< those of them with a neighbour that stretches less than half as much, or without neighbours
+  int all = 0;           ///< triangles that stretch more than the limit
+  int alone = 0;         ///< those of them for which stretches_alone holds
   double largest = 0.0;  ///< stretch of any triangle
 };
+
+/// Whether a triangle stretches more than the limit and has a neighbour that stretches less than half as much, or no
+/// neighbours at all.
+/// @param stretches [F] @param neighbours [F] face_neighbours
+bool stretches_alone(const std::vector<double>& stretches, const IndexRows& neighbours, int face, double limit);
 
 /// Counts the triangles that stretch too much. A joint stretches a whole region of skin, in which neighbours differ
 /// little. A vertex that moves wrongly stretches the triangles around itself and not those beyond: they stretch alone.

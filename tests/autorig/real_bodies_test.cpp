@@ -81,6 +81,18 @@ TEST_F(RealBodies, ScansBecomeCharacters) {
   }
 }
 
+TEST_F(RealBodies, WithFreeLimbsBendWithinTheLimits) {
+  for (const char* body : {"m2m_female", "m2m_male_apose", "mh_man_workwear", "mh_woman_slim"}) {
+    const CreatedCharacter created =
+        create_character("actor", scan_of_scene(read_scene(folder(body) / "body.obj")), CreateCharacterOptions());
+    ASSERT_EQ(created.bending.poses.size(), 5u);
+    for (const PoseBend& bend : created.bending.poses) {
+      EXPECT_TRUE(bend.elbow_volume && bend.knee_volume) << body << " " << bend.pose;
+    }
+    for (const std::string& fault : created.bending.faults()) ADD_FAILURE() << body << ": " << fault;
+  }
+}
+
 TEST_F(RealBodies, ABustIsRefused) {
   TriangleMesh mesh = read_obj(folder("mh_woman_slim") / "body.obj", 1.0);
   std::erase_if(mesh.faces, [&](const Triangle& face) { return mesh.vertices[as_size(face[0])].y() < 1.0; });

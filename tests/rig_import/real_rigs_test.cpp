@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "doppel/core/as_size.h"
@@ -96,6 +97,17 @@ TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
     const int joint = rig.landmark_joint[i];
     EXPECT_EQ(joint < 0 ? "" : rig.joints[as_size(joint)].name, expected) << key;
   }
+}
+
+TEST_P(RealRigs, TheTemplateStandsUpright) {
+  const ImportedRig rig = import_rig(scene_);
+  const auto place = [&](const char* landmark) {
+    const auto found = std::find(kBodyLandmarks.begin(), kBodyLandmarks.end(), std::string(landmark));
+    return rig.joints[as_size(rig.landmark_joint[as_size(found - kBodyLandmarks.begin())])].position;
+  };
+  const Eigen::Vector3d up = place("head") - place("pelvis"), left = place("left_hip") - place("right_hip");
+  EXPECT_GT(up.normalized().y(), 0.95);
+  EXPECT_LT(std::abs(left.normalized().y()), 0.1);
 }
 
 INSTANTIATE_TEST_SUITE_P(Real, RealRigs, support::rig_references(),

@@ -115,6 +115,18 @@ TEST(LimbPieces, AHoleIsClosed) {
   EXPECT_NEAR(piece_of(torn).volume(torn.vertices), 0.5 * support::area_of_ring(kRadius), 1e-14);
 }
 
+TEST(LimbPieces, ASurfaceThatIsOpenAlongTheLimbIsNone) {
+  TriangleMesh slit = kLimb;
+  // Without the strip at one side, from end to end.
+  std::erase_if(slit.faces, [&](const Triangle& face) {
+    return std::all_of(face.begin(), face.end(), [&](int v) { return slit.vertices[v].y() > 0.97 * kRadius; });
+  });
+  ASSERT_LT(slit.num_faces(), kLimb.num_faces());
+  EXPECT_TRUE(piece_of(slit).empty());
+  EXPECT_EQ(piece_of(slit).volume(slit.vertices), 0.0);
+  EXPECT_THAT(piece_of(slit).vertices(), ::testing::IsEmpty());
+}
+
 TEST(LimbPieces, AHalfTurnLosesVolumeAsTheSkinningSays) {
   const std::vector<Affine3d> motions{Affine3d::Identity(), Affine3d(AngleAxisd(M_PI, Vector3d::UnitX()))};
   const LimbPiece piece = piece_of(kLimb);
@@ -246,6 +258,21 @@ TEST_F(BentTubes, AVertexOfTheHandThatTheThighDragsSticks) {
     EXPECT_THAT(report.faults()[0], HasSubstr("in the pose 'arms overhead'"));
     EXPECT_THAT(report.summary(), HasSubstr("1 of"));
   }
+}
+
+TEST_F(BentTubes, AThumbBesideTheThighDoesNotStick) {
+  const auto rest = body_.skeleton.pose(body_.rest_dofs);
+  const Vector3d hand = rest[body_.bone_joint[bone("LeftHand")]].translation();
+  const Vector3d end = rest[*body_.skeleton.find_joint("LeftHandEE")].translation();
+  const Vector3d hip = rest[body_.bone_joint[bone("LeftUpLeg")]].translation();
+  const Vector3d along = (end - hand).normalized();
+  Vector3d towards_thigh = hip - hand;
+  towards_thigh -= towards_thigh.dot(along) * along;
+  body_.mesh.vertices.push_back(hand + 0.07 * along + 0.1 * towards_thigh.normalized());
+  body_.skin.vertex_bones.items.push_back(bone("LeftHand"));
+  body_.skin.vertex_bones.offsets.push_back(body_.num_vertices());
+  body_.skin.weights.push_back(1.0);
+  for (int pose = 0; pose < 5; ++pose) EXPECT_THAT(sticking(pose), ::testing::IsEmpty()) << pose;
 }
 
 TEST_F(BentTubes, AVertexThatItsNeighbourBoneMovesDoesNotStick) {

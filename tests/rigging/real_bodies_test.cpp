@@ -65,16 +65,21 @@ TEST_P(RealBodies, BendLikeTheirOwnRig) {
   EXPECT_NEAR(character.num_nodes(), 500, 30);
   const BendReport report = examine_bending(character);
   print(body.name, report);
-  // The limits of the report are not met by every body (docs/results/bodies.md); these bounds notice when it gets
-  // worse. The skirt of the girl joins her legs, and the arms of the old man touch his trunk.
+  // Where limbs touch, the limits of the report cannot be met (docs/results/bodies.md): the skirt of the girl joins her
+  // legs, and the arms of the old man touch his trunk.
   const bool limbs_touch = body.name == "mh_girl_dress" || body.name == "mh_man_old_suit";
   for (const PoseBend& bend : report.poses) {
-    EXPECT_LE(bend.stretched_alone, report.triangles / (limbs_touch ? 400 : 900)) << bend.pose;
+    EXPECT_LE(bend.stretched_alone, limbs_touch ? report.triangles / 400 : 0) << bend.pose;
     EXPECT_LT(bend.stretched, report.triangles / 50) << bend.pose;
     EXPECT_LE(bend.sticking, limbs_touch ? report.vertices / 50 : 0) << bend.pose;
-    if (limbs_touch) continue;
-    EXPECT_NEAR(bend.elbow_volume.value(), 1.0, 0.22) << bend.pose;
-    EXPECT_NEAR(bend.knee_volume.value(), 1.0, 0.22) << bend.pose;
+    if (body.name != "mh_man_old_suit") {
+      EXPECT_NEAR(bend.elbow_volume.value(), 1.0, 0.12) << bend.pose;
+    }
+    if (body.name == "mh_girl_dress") {
+      EXPECT_FALSE(bend.knee_volume.has_value()) << "a skirt is no limb";
+    } else {
+      EXPECT_NEAR(bend.knee_volume.value(), 1.0, 0.12) << bend.pose;
+    }
   }
 }
 
