@@ -70,8 +70,9 @@ Command add_calibrate(CLI::App& program) {
   auto arguments = std::make_shared<ConvertArguments>();
   CLI::App* convert_app = app->add_subcommand("convert", "Write a calibration in another format");
   convert_app->fallthrough();
-  convert_app->add_option("from", arguments->from, "Calibration file or folder, of any known format")->required();
-  convert_app->add_option("to", arguments->to, "File, or new folder, to write")->required();
+  // CLI11 2.4 counts the names of positional arguments and options together, so `to` would clash with `--to`.
+  convert_app->add_option("source", arguments->from, "Calibration file or folder, of any known format")->required();
+  convert_app->add_option("target", arguments->to, "File, or new folder, to write")->required();
   convert_app->add_option("--to", arguments->format,
                           fmt::format("Format to write: {} (default: by the extension of the file)",
                                       fmt::join(calibration_writers(), ", ")));
