@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 
 constexpr double kBentHinge = 2.2;      // radians
 constexpr double kStrongestTilt = 1.2;  // c; the closeness keeps the transition monotonic below 1.35
-constexpr double kReachOfTilt = 2.0;    // of the closeness, in radii of the limb
+constexpr double kReachOfTilt = 2.5;    // of the closeness, in radii of the limb
 constexpr double kMiddleOfLimb = 0.25;  // of the piece on both sides of the joint, where its middle is measured
 constexpr double kOneBoneOnly = 1e-6;   // weight that stays as it is
 constexpr int kHalvings = 20;
