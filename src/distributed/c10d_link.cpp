@@ -40,6 +40,14 @@ std::string own_address(const std::string& host, int port) {
   return address;
 }
 
+/// LibTorch 2 would use libuv, which Debian builds it without.
+void without_libuv(auto& options) {
+  if constexpr (requires { options.useLibUV; }) options.useLibUV = false;
+}
+
+/// Without the backtrace that LibTorch adds.
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
 c10::intrusive_ptr<c10d::Store> open_store(const std::string& host, int port, bool keeper,
                                            std::chrono::milliseconds limit) {
   c10d::TCPStoreOptions options;
@@ -47,10 +55,11 @@ c10::intrusive_ptr<c10d::Store> open_store(const std::string& host, int port, bo
   options.isServer = keeper;
   options.waitWorkers = false;
   options.timeout = limit;
+  without_libuv(options);
   try {
     return c10::make_intrusive<c10d::TCPStore>(host, options);
   } catch (const std::exception& e) {
-    const std::string text = e.what();
+    const std::string text = first_line(e.what());
     if (keeper)
       fail("rank 0 cannot open port {}: {}. Another program, or another training, may have it; choose another port",
            port,
@@ -109,8 +118,7 @@ bool Exchange::wait(std::chrono::milliseconds limit) {
     return impl_->work->wait(limit);
   } catch (const std::exception& e) {
     if (!impl_->work->isCompleted()) return false;  // the limit is over
-    const std::string text = e.what();
-    throw Error(text.substr(0, text.find('\n')));  // without the stack
+    throw Error(first_line(e.what()));
   }
 }
 

@@ -2,7 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
+#include <iomanip>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,12 @@ inline Outcome run_words(std::vector<std::string> words) {
   const std::string out = ::testing::internal::GetCapturedStdout();
   return {code, out, ::testing::internal::GetCapturedStderr()};
 }
-/// @param arguments as in a shell
-inline Outcome run(const std::string& arguments) { return run_words(CLI::detail::split_up(arguments)); }
+/// @param arguments as in a shell; single quotes hold a word with spaces together
+inline Outcome run(const std::string& arguments) {
+  std::istringstream stream(arguments);
+  std::vector<std::string> words;
+  for (std::string word; stream >> std::quoted(word, '\'');) words.push_back(word);
+  return run_words(words);
+}
 
 }  // namespace doppel::tools
