@@ -7,6 +7,8 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
+#include "doppel/core/json_depth.h"
 
 namespace doppel::tools {
 
@@ -16,6 +18,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr int kShardFormat = 1;
+constexpr std::size_t kMostShardDepth = 50;
 
 ShardFile shard_from_json(const Json& node, const fs::path& path) {
   if (node.at("doppel_shard").get<int>() != kShardFormat)
@@ -31,7 +34,7 @@ ShardFile shard_from_json(const Json& node, const fs::path& path) {
   const std::set<std::string> commands{"prepare", "detect", "track", "evaluate"};
   if (file.arguments.empty() || !commands.contains(file.command()))
     fail<UsageError>("{}: the command is '{}'; only {} work in shards", path.string(),
-                     file.arguments.empty() ? "" : file.command(), fmt::join(commands, ", "));
+                     file.arguments.empty() ? "" : excerpt(file.command()), fmt::join(commands, ", "));
   return file;
 }
 
@@ -78,11 +81,16 @@ void check_complete(const std::vector<int>& index) {
 
 ShardFile read_shard_file(const fs::path& folder) {
   const fs::path path = folder / kShardFile;
+  const std::string text = read_file(path);
+  // Copies of a JSON value call themselves for each level.
+  if (is_json_deeper_than(text, kMostShardDepth))
+    fail<UsageError>("{} cannot be read as a shard: its lists and objects are nested more than {} deep", path.string(),
+                     kMostShardDepth);
   try {
-    return shard_from_json(Json::parse(read_file(path)), path);
+    return shard_from_json(Json::parse(text), path);
   } catch (const Json::exception& e) {
     fail<UsageError>("{} cannot be read as a shard ({}); run this shard again into an empty folder", path.string(),
-                     e.what());
+                     excerpt(e.what(), 200));
   }
 }
 

@@ -48,7 +48,7 @@ StorageValue storage_of(const YAML::Node& node) {
   } else if (node.IsMap()) {
     value.kind = Kind::mapping;
     for (const auto& member : node)
-      if (member.first.IsScalar()) value.members.emplace_back(member.first.Scalar(), storage_of(member.second));
+      if (member.first.IsScalar()) value.members.push_back({member.first.Scalar(), storage_of(member.second)});
   }
   return value;
 }
@@ -80,7 +80,7 @@ StorageValue storage_of(const pugi::xml_node& node, int depth, const XmlFile& fi
     if (is_item)
       value.items.push_back(storage_of(child, depth + 1, file));
     else
-      value.members.emplace_back(child.name(), storage_of(child, depth + 1, file));
+      value.members.push_back({child.name(), storage_of(child, depth + 1, file)});
   }
   if (!value.is_none()) return value;
   value.items = storage_words(node.child_value());

@@ -31,6 +31,7 @@ const Words<PeakRefinement> kRefinements{{"none", "quarter", "parabola", "dark"}
 const Words<MaskActivation> kActivations{{"auto", "sigmoid", "softmax", "none"}};
 const std::vector<std::string> kValueWords{"x", "y", "score", "logit", "skip"};
 constexpr double kMaxColour = 255.0;
+constexpr int kMostConfigs = 4;  ///< files that name each other as `config`, one after the other
 
 template <typename T>
 void read_word(const ConfigReader& reader, const std::string& key, const Words<T>& words, T& value) {
@@ -116,28 +117,34 @@ const BuiltinFile* find_builtin(const std::string& name) {
   return found == kBuiltinNetworkConfigs.end() ? nullptr : &*found;
 }
 
-/// What `config` names, or the defaults.
-PersonNetworkOptions read_base(const ConfigReader& reader) {
+PersonNetworkOptions load_network(const std::string& name_or_path, int depth);
+
+/// What `config` names, or the defaults. @param depth number of files that led here
+PersonNetworkOptions read_base(const ConfigReader& reader, int depth) {
   if (!reader.has("config")) return {};
   const std::string name = reader.get<std::string>("config");
-  if (find_builtin(name)) return load_person_network(name);
+  if (find_builtin(name)) return load_network(name, depth);
   const fs::path file = reader.path("config");
   if (!fs::is_regular_file(file))
     reader.fail_at_key("config", "'{}' is neither a file nor one of {}", name,
                        fmt::join(builtin_network_configs(), ", "));
   if (fs::equivalent(file, reader.where().file)) reader.fail_at_key("config", "names the file itself");
-  return load_person_network(file.string());
+  if (depth >= kMostConfigs)
+    reader.fail_at_key("config",
+                       "'{}' is file {} in a row that names another one, allowed are {}; do they form a circle?", name,
+                       depth + 1, kMostConfigs);
+  return load_network(file.string(), depth);
 }
 
 /// A network for boxes or masks, with a `config` of its own. @param base used without one
-NetworkOptions read_part(const ConfigReader& reader, const NetworkOptions& base) {
-  NetworkOptions options = reader.has("config") ? read_base(reader).network : base;
+NetworkOptions read_part(const ConfigReader& reader, const NetworkOptions& base, int depth) {
+  NetworkOptions options = reader.has("config") ? read_base(reader, depth).network : base;
   read_keys(reader, options);
   if (options.model.empty()) reader.fail_at_key("model", "is missing: the network's .onnx file");
   return options;
 }
 
-CropOptions read_crop(const ConfigReader& reader, const CropOptions& base) {
+CropOptions read_crop(const ConfigReader& reader, const CropOptions& base, int depth) {
   CropOptions crop = base;
   crop.padding = reader.get("padding", crop.padding, between(1.0, 10.0));
   crop.track = reader.get("track", crop.track);
@@ -145,17 +152,42 @@ CropOptions read_crop(const ConfigReader& reader, const CropOptions& base) {
     NetworkOptions usual;
     usual.letterbox = true;
     usual.threshold = 0.3;
-    crop.boxes = read_part(reader.section("boxes"), crop.boxes.value_or(usual));
+    crop.boxes = read_part(reader.section("boxes"), crop.boxes.value_or(usual), depth);
   }
   return crop;
 }
 
-PersonNetworkOptions read_all(const ConfigReader& reader, PersonNetworkOptions options) {
+PersonNetworkOptions read_all(const ConfigReader& reader, PersonNetworkOptions options, int depth) {
   read_keys(reader, options.network);
-  if (reader.has("crop")) options.crop = read_crop(reader.section("crop"), options.crop.value_or(CropOptions()));
-  if (reader.has("mask")) options.mask = read_part(reader.section("mask"), options.mask.value_or(NetworkOptions()));
+  if (reader.has("crop")) options.crop = read_crop(reader.section("crop"), options.crop.value_or(CropOptions()), depth);
+  if (reader.has("mask"))
+    options.mask = read_part(reader.section("mask"), options.mask.value_or(NetworkOptions()), depth);
   if (options.crop && options.network.input.empty())
     reader.fail_at_key("crop", "needs the size of the network's input: `input: [width, height]`");
+  return options;
+}
+
+/// @param depth number of files that name this one as `config`, one after the other
+PersonNetworkOptions load_network(const std::string& name_or_path, int depth) {
+  if (const BuiltinFile* const builtin = find_builtin(name_or_path)) {
+    const ConfigDocument document = ConfigDocument::parse(builtin->text, name_or_path);
+    const ConfigReader root = document.root();
+    PersonNetworkOptions options = read_all(root, {}, depth + 1);
+    root.finish();
+    return options;
+  }
+  if (!fs::is_regular_file(name_or_path))
+    fail<UsageError>("the configuration of a network, '{}', is neither a file nor one of {}", name_or_path,
+                     fmt::join(builtin_network_configs(), ", "));
+  const ConfigDocument document = ConfigDocument::load(name_or_path);
+  const ConfigReader root = document.root();
+  PersonNetworkOptions options = read_all(root, read_base(root, depth + 1), depth + 1);
+  root.finish();
+  const fs::path folder = fs::absolute(name_or_path).parent_path();
+  for_each_network(options, [&](NetworkOptions& network) {
+    for (fs::path* const path : {&network.model, &network.weights})
+      if (!path->empty()) *path = (folder / *path).lexically_normal();
+  });
   return options;
 }
 
@@ -194,33 +226,12 @@ YAML::Node network_node(const NetworkOptions& options) {
 }  // namespace
 
 PersonNetworkOptions read_person_network(const ConfigReader& reader) {
-  const PersonNetworkOptions options = read_all(reader, read_base(reader));
+  const PersonNetworkOptions options = read_all(reader, read_base(reader, 0), 0);
   if (options.network.model.empty()) reader.fail_at_key("model", "is missing: the network's .onnx file");
   return options;
 }
 
-PersonNetworkOptions load_person_network(const std::string& name_or_path) {
-  if (const BuiltinFile* const builtin = find_builtin(name_or_path)) {
-    const ConfigDocument document = ConfigDocument::parse(builtin->text, name_or_path);
-    const ConfigReader root = document.root();
-    PersonNetworkOptions options = read_all(root, {});
-    root.finish();
-    return options;
-  }
-  if (!fs::is_regular_file(name_or_path))
-    fail<UsageError>("the configuration of a network, '{}', is neither a file nor one of {}", name_or_path,
-                     fmt::join(builtin_network_configs(), ", "));
-  const ConfigDocument document = ConfigDocument::load(name_or_path);
-  const ConfigReader root = document.root();
-  PersonNetworkOptions options = read_all(root, read_base(root));
-  root.finish();
-  const fs::path folder = fs::absolute(name_or_path).parent_path();
-  for_each_network(options, [&](NetworkOptions& network) {
-    for (fs::path* const path : {&network.model, &network.weights})
-      if (!path->empty()) *path = (folder / *path).lexically_normal();
-  });
-  return options;
-}
+PersonNetworkOptions load_person_network(const std::string& name_or_path) { return load_network(name_or_path, 0); }
 
 std::vector<std::string> builtin_network_configs() {
   std::vector<std::string> names;

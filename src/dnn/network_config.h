@@ -12,7 +12,8 @@
 namespace doppel {
 
 /// Reads the keys of networks (docs/detect.md). Keys that are not given have the values of `config`, which is a name of
-/// `builtin_network_configs` or a YAML file with the same keys, otherwise their defaults.
+/// `builtin_network_configs` or a YAML file with the same keys, otherwise their defaults. Such a file may name another
+/// one; at most 4 follow each other.
 /// Paths of models are as written, those in a file named by `config` absolute.
 /// @throws FileError with file:line:key for unknown keys, values out of range, and keys that exclude each other
 PersonNetworkOptions read_person_network(const ConfigReader& reader);

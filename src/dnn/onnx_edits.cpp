@@ -12,7 +12,8 @@ namespace {
 using onnx::Node;
 using onnx::Tensor;
 
-constexpr std::int64_t kMaxRow = 2048;  ///< numbers of a row that becomes a diagonal matrix: 16 MB
+constexpr std::int64_t kMaxRow = 2048;        ///< numbers of a row that becomes a diagonal matrix: 16 MB
+constexpr std::size_t kMostAdded = 40 << 20;  ///< bytes of these matrices; what comes after them stays as it is
 
 /// Edits the nodes of a graph one by one.
 class GraphEdit {
@@ -80,6 +81,7 @@ class GraphEdit {
     const bool only_rows = std::all_of(dims.begin(), dims.end() - std::min<std::ptrdiff_t>(2, std::ssize(dims)),
                                        [](std::int64_t size) { return size == 1; });
     if (!only_rows || row < 2 || row * count > kMaxRow) return false;
+    if (added_bytes_ + sizeof(float) * as_size(row * row * count) > kMostAdded) return false;
     if (count == 1) {
       append({"MatMul", node.name, {other, add_diagonals(node, constant, row, 1)}, node.outputs, {}}, text);
       return true;
@@ -88,11 +90,12 @@ class GraphEdit {
     const auto axis = unsqueezed == unsqueezed_.end() ? std::nullopt : unsqueezed->second.integers("axes");
     // The new axis stands before the last one: [..., s] became [..., 1, s].
     if (!axis || axis->size() != 1 || axis->front() != static_cast<std::int64_t>(rank) - 2) return false;
+    if (unsqueezed->second.inputs.empty()) return false;
     const std::string rows = node.outputs[0] + "/rows", shape = node.outputs[0] + "/shape";
     Tensor sizes{{static_cast<std::int64_t>(rank)}, {}, std::vector<std::int64_t>(rank - 2, 0)};  // 0: as it is
     sizes.integers.insert(sizes.integers.end(), {count, row});
     added_.push_back(onnx::write_tensor(shape, sizes));
-    append({"MatMul", rows, {unsqueezed->second.inputs.at(0), add_diagonals(node, constant, row, count)}, {rows}, {}},
+    append({"MatMul", rows, {unsqueezed->second.inputs[0], add_diagonals(node, constant, row, count)}, {rows}, {}},
            text);
     append({"Reshape", node.name, {rows, shape}, node.outputs, {}}, text);
     return true;
@@ -104,6 +107,7 @@ class GraphEdit {
     for (std::int64_t i = 0; i < count; ++i)
       for (std::int64_t j = 0; j < row; ++j)
         matrix.floats[as_size((j * count + i) * row + j)] = constant.floats[as_size(i * row + j)];
+    added_bytes_ += sizeof(float) * matrix.floats.size();
     const std::string name = node.outputs[0] + "/diagonals";
     added_.push_back(onnx::write_tensor(name, matrix));
     return name;
@@ -113,6 +117,7 @@ class GraphEdit {
   std::map<std::string, std::string_view> constants_;
   std::map<std::string, Node> unsqueezed_;  ///< by output
   std::vector<std::string> added_;          ///< constants
+  std::size_t added_bytes_ = 0;             ///< of matrices
 };
 
 }  // namespace

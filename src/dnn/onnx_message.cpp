@@ -1,6 +1,9 @@
 #include "doppel/dnn/onnx_message.h"
 
+#include <algorithm>
 #include <cstring>
+
+#include "doppel/core/as_size.h"
 
 namespace doppel::onnx {
 
@@ -74,6 +77,18 @@ void add_values(std::string_view bytes, std::vector<T>& to) {
   if (count > 0) std::memcpy(to.data() + before, bytes.data(), count * sizeof(T));
 }
 
+/// Whether dimensions have that many elements. Their product may be too large for any integer.
+bool has_elements(const std::vector<std::int64_t>& dims, std::size_t values) {
+  if (!dims.empty() && *std::min_element(dims.begin(), dims.end()) < 1)
+    return values == 0 && *std::min_element(dims.begin(), dims.end()) == 0;
+  std::size_t count = 1;
+  for (const std::int64_t size : dims) {
+    if (count > values / as_size(size)) return false;
+    count *= as_size(size);
+  }
+  return count == values;
+}
+
 std::string_view text_of(std::string_view message, int id) {
   for (const Field& field : fields_of(message))
     if (field.id == id && field.has_bytes) return field.bytes;
@@ -107,10 +122,9 @@ std::optional<Tensor> read_tensor(std::string_view message) {
   }
   if (type == kFloatType) add_values(raw, tensor.floats);
   if (type == kLongType) add_values(raw, tensor.integers);
-  std::uint64_t count = 1;
-  for (const std::int64_t size : tensor.dims) count *= static_cast<std::uint64_t>(size);
-  const bool whole = (type == kFloatType && tensor.floats.size() == count && tensor.integers.empty()) ||
-                     (type == kLongType && tensor.integers.size() == count && tensor.floats.empty());
+  const std::size_t values = tensor.floats.size() + tensor.integers.size();
+  const bool whole = (type == kFloatType && tensor.integers.empty() && has_elements(tensor.dims, values)) ||
+                     (type == kLongType && tensor.floats.empty() && has_elements(tensor.dims, values));
   return whole ? std::optional(std::move(tensor)) : std::nullopt;
 }
 

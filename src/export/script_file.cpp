@@ -7,6 +7,8 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
+#include "doppel/core/json_depth.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/scratch_folder.h"
 #include "doppel/export/script_check.h"
@@ -234,12 +236,15 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
     fail_at(where, "is not a TorchScript file, or is damaged; `doppel export` writes {}s", words.name);
   }
   const ScriptKind other = kind == ScriptKind::actor ? ScriptKind::pose : ScriptKind::actor;
+  constexpr std::size_t kMostDepth = 50;  // what copies or prints a JSON value calls itself for each level
+  if (is_json_deeper_than(extra.at("metadata.json"), kMostDepth))
+    fail_at(where, "its metadata.json nests lists and objects more than {} deep", kMostDepth);
   try {
     file.metadata = nlohmann::json::parse(extra.at("metadata.json"));
     if (file.metadata.contains(words_of(other).key)) fail_at(where, "is {}", words_of(other).contents);
     if (file.metadata.at(words.key) != kScriptVersion)
-      fail_at(where, "is of version {}; {}s of version {} can be read", file.metadata.at(words.key).dump(), words.name,
-              kScriptVersion);
+      fail_at(where, "is of version {}; {}s of version {} can be read", excerpt(file.metadata.at(words.key).dump()),
+              words.name, kScriptVersion);
   } catch (const nlohmann::json::exception& e) {
     fail_metadata(path, kind, e);
   }
@@ -253,7 +258,15 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
 void fail_metadata(const std::filesystem::path& path, ScriptKind kind, const nlohmann::json::exception& error) {
   fail_at({path.string()},
           "is a TorchScript file, but not a Doppel {}: its metadata.json is missing or incomplete ({})",
-          words_of(kind).name, error.what());
+          words_of(kind).name, excerpt(error.what(), 200));
+}
+
+int metadata_integer(const nlohmann::json& value, const std::filesystem::path& path, const char* key, int least,
+                     int most) {
+  if (!value.is_number_integer() || value < least || value > most)
+    fail_at({path.string()}, "its metadata.json gives {} for `{}`, allowed are whole numbers from {} to {}",
+            excerpt(value.dump()), key, least, most);
+  return value.get<int>();
 }
 
 }  // namespace doppel

@@ -79,5 +79,12 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind);
 /// @throws FileError that says which key of `metadata` is missing, as named by `error`
 [[noreturn]] void fail_metadata(const std::filesystem::path& path, ScriptKind kind,
                                 const nlohmann::json::exception& error);
+/// A whole number of `metadata`. @throws FileError when `value` is none, or outside of least..most
+int metadata_integer(const nlohmann::json& value, const std::filesystem::path& path, const char* key, int least,
+                     int most);
+/// Vertices of a file that is read.
+inline constexpr int kMostScriptVertices = 100'000'000;
+/// Sides of images in pixels, and frames of a window, in a file that is read.
+inline constexpr int kMostScriptSide = 16384;
 
 }  // namespace doppel

@@ -7,6 +7,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/geometry/up_axis.h"
 #include "doppel/motion_import/npz_file.h"
 #include "doppel/motion_import/rest_figure.h"
@@ -76,7 +77,7 @@ Rows read_poses(const NpzFile& file) {
     poses = joined(read_rows(file, "global_orient"), read_rows(file, "body_pose"), file);
   else
     fail_at(file.where(), "holds no motion of a body: neither 'poses' nor 'root_orient' and 'pose_body'. It has: {}",
-            fmt::join(file.names(), ", "));
+            excerpt(fmt::format("{}", fmt::join(file.names(), ", ")), 500));
   if (poses.width < 3 * rest_figure().size() || poses.width % 3 != 0)
     fail_at(
         file.where(),

@@ -197,7 +197,7 @@ void write_safetensors(const std::filesystem::path& path, const NamedWeights& we
   for (const auto& [name, tensor] : weights) {
     if (header.contains(name)) fail("{}: two tensors are called '{}'", path.string(), name);
     const auto type = std::find_if(kNumberTypes.begin(), kNumberTypes.end(),
-                                   [&](const NumberType& known) { return known.type == tensor.scalar_type(); });
+                                   [wanted = tensor.scalar_type()](const auto& known) { return known.type == wanted; });
     if (type == kNumberTypes.end())
       fail("{}: safetensors cannot hold '{}' of type {}", path.string(), name, c10::toString(tensor.scalar_type()));
     const std::size_t begin = end;

@@ -5,6 +5,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 
 namespace doppel {
 
@@ -83,7 +84,7 @@ const SceneAnimation& find_animation(const Scene& scene, const std::string& name
     if (animation.name == name) return animation;
     names += (names.empty() ? "'" : ", '") + animation.name + "'";
   }
-  fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : names);
+  fail<UsageError>("the file has no animation '{}'; it has {}", name, names.empty() ? "none" : excerpt(names, 500));
 }
 
 SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& animation, const RigPlan& plan,

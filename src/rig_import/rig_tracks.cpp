@@ -5,6 +5,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/excerpt.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/rig_import/rig_frame.h"
 #include "doppel/rig_import/rig_motion.h"
@@ -28,7 +29,7 @@ const SceneAnimation& chosen_animation(const Scene& scene, const std::string& na
     names += (count++ == 0 ? "'" : ", '") + animation.name + "'";
   }
   if (!chosen) fail<UsageError>("the file has no animation, so there is no motion in it");
-  if (count > 1) fail<UsageError>("the file has {} animations; choose one by its name: {}", count, names);
+  if (count > 1) fail<UsageError>("the file has {} animations; choose one by its name: {}", count, excerpt(names, 500));
   return *chosen;
 }
 

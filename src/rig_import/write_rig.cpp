@@ -4,6 +4,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/json_depth.h"
 #include "doppel/core/npy.h"
 #include "doppel/rig_import/import_rig.h"
 #include "doppel/rig_import/landmarks_of_rig.h"
@@ -74,7 +75,9 @@ std::optional<double> imported_rate(const fs::path& motion) {
   const fs::path list = motion.parent_path() / "motions.json";
   std::error_code none;
   if (!fs::is_regular_file(list, none)) return std::nullopt;
-  const Json report = Json::parse(read_file(list), nullptr, false);
+  const std::string text = read_file(list);
+  constexpr std::size_t kMostDepth = 50;  // copies of a JSON value call themselves for each level
+  const Json report = is_json_deeper_than(text, kMostDepth) ? Json() : Json::parse(text, nullptr, false);
   if (!report.is_object() || !report.contains("motions") || !report["motions"].is_array())
     fail_at({list.string(), 0}, "is not the list of motions that `doppel character import` writes");
   for (const Json& entry : report["motions"]) {

@@ -14,6 +14,7 @@
 namespace doppel::tflite_model_test {
 namespace {
 
+using support::mixed_network;
 using support::SmallModel;
 using Op = tflite::BuiltinOperator;
 using ::testing::AllOf;
@@ -32,48 +33,6 @@ class TfliteFile : public ::testing::Test {
   support::TemporaryFolder folder_;
   std::filesystem::path path_ = folder_ / "net.tflite";
 };
-
-/// A network of several operators: 1x1 convolution with float16 and sparse weights, pooling, padding, concatenation.
-std::string mixed_network() {
-  SmallModel model;
-  const int in = model.tensor({1, 4, 4, 2}), convolved = model.tensor({1, 4, 4, 2}),
-            pooled = model.tensor({1, 2, 2, 2});
-  const int padded = model.tensor({1, 2, 2, 4}), flat = model.tensor({1, 16}), out = model.tensor({1, 32});
-  const int sparse = model.halves({2, 1, 1, 2}, {0x3c00, 0xc000});  // 1 and -2
-  auto sparsity = std::make_unique<tflite::SparsityParametersT>();
-  sparsity->traversal_order = {0, 1, 2, 3};
-  for (const int size : {2, 1, 1}) {
-    auto axis = std::make_unique<tflite::DimensionMetadataT>();
-    axis->dense_size = size;
-    sparsity->dim_metadata.push_back(std::move(axis));
-  }
-  auto last = std::make_unique<tflite::DimensionMetadataT>();
-  last->format = tflite::DimensionType::SPARSE_CSR;
-  tflite::Uint16VectorT segments;
-  segments.values = {0, 1, 2};
-  tflite::Uint8VectorT indices;
-  indices.values = {1, 0};
-  last->array_segments.Set(segments);
-  last->array_indices.Set(indices);
-  sparsity->dim_metadata.push_back(std::move(last));
-  model.stored(sparse).sparsity = std::move(sparsity);
-  const int dense = model.tensor({2, 1, 1, 2}), weights = model.tensor({2, 1, 1, 2}),
-            bias = model.constant({2}, {0, 10});
-  model.step(Op::DENSIFY, {sparse}, dense);
-  model.step(Op::DEQUANTIZE, {dense}, weights);
-  tflite::Conv2DOptionsT conv;
-  conv.stride_w = conv.stride_h = 1;
-  model.step(Op::CONV_2D, {in, weights, bias}, convolved, conv);
-  tflite::Pool2DOptionsT pool;
-  pool.stride_w = pool.stride_h = pool.filter_width = pool.filter_height = 2;
-  model.step(Op::MAX_POOL_2D, {convolved}, pooled, pool);
-  model.step(Op::PAD, {pooled, model.integers({4, 2}, {0, 0, 0, 0, 0, 0, 0, 2})}, padded);
-  model.step(Op::RESHAPE, {padded}, flat);
-  tflite::ConcatenationOptionsT concatenation;
-  concatenation.axis = 1;
-  model.step(Op::CONCATENATION, {flat, flat}, out, concatenation);
-  return model.file({in}, {out});
-}
 
 TEST_F(TfliteFile, ReadsHalvesAndSparseConstants) {
   const NetworkModel model = read(mixed_network());
