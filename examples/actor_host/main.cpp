@@ -34,6 +34,8 @@ int main(int argc, char** argv) {
   if (argc != 4 && argc != 5) return std::cerr << "usage: actor_host ACTOR.pt MOTION.motion OUT.f32 [PICTURE.ppm]\n", 2;
   try {
     torch::NoGradGuard no_grad;
+    torch::jit::FusionStrategy none;  // the fuser of LibTorch 2.6 does not return for these files
+    torch::jit::setFusionStrategy(none);
     torch::jit::ExtraFilesMap extra{{"metadata.json", ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
     torch::jit::Module actor = torch::jit::load(argv[1], c10::nullopt, extra);
     const torch::Tensor motion = read_motion(argv[2]);

@@ -216,6 +216,13 @@ torch::jit::script::Module load_fused(const std::filesystem::path& path, const s
   }
 }
 
+/// For the whole process. The fuser of LibTorch 2.6 does not return for these files, and on a CPU it makes nothing
+/// faster.
+void switch_fuser_off() {
+  torch::jit::FusionStrategy none;
+  torch::jit::setFusionStrategy(none);
+}
+
 }  // namespace
 
 ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) {
@@ -226,6 +233,7 @@ ScriptFile load_script_file(const std::filesystem::path& path, ScriptKind kind) 
   ScriptFile file;
   torch::jit::ExtraFilesMap extra{
       {"metadata.json", ""}, {kFusedFile, ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
+  switch_fuser_off();
   try {
     check_script_archive(path, path);
     file.module = torch::jit::load(path.string(), c10::nullopt, extra);
