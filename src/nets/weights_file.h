@@ -32,7 +32,7 @@ NamedWeights read_safetensors(const std::filesystem::path& path);
 /// Writes a safetensors file, atomically.
 /// @param weights on the CPU; names must differ
 /// @param metadata texts by name, for `__metadata__` of the header
-/// @throws Error for a type that the format does not have, a name that occurs twice, or a full disk
+/// @throws Error for a type that the format does not have, a name that occurs twice or is not in UTF-8, or a full disk
 void write_safetensors(const std::filesystem::path& path, const NamedWeights& weights,
                        const std::map<std::string, std::string>& metadata = {});
 

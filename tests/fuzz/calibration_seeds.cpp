@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include "calibration/binary_writers.h"
 #include "doppel/calibration/read_calibration.h"
 #include "doppel/core/atomic_file.h"
+#include "fuzz/fuzz_target.h"
 #include "support/ring_of_cameras.h"
 #include "support/temporary_folder.h"
 
@@ -19,10 +21,9 @@ CalibrationSeed seed_of_writer(const char* format, const std::vector<const char*
   cameras[1].name = "left";
   const std::filesystem::path path = is_folder ? folder / "out" : folder / names[0];
   write_calibration(path, cameras, format);
-  CalibrationSeed seed{format, names, ""};
-  for (const char* name : names)
-    seed.bytes += (seed.bytes.empty() ? "" : kNextFile) + read_file(is_folder ? path / name : path);
-  return seed;
+  std::vector<std::string> files;
+  for (const char* name : names) files.push_back(read_file(is_folder ? path / name : path));
+  return {format, names, joined(files)};
 }
 
 std::string storage_matrix(const char* key, int rows, int cols, const char* data) {
@@ -36,6 +37,13 @@ std::string stereo_yaml() {
          storage_matrix("K2", 3, 3, "700., 0., 300., 0., 710., 200., 0., 0., 1.") +
          storage_matrix("D2", 1, 4, "0.1, 0, 0, 0") + storage_matrix("R", 3, 3, "0, -1, 0, 1, 0, 0, 0, 0, 1") +
          "T: [ -60., 2., 3. ]\n";
+}
+
+std::string binary_colmap() {
+  using namespace support;
+  return joined({counted(2, binary_camera(1, 0, 640, 480, {500, 320, 240}) +
+                                binary_camera(2, 4, 640, 480, {500, 510, 321, 241, -0.1, 0.02, 0.003, -0.004})),
+                 counted(2, binary_image(1, "a.png", 2) + binary_image(2, "b.png"))});
 }
 
 constexpr const char* kStereoXml =
@@ -145,6 +153,7 @@ std::vector<CalibrationSeed> calibration_seeds() {
           seed_of_writer("toml", {"a.toml"}, false),
           seed_of_writer("nerfstudio", {"transforms.json"}, false),
           seed_of_writer("colmap", {"cameras.txt", "images.txt"}, true),
+          {"colmap", {"cameras.bin", "images.bin"}, binary_colmap()},
           seed_of_writer("easymocap", {"intri.yml", "extri.yml"}, true),
           {"opencv_stereo", {"calibration.yml"}, stereo_yaml()},
           {"opencv_stereo", {"calibration.xml"}, kStereoXml},
@@ -162,7 +171,9 @@ std::vector<CalibrationSeed> calibration_seeds() {
           {"vicon", {"a.xcp"}, kVicon},
           {"optitrack", {"a.xml"}, kOptitrack},
           {"metashape", {"a.xml"}, kMetashape},
-          {"realitycapture", {"a.xmp"}, kRealityCapture}};
+          {"realitycapture", {"a.xmp"}, kRealityCapture},
+          {"opencap", {"a.pickle"}, support::opencap_dict(support::opencap_pose())},
+          {"zju", {"annots.npy"}, support::npy_of_objects(support::two_zju_cameras())}};
 }
 
 }  // namespace doppel::fuzz

@@ -1,4 +1,3 @@
-#include <cstring>
 #include <set>
 
 #include "doppel/calibration/read_calibration.h"
@@ -9,16 +8,6 @@ namespace doppel::fuzz {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Puts the files of an input into the folder. @return the first one
-fs::path spread(std::string_view bytes, const std::vector<const char*>& names, const fs::path& folder) {
-  for (const char* name : names) {
-    const std::size_t cut = std::min(bytes.find(kNextFile), bytes.size());
-    written(bytes.substr(0, cut), folder, name);
-    bytes.remove_prefix(std::min(cut + std::strlen(kNextFile), bytes.size()));
-  }
-  return folder / names[0];
-}
 
 void check_calibration(const Calibration& calibration) {
   promise(!calibration.cameras.empty(), "a calibration has cameras");
@@ -69,7 +58,7 @@ std::vector<FuzzTarget> calibration_targets() {
     const std::vector<const char*> names = seed.file_names;
     target.read = [names](std::string_view bytes, const fs::path& folder) {
       for (const auto& entry : fs::directory_iterator(folder)) fs::remove_all(entry.path());
-      const fs::path first = spread(bytes, names, folder);
+      const fs::path first = spread(bytes, folder, names);
       const Calibration calibration = load_calibration(names.size() > 1 ? folder : first);
       check_calibration(calibration);
       check_rewritten(calibration, folder);

@@ -1,7 +1,13 @@
+#include <algorithm>
 #include <cmath>
 
 #include "doppel/character/bvh.h"
+#include "doppel/character/character.h"
+#include "doppel/character/joint_map.h"
+#include "doppel/character/labels.h"
+#include "doppel/character/landmarks.h"
 #include "doppel/character/motion.h"
+#include "doppel/character/rigidity.h"
 #include "doppel/character/skeleton.h"
 #include "doppel/character/skinning_weights.h"
 #include "doppel/core/as_size.h"
@@ -9,6 +15,7 @@
 #include "doppel/rigging/body_joints.h"
 #include "fuzz/fuzz_target.h"
 #include "support/temporary_folder.h"
+#include "support/test_character.h"
 
 namespace doppel::fuzz {
 
@@ -17,14 +24,6 @@ namespace {
 using Path = std::filesystem::path;
 
 constexpr int kDofs = 4;  // of the seeds
-
-/// The bytes that a writer of the library makes.
-template <typename Write>
-std::string bytes_of(const char* name, const Write& write) {
-  const support::TemporaryFolder folder;
-  write(folder / name);
-  return read_file(folder / name);
-}
 
 bool all_finite(const std::vector<double>& values) {
   for (const double value : values)
@@ -85,6 +84,83 @@ void read_joints_bytes(std::string_view bytes, const Path& folder) {
   promise(file.file_from_character.linear().determinant() > 0, "the transform does not mirror");
 }
 
+const std::vector<const char*> kCharacterFiles{"tube.character", "tube.skeleton",  "tube.skin",       "tube.obj",
+                                               "tube.motion",    "tube_graph.obj", "segmentation.txt"};
+
+const Character& small_character() {
+  static const Character character = make_test_character(2, 4, 3);
+  return character;
+}
+
+void check_character(const Character& character) {
+  const auto vertices = as_size(character.num_vertices());
+  promise(as_size(character.skin.num_vertices()) == vertices && character.rigidity.size() == vertices &&
+              (character.labels.empty() || character.labels.size() == vertices),
+          "each vertex has weights, a rigidity and perhaps a label");
+  promise(character.rest_dofs.size() == as_size(character.num_dofs()) && all_finite(character.rest_dofs),
+          "the rest pose is whole");
+  promise(character.bone_joint.size() == as_size(character.skin.num_bones()), "each bone has a joint");
+  for (const int joint : character.bone_joint)
+    promise(joint >= 0 && joint < character.skeleton.num_joints(), "joints of bones exist");
+  for (const int vertex : character.graph.node_vertex)
+    promise(vertex >= 0 && as_size(vertex) < vertices, "graph nodes are vertices");
+}
+
+/// A character with all its files, which survives writing and reading.
+void read_character_bytes(std::string_view bytes, const Path& folder) {
+  const Path path = spread(bytes, folder, kCharacterFiles);
+  for (const char* name : kCharacterFiles)
+    if (std::filesystem::is_empty(folder / name)) std::filesystem::remove(folder / name);
+  const Character character = load_character(path);
+  check_character(character);
+  promise(read_character_skeleton(path).num_dofs() == character.num_dofs(), "the skeleton alone is the same");
+  if (character.graph.faces.empty()) return;  // cannot be written
+  std::filesystem::remove_all(folder / "again");
+  const Character again = load_character(write_character(folder / "again", character));
+  promise(again.fingerprint() == character.fingerprint(), "a character survives writing and reading");
+  promise(again.labels == character.labels && again.skinning == character.skinning, "labels and skinning survive");
+}
+
+void read_landmark_bytes(std::string_view bytes, const Path& folder) {
+  const Character& character = small_character();
+  const std::vector<Marker> landmarks = read_landmarks(written(bytes, folder, "a.csv"), character);
+  const auto places = landmark_positions(character.skeleton, landmarks, character.rest_dofs);
+  write_landmarks(folder / "again.csv", character, landmarks);
+  const auto again = read_landmarks(folder / "again.csv", character);
+  const auto places_again = landmark_positions(character.skeleton, again, character.rest_dofs);
+  promise(again.size() == landmarks.size(), "landmarks survive");
+  for (std::size_t m = 0; m < landmarks.size(); ++m)
+    promise(again[m].name == landmarks[m].name && again[m].joint == landmarks[m].joint &&
+                (places_again[m] - places[m]).norm() <= 2e-9 + 1e-12 * places[m].norm(),
+            "names, joints and places survive");
+}
+
+void read_segmentation_bytes(std::string_view bytes, const Path& folder) {
+  const std::vector<int> labels = read_segmentation(written(bytes, folder, "segmentation.txt"), 3);
+  promise(labels.size() == 3, "each vertex has a label");
+  for (const int label : labels) promise(label >= 0 && label < kNumLabels, "labels are known");
+  write_segmentation(folder / "again.txt", labels);
+  promise(read_segmentation(folder / "again.txt", 3) == labels, "labels survive");
+}
+
+void read_joint_map_bytes(std::string_view bytes, const Path& folder) {
+  const JointMap map = read_joint_map(written(bytes, folder, "a.yaml"));
+  promise(!map.pairs.empty() && map.factor > 0, "a map pairs joints");
+  const JointMap again = read_joint_map(written(joint_map_text(map), folder, "again.yaml"));
+  promise(again.pairs.size() == map.pairs.size() && again.scale == map.scale && again.z_up == map.z_up &&
+              std::abs(again.factor - map.factor) <= 1e-5 * map.factor,
+          "scale and axis survive");
+  // YAML holds text alone, so bytes that are no UTF-8 are replaced when a map is written.
+  const auto is_plain = [](const std::string& name) {
+    return std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c < '\x7f'; });
+  };
+  for (std::size_t i = 0; i < map.pairs.size(); ++i)
+    if (is_plain(map.pairs[i].target) && is_plain(map.pairs[i].source))
+      promise(again.pairs[i].target == map.pairs[i].target && again.pairs[i].source == map.pairs[i].source &&
+                  (again.pairs[i].rest_rotation - map.pairs[i].rest_rotation).norm() < 1e-5,
+              "pairs survive");
+}
+
 /// A root that moves along and turns about y, and a knee.
 Skeleton small_skeleton() {
   Skeleton skeleton;
@@ -118,6 +194,24 @@ BvhClip small_clip() {
   return clip;
 }
 
+std::string small_character_files() {
+  const support::TemporaryFolder folder;
+  write_character(folder.path(), small_character());
+  std::vector<std::string> files;
+  for (const char* name : kCharacterFiles) files.push_back(read_file(folder / name));
+  return joined(files);
+}
+
+std::string small_landmarks() {
+  const Skeleton& skeleton = small_character().skeleton;
+  return bytes_of("a.csv", [&](const Path& path) {
+    write_landmarks(path, small_character(), {{"nose", skeleton.num_joints() - 1, {0.1, 0.2, 0.3}, 0.01}});
+  });
+}
+
+constexpr const char* kJointMap =
+    "joints:\n  Root: Hips\n  LeftArm: LeftUpperArm\nscale: 0.5\nup: z\nrest_rotation:\n  LeftArm: [0, 0, 45]\n";
+
 JointsFile small_joints() {
   JointsFile file;
   file.file_from_character = Eigen::Affine3d::Identity();
@@ -150,7 +244,22 @@ std::vector<FuzzTarget> character_targets() {
       {"joints",
        read_joints_bytes,
        {bytes_of("joints.json", [](const Path& path) { write_joints(path, small_joints()); })},
-       {"{\"a\":", "[[[[", "null", "\"l_knee\"", "\"joints\":{", "\"file_from_character\":", "1e999"}}};
+       {"{\"a\":", "[[[[", "null", "\"l_knee\"", "\"joints\":{", "\"file_from_character\":", "1e999"}},
+      {"character",
+       read_character_bytes,
+       {small_character_files()},
+       {"skinning\n  linear\n", "skinning", "pose", "skin", "mesh", "skeleton", kNextFile, "/dev/zero", "..", "nan",
+        "1e300", "dofs: 0", "f 1 2 3\n", "v 0 0 0\n", "20\n"}},
+      {"landmarks",
+       read_landmark_bytes,
+       {small_landmarks()},
+       {"index,name,joint,x_mm,y_mm,z_mm", "1,nose", "Root_tx", "1e308", "nan", ",,", "\xEF\xBB\xBF"}},
+      {"segmentation", read_segmentation_bytes, {"0\n5\n20\n"}, {"21", "-1", "\n\n", "1.5", "1e9"}},
+      {"joint_map",
+       read_joint_map_bytes,
+       {kJointMap, "joints: {a: b}\nscale: hip_height\nup: y\n"},
+       {"leg_length", "hip_height", "rest_rotation:", "joints:", "scale: ", "&a ", "*a", "'#'", "\": \"", "null", "~",
+        "1e308", "!!str ", "[0, 0, 360]"}}};
 }
 
 }  // namespace doppel::fuzz

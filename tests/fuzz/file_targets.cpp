@@ -1,12 +1,11 @@
 #include <cmath>
 
+#include "../tools/shard_folder.h"
 #include "doppel/capture/capture.h"
 #include "doppel/capture/store_layout.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/pickle.h"
-#include "doppel/keypoints/read_keypoints.h"
-#include "doppel/keypoints/read_space_points.h"
 #include "doppel/motion_import/npz_file.h"
 #include "doppel/nets/torch_pickle.h"
 #include "fuzz/fuzz_target.h"
@@ -63,24 +62,6 @@ void read_capture_bytes(std::string_view bytes, const Path& folder) {
           "a capture survives writing and reading");
 }
 
-void read_keypoint_bytes(std::string_view bytes, const Path& folder, const char* name) {
-  KeypointCamera camera;
-  camera.index = 0;
-  for (const DetectedImage& image : read_detections(written(bytes, folder, name), camera).images)
-    for (const DetectedPerson& person : image.people)
-      for (const Keypoint& point : person.body)
-        promise(std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.confidence),
-                "keypoints are finite");
-}
-
-void read_points_bytes(std::string_view bytes, const Path& folder, const char* name) {
-  const SpacePoints points = read_space_points(written(bytes, folder, name));
-  for (const auto& [frame, places] : points.frames) {
-    promise(places.size() == points.names.size(), "each point has a name");
-    for (const auto& place : places) promise(!place || place->allFinite(), "points are finite");
-  }
-}
-
 void read_store_bytes(std::string_view bytes, const Path& folder) {
   std::filesystem::remove(folder / "lock.mdb");
   written(bytes, folder, "data.mdb");
@@ -100,6 +81,19 @@ void read_record_bytes(std::string_view bytes, const Path& /*folder*/) {
 
 void read_keypoint_record(std::string_view bytes, const Path& /*folder*/) {
   promise(encode_keypoints(decode_keypoints(std::string(bytes), 2, "keypoints")) == bytes, "keypoints survive");
+}
+
+/// The description of a shard, which survives writing and reading.
+void read_shard_bytes(std::string_view bytes, const Path& folder) {
+  written(bytes, folder, tools::kShardFile);
+  const tools::ShardFile shard = tools::read_shard_file(folder);
+  promise(!shard.arguments.empty() && shard.shard.index >= 0 && shard.shard.index < shard.shard.count,
+          "a shard is a part of a command");
+  tools::write_shard_file(folder, shard);
+  const tools::ShardFile again = tools::read_shard_file(folder);
+  promise(again.arguments == shard.arguments && again.inputs == shard.inputs && again.shard == shard.shard &&
+              again.finished == shard.finished && again.results == shard.results,
+          "a shard survives");
 }
 
 StoreLayout small_layout() {
@@ -162,39 +156,9 @@ constexpr const char* kCapture =
     "  first_frame: 1\n  last_frame: 9\n  cuts: [4]\n- name: run\n  split: test\n  videos: v/{camera:02}.mp4\n"
     "  chroma_key: {colour: [0, 177, 64], tolerance: 20}\n";
 
-constexpr const char* kOpenPose =
-    R"({"version":1.3,"people":[{"person_id":[-1],"pose_keypoints_2d":[)"
-    "100,200,0.9, 110,210,0.8, 0,0,0, 120,220,0.7, 1,1,1, 2,2,1, 3,3,1, 4,4,1, 5,5,1, 6,6,1, 7,7,1, 8,8,1, 9,9,1,"
-    "10,10,1, 11,11,1, 12,12,1, 13,13,1, 14,14,1, 15,15,1, 16,16,1, 17,17,1, 18,18,1, 19,19,1, 20,20,1, 21,21,1]}]}";
-constexpr const char* kCoco =
-    R"([{"image_id":1,"category_id":1,"score":0.9,"keypoints":[)"
-    "1,2,0.5,2,3,0.5,3,4,1,4,5,1,5,6,1,6,7,1,7,8,1,8,9,1,9,10,1,10,11,1,11,12,1,12,13,1,13,14,1,14,15,1,15,16,1,"
-    "16,17,1,17,18,1]}]";
-constexpr const char* kMmpose =
-    R"([{"frame_id":0,"instances":[{"keypoints":[[100,200],[110,210],[120,220]],"keypoint_scores":[0.9,0.8,0.7],)"
-    R"("bbox":[[1,2,300,400]],"bbox_score":0.9}]}])";
-constexpr const char* kEasymocap =
-    R"({"filename":"a.jpg","height":480,"width":640,"annots":[{"personID":0,"bbox":[1,2,300,400,0.9],)"
-    R"("keypoints":[[100,200,0.9],[110,210,0.8],[120,220,0.7]]}]})";
-constexpr const char* kAlphapose =
-    R"([{"image_id":"1.jpg","category_id":1,"score":2.5,"box":[1,2,3,4],"idx":1,"keypoints":[)"
-    "1,2,0.5,2,3,0.5,3,4,1,4,5,1,5,6,1,6,7,1,7,8,1,8,9,1,9,10,1,10,11,1,11,12,1,12,13,1,13,14,1,14,15,1,15,16,1,"
-    "16,17,1,17,18,1]}]";
-constexpr const char* kDeeplabcut =
-    "scorer,net,net,net\nbodyparts,nose,nose,nose\ncoords,x,y,likelihood\n0,100,200,0.9\n1,101,201,0.8\n";
-constexpr const char* kWide = "frame,L0_x,L0_y,L1_x,L1_y\n0,10,20,30,40\n1,10,20,30,40\n";
-constexpr const char* kTrc =
-    "PathFileType\t4\t(X/Y/Z)\ta.trc\n"
-    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n"
-    "100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\tA\t\t\tB\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n"
-    "1\t0.00\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t4\t5\t6\n";
-
-std::string small_c3d() {
-  support::C3dWriter writer;
-  writer.labels = {"A", "B"};
-  writer.frames = {{{1, 2, 3}, {4, 5, 6}}, {{1, 2, 3}, {NAN, NAN, NAN}}};
-  return writer.bytes();
-}
+constexpr const char* kShard =
+    R"({"doppel_shard":1,"version":"0.1.0","shard":"0/2","finished":true,"arguments":["evaluate","run"],)"
+    R"("inputs":["a.yaml 10 ab"],"results":{"frames":[{"error_mm":1.5}]}})";
 
 std::string small_npz(bool deflated) {
   support::NpzWriter writer(deflated);
@@ -218,29 +182,6 @@ std::string small_torch_pickle() {
 }
 
 std::string python_pickle() { return "(lp0\nF1.5\naI7\na(F2.25\nL3L\ntp1\na."; }
-
-void add_keypoints(std::vector<FuzzTarget>& targets) {
-  const auto add = [&](const std::string& name, const char* file, const char* seed) {
-    targets.push_back(
-        {"keypoints_" + name,
-         [file](std::string_view bytes, const Path& folder) { read_keypoint_bytes(bytes, folder, file); },
-         {seed},
-         {"[[[[", "{\"a\":", "null", "1e20", "-1e308", "\"people\":[", "\"keypoints\":[", "nan", ",,,", "\"\""}});
-  };
-  add("openpose", "a_keypoints.json", kOpenPose);
-  add("coco", "a.json", kCoco);
-  add("mmpose", "a.json", kMmpose);
-  add("easymocap", "a.json", kEasymocap);
-  add("alphapose", "a.json", kAlphapose);
-  add("deeplabcut", "a.csv", kDeeplabcut);
-  add("wide", "a.csv", kWide);
-  const std::vector<float> places{1, 2, 3, 4};
-  static const std::string npy = npy_bytes(places.data(), "<f4", {1, 1, 2, 2});
-  targets.push_back({"keypoints_freemocap",
-                     [](std::string_view bytes, const Path& folder) { read_keypoint_bytes(bytes, folder, "a.npy"); },
-                     {npy},
-                     {"'shape': (", "<f8", "(1, 2, 3, 2)"}});
-}
 
 void add_store(std::vector<FuzzTarget>& targets) {
   std::string description;
@@ -284,15 +225,10 @@ std::vector<FuzzTarget> file_targets() {
        {kCapture},
        {"\"~\"", "null", "window: 0", "..", "person: 0", "masks: ", "frames: [0, 1]",
         "background_subtraction:", "1e308", "{frame}", "'\\n'", "input_height: 368"}},
-      {"points_c3d",
-       [](std::string_view bytes, const Path& folder) { read_points_bytes(bytes, folder, "a.c3d"); },
-       {small_c3d()},
-       {"POINT", "SCALE", "DATA_START", "LABELS", "UNITS"}},
-      {"points_trc",
-       [](std::string_view bytes, const Path& folder) { read_points_bytes(bytes, folder, "a.trc"); },
-       {kTrc},
-       {"PathFileType", "nan", "1e300", "\t\t", "NumMarkers"}}};
-  add_keypoints(targets);
+      {"shard",
+       read_shard_bytes,
+       {kShard},
+       {"[[[[", "{\"a\":", "null", "1e999", "\"0/1\"", "\"99999/100000\"", "\"prepare\"", "\"results\":", "\\u0000"}}};
   add_store(targets);
   return targets;
 }

@@ -5,12 +5,13 @@
 //   fuzz_driver --list                                            names of the targets
 //   fuzz_driver --replay FILE TARGET                              one input, in this process
 //
-// A target runs in a process of its own. A crash, a report of a sanitizer, a broken promise, more than 10 s for one
-// input or more than kMostMegabytes is a finding: the input is kept as `finding-TARGET-N` in the current folder, and
-// the exit code is 1.
+// A target runs in a process of its own. A crash, a report of a sanitizer, a broken promise, more than 10 s of CPU for
+// one input or more than kMostMegabytes is a finding: the input is kept as `finding-TARGET-N` in the current folder,
+// and the exit code is 1.
 
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -23,6 +24,7 @@
 #include <iostream>
 #include <optional>
 
+#include "doppel/core/log.h"
 #include "fuzz/fuzz_target.h"
 #include "fuzz/mutator.h"
 #include "support/temporary_folder.h"
@@ -37,7 +39,8 @@ namespace {
 using Path = std::filesystem::path;
 
 constexpr long kMostMegabytes = 700;
-constexpr unsigned kMostSeconds = 10;
+constexpr unsigned kMostSeconds = 10;         ///< of CPU, so that a busy machine makes no findings
+constexpr unsigned kMostSecondsWaited = 600;  ///< for a reader that waits
 constexpr std::size_t kLargestInput = 4 << 20;
 
 struct Options {
@@ -67,6 +70,14 @@ void on_alarm(int) {
   abort();  // a sanitizer prints where
 }
 
+/// Calls on_alarm after that many seconds of CPU, or of waiting. 0: no longer
+void watch_time(unsigned cpu_seconds, unsigned waited_seconds) {
+  itimerval limit{};
+  limit.it_value.tv_sec = cpu_seconds;
+  setitimer(ITIMER_PROF, &limit, nullptr);
+  alarm(waited_seconds);
+}
+
 long peak_megabytes() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -77,9 +88,9 @@ long peak_megabytes() {
 bool run_watched(const FuzzTarget& target, const std::string& bytes, const Path& folder, SharedInput& shared) {
   shared.size = std::min(bytes.size(), kLargestInput);
   std::memcpy(shared.bytes, bytes.data(), shared.size);
-  alarm(kMostSeconds);
+  watch_time(kMostSeconds, kMostSecondsWaited);
   const bool accepted = run_once(target, bytes, folder);
-  alarm(0);
+  watch_time(0, 0);
   promise(peak_megabytes() < kMostMegabytes, "memory stays bounded");
   return accepted;
 }
@@ -104,6 +115,7 @@ void run_target(const FuzzTarget& target, const Options& options, const Path& fo
 
 [[noreturn]] void run_child(const FuzzTarget& target, const Options& options, const Path& folder, SharedInput& shared) {
   std::signal(SIGALRM, on_alarm);
+  std::signal(SIGPROF, on_alarm);
   try {
     run_target(target, options, folder, shared);
     std::cout.flush();
@@ -202,6 +214,7 @@ int run(const Options& options) {
 int main(int argc, char** argv) {
   using namespace doppel::fuzz;
   try {
+    doppel::setup_logging("off");
     const Options options = parse({argv + 1, argv + argc});
     if (options.list)
       for (const FuzzTarget& target : all_targets()) std::cout << target.name << "\n";

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "doppel/core/log.h"
 #include "fuzz/fuzz_target.h"
 #include "support/temporary_folder.h"
 
@@ -13,6 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const unsigned char* data, std::size_t siz
   static const char* name = std::getenv("DOPPEL_FUZZ_TARGET");
   static const fuzz::FuzzTarget& target = fuzz::target_of(name ? name : "");
   static const support::TemporaryFolder folder;
+  [[maybe_unused]] static const bool quiet = (setup_logging("off"), true);
   fuzz::run_once(target, {reinterpret_cast<const char*>(data), size}, folder.path());
   return 0;
 }

@@ -51,10 +51,27 @@ std::vector<Regression> regressions();
 /// Parts of each module, joined by all_targets.
 std::vector<FuzzTarget> scene_targets();
 std::vector<FuzzTarget> character_targets();
+std::vector<FuzzTarget> figure_targets();
 std::vector<FuzzTarget> calibration_targets();
+std::vector<FuzzTarget> keypoint_targets();
 std::vector<FuzzTarget> file_targets();
+std::vector<FuzzTarget> network_targets();
+std::vector<FuzzTarget> archive_targets();
 
 /// Writes bytes into a file of the folder. @return its path
 std::filesystem::path written(std::string_view bytes, const std::filesystem::path& folder, const char* name);
+
+/// Stands between the files of an input that is several files.
+inline constexpr const char* kNextFile = "\n#file\n";
+/// The files of such an input, exactly `count`; those that it lacks are empty.
+std::vector<std::string_view> files_of(std::string_view bytes, std::size_t count);
+/// Writes the files of such an input under their names. @return the first one
+std::filesystem::path spread(std::string_view bytes, const std::filesystem::path& folder,
+                             const std::vector<const char*>& names);
+/// The input of these files.
+std::string joined(const std::vector<std::string>& files);
+
+/// The bytes of the file that `write` makes at the path it is given, a file `name` in a temporary folder.
+std::string bytes_of(const char* name, const std::function<void(const std::filesystem::path&)>& write);
 
 }  // namespace doppel::fuzz

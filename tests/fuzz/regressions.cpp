@@ -1,11 +1,13 @@
 #include "fuzz/fuzz_target.h"
 #include "support/fbx_writer.h"
 #include "support/gltf_writer.h"
+#include "support/onnx_file.h"
 
 namespace doppel::fuzz {
 
 namespace {
 
+namespace wire = support::wire;
 using support::FbxBinaryWriter;
 using support::FbxNode;
 using support::GltfWriter;
@@ -141,6 +143,64 @@ void add_files(std::vector<Regression>& all) {
       {"config", "control characters of a file stood in the message", "a: \"\\e[2J\\e[H\"\nb: {\"\\a\": 1}\n"});
 }
 
+/// An ONNX file with one graph of these parts.
+std::string onnx_of(const std::vector<std::string>& nodes, const std::string& constant) {
+  std::string graph = wire::field(5, constant);
+  for (const std::string& node : nodes) graph += wire::field(1, node);
+  return wire::field(7, graph);
+}
+
+std::string onnx_node(const std::string& type, const std::vector<std::string>& inputs, const std::string& output,
+                      const std::string& attribute = "") {
+  std::string node;
+  for (const std::string& input : inputs) node += wire::field(1, input);
+  node += wire::field(2, output) + wire::field(4, type);
+  return attribute.empty() ? node : node + wire::field(5, attribute);
+}
+
+std::string onnx_constant(const std::vector<std::uint64_t>& dims, const std::vector<float>& values) {
+  std::string tensor;
+  for (const std::uint64_t size : dims) tensor += wire::field(1, size);
+  return tensor + wire::field(2, std::uint64_t{1}) + wire::field(8, std::string("rows")) +
+         wire::field(9, wire::raw(values));
+}
+
+void add_networks(std::vector<Regression>& all) {
+  const std::string axes = support::OnnxFile::ints("axes", {0}), product = onnx_node("Mul", {"wide", "rows"}, "out");
+  all.push_back(
+      {"onnx", "dimensions whose product is 1 modulo 2^64 were read beyond the constant",
+       onnx_of({onnx_node("Unsqueeze", {"x"}, "wide", axes), product}, onnx_constant({67280421310721, 274177}, {1}))});
+  all.push_back({"onnx", "an operator without inputs threw std::out_of_range",
+                 onnx_of({onnx_node("Unsqueeze", {}, "wide", axes), product}, onnx_constant({2, 2}, {1, 2, 3, 4}))});
+  const std::vector<std::string> many(500, product);
+  all.push_back({"onnx", "each product with one row took 16 MB",
+                 onnx_of(many, onnx_constant({2048}, std::vector<float>(2048, 1.0F)))});
+  all.push_back({"network_config", "files that name each other were read for ever",
+                 joined({"config: b.yaml\nmodel: c.onnx\n", "config: a.yaml\n"})});
+}
+
+void add_weights(std::vector<Regression>& all) {
+  const auto text = [](const std::string& t) {
+    return "X" + std::string(1, static_cast<char>(t.size())) + std::string(3, '\0') + t;
+  };
+  const std::string tensor = "ctorch._utils\n_rebuild_tensor_v2\n((" + text("storage") + "ctorch\nFloatStorage\n" +
+                             text("0") + text("cpu") + "K\x01tQK" + std::string(1, '\0') + "(K\x01t(K\x01t\x89" +
+                             "ccollections\nOrderedDict\n)RtR";
+  all.push_back({"torch_weights", "a name that is not in UTF-8 ended the writer by an exception of the JSON library",
+                 joined({"\x80\x02}(" + text("\xff") + tensor + "u.", std::string(4, '\1')})});
+}
+
+void add_json(std::vector<Regression>& all) {
+  const std::string deep = repeated("[", 200'000) + repeated("]", 200'000);
+  all.push_back({"shard", "a nested value was copied level by level",
+                 R"({"doppel_shard":1,"version":"0","shard":"0/1","finished":true,"arguments":["track"],"inputs":[],)"
+                 "\"results\":" +
+                     deep + "}"});
+  all.push_back({"shard", "a message held all of a text", "{\"a\":\"" + repeated("x", 100'000)});
+  all.push_back(
+      {"motions_json", "a nested value was copied level by level", "{\"motions\":[{\"file\":" + deep + "}]}"});
+}
+
 }  // namespace
 
 std::vector<Regression> regressions() {
@@ -150,6 +210,9 @@ std::vector<Regression> regressions() {
   add_character(all);
   add_calibration(all);
   add_files(all);
+  add_networks(all);
+  add_json(all);
+  add_weights(all);
   all.push_back({"joints", "nested values", "{\"joints\":" + repeated("{\"a\":\n", 200'000)});
   const std::string box = support::collada_file(support::coloured_box({-0.5, 0, 0}, {0.5, 2, 1}), 1, "Y_UP");
   all.push_back({"collada", "assimp read one index for ever", replaced(box, "<p>0 0", "<p>0\xff")});

@@ -101,8 +101,7 @@ void check_mesh(const Scene& scene) {
   promise(mesh.num_vertices() == scene.num_vertices() && mesh.num_faces() == scene.num_faces(),
           "the mesh holds all primitives");
   promise(mesh.texture.cols <= 16384 && mesh.texture.rows <= 16384, "the texture stays small");
-  for (const Triangle& face : mesh.face_uvs)
-    for (const int uv : face) promise(is_index(uv, mesh.uvs), "UVs of the mesh exist");
+  check_triangles(mesh);
 }
 
 }  // namespace
@@ -125,6 +124,18 @@ void check_scene(const Scene& scene, const SceneLimits& limits) {
             "colours of materials are in 0..1");
   for (const SceneAnimation& animation : scene.animations) check_animation(scene, animation);
   check_mesh(scene);
+}
+
+void check_triangles(const TriangleMesh& mesh) {
+  promise(!mesh.faces.empty(), "there are triangles");
+  promise(all_finite(mesh.vertices), "vertices are finite");
+  promise(all_finite(mesh.uvs), "UVs are finite");
+  promise(mesh.colours.empty() || mesh.colours.size() == mesh.vertices.size(), "each vertex has a colour, or none has");
+  promise(mesh.face_uvs.empty() || mesh.face_uvs.size() == mesh.faces.size(), "each face has UVs, or none has");
+  for (const Triangle& face : mesh.faces)
+    for (const int v : face) promise(is_index(v, mesh.vertices), "corners are vertices");
+  for (const Triangle& face : mesh.face_uvs)
+    for (const int uv : face) promise(is_index(uv, mesh.uvs), "UVs of corners exist");
 }
 
 }  // namespace doppel::fuzz

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "doppel/geometry/mesh.h"
 #include "doppel/scene/scene.h"
 #include "doppel/scene/scene_limits.h"
 
@@ -7,5 +8,8 @@ namespace doppel::fuzz {
 
 /// Checks what scene.h and read_scene.h promise of a scene that was read. @throws Broken
 void check_scene(const Scene& scene, const SceneLimits& limits);
+
+/// Checks what mesh.h promises of a mesh that was read. @throws Broken
+void check_triangles(const TriangleMesh& mesh);
 
 }  // namespace doppel::fuzz

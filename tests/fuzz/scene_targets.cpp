@@ -1,6 +1,7 @@
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
+#include "doppel/geometry/mesh.h"
 #include "doppel/scene/read_scene.h"
 #include "fuzz/fuzz_target.h"
 #include "fuzz/scene_oracle.h"
@@ -23,28 +24,21 @@ using Path = std::filesystem::path;
 /// Small, so that what a reader allocates beyond them is noticed.
 constexpr SceneLimits kLimits{.vertices = 20'000, .triangles = 20'000, .nodes = 500, .keys = 20'000, .image_side = 512};
 
-/// A part of an input that becomes a file of its own beside the first.
-constexpr const char* kSecondFile = "\n#file\n";
-
-void read_file_as(std::string_view bytes, const Path& folder, const char* name, const char* second = nullptr) {
-  const std::size_t cut = second ? bytes.find(kSecondFile) : std::string_view::npos;
-  written(bytes.substr(0, cut), folder, name);
-  if (second)
-    written(cut == std::string_view::npos ? "" : bytes.substr(cut + std::strlen(kSecondFile)), folder, second);
-  check_scene(read_scene(folder / name, kLimits), kLimits);
+void read_files(std::string_view bytes, const Path& folder, const std::vector<const char*>& names) {
+  check_scene(read_scene(spread(bytes, folder, names), kLimits), kLimits);
 }
 
 template <const char* kName>
 void read_as(std::string_view bytes, const Path& folder) {
-  read_file_as(bytes, folder, kName);
+  read_files(bytes, folder, {kName});
 }
 template <const char* kName, const char* kSecond>
 void read_two(std::string_view bytes, const Path& folder) {
-  read_file_as(bytes, folder, kName, kSecond);
+  read_files(bytes, folder, {kName, kSecond});
 }
 
 constexpr char kGlb[] = "a.glb", kGltf[] = "a.gltf", kBuffer[] = "b.bin", kFbx[] = "a.fbx", kDae[] = "a.dae",
-               kStl[] = "a.stl", kPly[] = "a.ply", kObj[] = "a.obj", kMtl[] = "a.mtl";
+               kStl[] = "a.stl", kPly[] = "a.ply", kObj[] = "a.obj", kMtl[] = "a.mtl", kPng[] = "skin.png";
 
 TriangleMesh box() { return coloured_box({-0.5, 0, 0}, {0.5, 2, 1}); }
 
@@ -92,7 +86,7 @@ std::string as_gltf(const GltfWriter& file) {
   std::memcpy(&json_size, glb.data() + 12, 4);
   auto json = GltfWriter::Json::parse(glb.substr(20, json_size));
   json["buffers"][0]["uri"] = kBuffer;
-  return json.dump() + kSecondFile + glb.substr(20 + json_size + 8);
+  return joined({json.dump(), glb.substr(20 + json_size + 8)});
 }
 
 FuzzTarget gltf_target(bool binary) {
@@ -188,7 +182,8 @@ FuzzTarget ply_target(bool binary) {
   return target;
 }
 
-FuzzTarget obj_target() {
+/// The box as an OBJ file with UVs and colours. Each side has a material.
+std::string obj_box() {
   std::string obj = "mtllib a.mtl\no box\n";
   const TriangleMesh mesh = box();
   for (const Eigen::Vector3d& x : mesh.vertices) obj += fmt::format("v {} {} {} 0.5 0.25 1\n", x.x(), x.y(), x.z());
@@ -199,20 +194,58 @@ FuzzTarget obj_target() {
     const Triangle face = mesh.faces[f];
     obj += fmt::format("f {0}/{0}/1 {1}/{1}/1 {2}/{2}/1\n", face[0] + 1, face[1] + 1, face[2] + 1);
   }
-  obj += std::string(kSecondFile) + "newmtl part_0\nKd 0.2 0.4 0.6\nmap_Kd skin.png\nnewmtl part_1\nKd 1 0 0\n";
-  return {"obj",
-          read_two<kObj, kMtl>,
-          {obj},
-          {"f -1 -2 -3\n", "f 1//1 2//1 3//1\n", "f 1 2 3 4 5 6 7 8\n", "usemtl part_9\n", "g a b c\n", "s 1\n",
-           "l 1 2\n", "\\\n", "v 1 2\n", "vt nan 0\n", "mtllib b.mtl\n", "map_Kd -s 1 1 1 a.png\n", "Kd 2 nan -1\n",
-           "f 1/2/3/4 2 3\n", "usemtl", "newmtl"}};
+  return obj;
+}
+
+const std::vector<std::string> kObjWords{"f -1 -2 -3\n",
+                                         "f 1//1 2//1 3//1\n",
+                                         "f 1 2 3 4 5 6 7 8\n",
+                                         "usemtl part_9\n",
+                                         "g a b c\n",
+                                         "s 1\n",
+                                         "l 1 2\n",
+                                         "\\\n",
+                                         "v 1 2\n",
+                                         "vt nan 0\n",
+                                         "mtllib b.mtl\n",
+                                         "map_Kd -s 1 1 1 a.png\n",
+                                         "Kd 2 nan -1\n",
+                                         "f 1/2/3/4 2 3\n",
+                                         "usemtl",
+                                         "newmtl"};
+
+FuzzTarget obj_target() {
+  const std::string materials = "newmtl part_0\nKd 0.2 0.4 0.6\nmap_Kd skin.png\nnewmtl part_1\nKd 1 0 0\n";
+  return {"obj", read_two<kObj, kMtl>, {joined({obj_box(), materials})}, kObjWords};
+}
+
+/// An OBJ file with its material and texture as one mesh, which survives writing and reading.
+void read_obj_mesh(std::string_view bytes, const Path& folder) {
+  constexpr double kUnit = 0.001;
+  const TriangleMesh mesh = read_obj(spread(bytes, folder, {kObj, kMtl, kPng}), kUnit);
+  check_triangles(mesh);
+  write_obj(folder / "again.obj", mesh, kUnit);
+  const TriangleMesh again = read_obj(folder / "again.obj", kUnit);
+  promise(again.faces == mesh.faces && again.face_uvs == mesh.face_uvs, "faces survive");
+  promise(again.uvs == mesh.uvs && again.colours == mesh.colours, "UVs and colours survive");
+  promise(again.texture.size() == mesh.texture.size(), "the texture survives");
+  promise(again.num_vertices() == mesh.num_vertices(), "vertices survive");
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
+    promise((again.vertices[v] - mesh.vertices[v]).norm() <= 1e-12 * mesh.vertices[v].norm(), "places survive");
+}
+
+FuzzTarget obj_mesh_target() {
+  const std::vector<std::uint8_t> png = small_image();
+  const std::string image(png.begin(), png.end()), material = "newmtl part_0\nKd 0.2 0.4 0.6\nmap_Kd skin.png\n";
+  return {"obj_mesh", read_obj_mesh, {joined({obj_box(), material, image})}, kObjWords};
 }
 
 }  // namespace
 
 std::vector<FuzzTarget> scene_targets() {
-  return {gltf_target(true), gltf_target(false), fbx_target(true), fbx_target(false), collada_target(),
-          stl_target(true),  stl_target(false),  ply_target(true), ply_target(false), obj_target()};
+  return {gltf_target(true), gltf_target(false), fbx_target(true),  fbx_target(false),
+          collada_target(),  stl_target(true),   stl_target(false), ply_target(true),
+          ply_target(false), obj_target(),       obj_mesh_target()};
 }
 
 }  // namespace doppel::fuzz
