@@ -21,7 +21,7 @@ constexpr int kShardFormat = 1;
 constexpr std::size_t kMostShardDepth = 50;
 
 ShardFile shard_from_json(const Json& node, const fs::path& path) {
-  if (node.at("doppel_shard").get<int>() != kShardFormat)
+  if (node.at("doppel_shard") != kShardFormat)
     fail<UsageError>("{} has another format than {}; make all shards with one version of the program", path.string(),
                      kShardFormat);
   ShardFile file;

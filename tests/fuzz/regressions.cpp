@@ -196,6 +196,7 @@ void add_json(std::vector<Regression>& all) {
                  R"({"doppel_shard":1,"version":"0","shard":"0/1","finished":true,"arguments":["track"],"inputs":[],)"
                  "\"results\":" +
                      deep + "}"});
+  all.push_back({"shard", "a number too large for an integer was converted to one", R"({"doppel_shard":1e+308})"});
   all.push_back({"shard", "a message held all of a text", "{\"a\":\"" + repeated("x", 100'000)});
   all.push_back(
       {"motions_json", "a nested value was copied level by level", "{\"motions\":[{\"file\":" + deep + "}]}"});
