@@ -95,7 +95,7 @@ def draw_points(picture, points, view, radius, share, colour):
 def main():
     pose_path, picture_path, view_path, out = sys.argv[1:5]
     extra = {"metadata.json": "", "faces.npy": ""}
-    torch.jit.set_fusion_strategy([])  # the fuser of PyTorch 2.6 does not return for these files
+    torch.jit.set_fusion_strategy([])  # with the fuser of PyTorch 2.6, the second call does not return
     pose = torch.jit.load(pose_path, _extra_files=extra)
     about = json.loads(extra["metadata.json"])
     if "doppel_pose" not in about:

@@ -53,7 +53,7 @@ def draw(vertices, texture, projection, faces, uvs, face_uvs):
 def main():
     actor_path, motion_path, out_path = sys.argv[1:4]
     extra = {"metadata.json": "", "faces.npy": "", "uvs.npy": "", "face_uvs.npy": ""}
-    torch.jit.set_fusion_strategy([])  # the fuser of PyTorch 2.6 does not return for these files
+    torch.jit.set_fusion_strategy([])  # with the fuser of PyTorch 2.6, the second call does not return
     actor = torch.jit.load(actor_path, _extra_files=extra)
     about = json.loads(extra["metadata.json"])
 

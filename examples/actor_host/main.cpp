@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
   if (argc != 4 && argc != 5) return std::cerr << "usage: actor_host ACTOR.pt MOTION.motion OUT.f32 [PICTURE.ppm]\n", 2;
   try {
     torch::NoGradGuard no_grad;
-    torch::jit::FusionStrategy none;  // the fuser of LibTorch 2.6 does not return for these files
+    torch::jit::FusionStrategy none;  // with the fuser of LibTorch 2.6, the second call does not return
     torch::jit::setFusionStrategy(none);
     torch::jit::ExtraFilesMap extra{{"metadata.json", ""}, {"faces.npy", ""}, {"uvs.npy", ""}, {"face_uvs.npy", ""}};
     torch::jit::Module actor = torch::jit::load(argv[1], c10::nullopt, extra);

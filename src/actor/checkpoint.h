@@ -72,8 +72,8 @@ class CheckpointFolder {
   std::optional<std::pair<std::int64_t, Checkpoint>> load_latest() const;
   /// The checkpoint to use: the one that `best` names, or else the newest. @throws as load_latest
   std::optional<std::pair<std::int64_t, Checkpoint>> load_for_use() const;
-  /// Writes a saved checkpoint's name into `latest`, and into `best` if its validation loss is the smallest, and
-  /// removes the remains of interrupted writes. Repeated calls change nothing.
+  /// Writes a saved checkpoint's name into `latest`, and into `best` if its validation loss is the smallest. Removes
+  /// the remains of interrupted writes. Repeated calls change nothing.
   void note(std::int64_t step, const Checkpoint& checkpoint) const;
   /// Saves a checkpoint, updates `latest`, and removes checkpoints that need not be kept.
   void save(std::int64_t step, const Checkpoint& checkpoint);

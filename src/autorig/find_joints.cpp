@@ -14,9 +14,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kFewestWithPerson = 0.25;         // share of the views
+constexpr double kFewestWithPerson = 0.25;         // share of the views; stylised figures are found in few
 constexpr double kMostWithSeveral = 0.4;           // share of the views
-constexpr double kSeenLegs = 0.2;                  // mean visibility of knees and ankles
+constexpr double kSeenLegs = 0.3;                  // mean visibility of knees and ankles
 constexpr double kBelowScan = 0.05;                // ankles may lie below the scan by this share of its height
 constexpr double kBentHip = 1.2, kBentKnee = 1.2;  // radians from straight: a person who sits
 

@@ -40,7 +40,7 @@ std::string own_address(const std::string& host, int port) {
   return address;
 }
 
-/// LibTorch 2 would use libuv, which Debian builds it without.
+/// LibTorch 2 takes libuv by default, and Debian builds LibTorch without libuv.
 void without_libuv(auto& options) {
   if constexpr (requires { options.useLibUV; }) options.useLibUV = false;
 }

@@ -216,8 +216,8 @@ torch::jit::script::Module load_fused(const std::filesystem::path& path, const s
   }
 }
 
-/// For the whole process. The fuser of LibTorch 2.6 does not return for these files, and on a CPU it makes nothing
-/// faster.
+/// For the whole process. With the fuser of LibTorch 2.6, the second call of these files does not return. LibTorch of
+/// Debian 12 has no fuser for CPUs.
 void switch_fuser_off() {
   torch::jit::FusionStrategy none;
   torch::jit::setFusionStrategy(none);

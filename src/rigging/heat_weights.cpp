@@ -148,11 +148,4 @@ WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bo
   return field(places.place, Eigen::all);
 }
 
-SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                             const HeatOptions& options) {
-  std::vector<std::string> names;
-  for (const HeatBone& bone : bones) names.push_back(bone.name);
-  return sparse_weights(heat_field(mesh, bones, solid, options), names, options);
-}
-
 }  // namespace doppel

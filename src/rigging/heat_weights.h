@@ -23,8 +23,4 @@ namespace doppel {
 WeightField heat_field(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
                        const HeatOptions& options = {});
 
-/// The same without the small weights, as a character holds them.
-SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
-                             const HeatOptions& options = {});
-
 }  // namespace doppel

@@ -20,7 +20,7 @@ struct RigOptions {
 /// @param mesh the template in the rest pose, metres, y up
 /// @param joints at least the twelve limb joints; see complete_joints and place_inside
 /// @param solid the space inside of the mesh
-/// @throws Error as make_body_skeleton and heat_weights
+/// @throws Error as make_body_skeleton and heat_field
 Character make_character(const std::string& name, const TriangleMesh& mesh, const BodyJoints& joints,
                          const SolidGrid& solid, const RigOptions& options = {});
 

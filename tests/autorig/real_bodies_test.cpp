@@ -82,7 +82,7 @@ TEST_F(RealBodies, ScansBecomeCharacters) {
 }
 
 TEST_F(RealBodies, WithFreeLimbsBendWithinTheLimits) {
-  for (const char* body : {"m2m_female", "m2m_male_apose", "mh_man_workwear", "mh_woman_slim"}) {
+  for (const char* body : {"m2m_female", "m2m_male_apose", "mh_man_workwear", "mh_woman_slim", "cesium_man"}) {
     const CreatedCharacter created =
         create_character("actor", scan_of_scene(read_scene(folder(body) / "body.obj")), CreateCharacterOptions());
     ASSERT_EQ(created.bending.poses.size(), 5u);

@@ -32,6 +32,14 @@ std::function<bool(const Vector3d&)> within_cylinder(double from, double to, dou
   return [=](const Vector3d& p) { return p.x() > from && p.x() < to && std::hypot(p.y() - y, p.z()) < radius; };
 }
 
+/// The weights that a character keeps of the field.
+SkinningWeights heat_weights(const TriangleMesh& mesh, const std::vector<HeatBone>& bones, const SolidGrid& solid,
+                             const HeatOptions& options = {}) {
+  std::vector<std::string> names;
+  for (const HeatBone& bone : bones) names.push_back(bone.name);
+  return sparse_weights(heat_field(mesh, bones, solid, options), names, options);
+}
+
 double weight_of(const SkinningWeights& skin, int vertex, int bone) {
   for (int k = skin.vertex_bones.offsets[vertex]; k < skin.vertex_bones.offsets[vertex + 1]; ++k)
     if (skin.vertex_bones.items[k] == bone) return skin.weights[k];
