@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <iostream>
@@ -43,7 +44,7 @@ struct AnimateOptions {
   double unit = 0.0, source_fps = 0.0, fps = 0.0;
   // The camera.
   std::string camera = "orbit", calibration, capture, background, light;
-  int size = 0;
+  int size = 0, samples = 3;
   double turns_per_second = 0.1;
   // The figure for other programs.
   std::string names = "skeletool";
@@ -185,6 +186,7 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   film.frames_per_second = fps;
   film.video = options.wants("mp4");
   film.images = options.wants("png");
+  film.supersampling = options.samples;
   const std::string usual = options.camera == "orbit" ? "soft" : "flat";
   film.light = (options.light.empty() ? usual : options.light) == "soft" ? Light::soft : Light::flat;
   film.backdrop = backdrop(options, studio);
@@ -208,11 +210,24 @@ ActorFile load_model(const std::string& path) {
   return ActorFile::load(path);
 }
 
-/// The subject of the animation: an exported actor, a hybrid from its run, or else the skinned template.
+/// The subject of the animation: an exported actor, an actor from its run, or else the skinned template.
 struct Performer {
   Character character;
   std::optional<ActorFile> file;
   std::unique_ptr<TrainedActor> trained;
+
+  /// The dynamic texture; empty without one.
+  TextureFunction texture() const {
+    if (file && file->description().texture_size > 0)
+      return [actor = &*file](const auto& window, const auto& projection, const auto& vertices) {
+        return actor->texture(window, projection, vertices);
+      };
+    if (trained && trained->texnet)
+      return [actor = trained.get()](const auto& window, const auto& projection, const auto& vertices) {
+        return actor->texture(window, projection, vertices);
+      };
+    return nullptr;
+  }
 
   /// The rate of the training, or nothing: skinning alone has no rate.
   std::optional<double> frames_per_second() const {
@@ -225,16 +240,13 @@ struct Performer {
 Performer make_performer(const AnimateOptions& options) {
   Performer performer;
   const bool radiance = options.renderer == "radiance";
-  if (radiance != !options.run.empty())
-    fail<UsageError>(
-        "{}", radiance
-                  ? "--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it"
-                  : "--run is for --renderer radiance; for the mesh, `doppel export` the run and give --model FILE");
-  if (radiance) {
+  if (radiance && options.run.empty())
+    fail<UsageError>("--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it");
+  if (!options.run.empty()) {
     if (!options.model.empty()) fail<UsageError>("--model and --run both name an actor; give one of them");
     refuse_pose_run("--run", options.run);
     performer.trained = std::make_unique<TrainedActor>(TrainedActor::load(options.run));
-    if (!performer.trained->hybrid)
+    if (radiance && !performer.trained->hybrid)
       fail(
           "{} has no checkpoint of the stage radiance; train it first: doppel train configs/small/hybrid.yaml --set "
           "ddc={}",
@@ -250,13 +262,35 @@ Performer make_performer(const AnimateOptions& options) {
   return performer;
 }
 
-void perform(const Performer& performer, const Motion& motion,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
+void perform(const AnimateOptions& options, const Performer& performer, const Motion& motion,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile& profile) {
   TrainedActor* actor = performer.trained.get();
-  if (!actor) return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers);
+  if (!actor)
+    return animate(performer.character, motion, performer.file ? &*performer.file : nullptr, writers, &profile);
+  const bool radiance = options.renderer == "radiance";
   animate(
       performer.character, motion, actor->past_frames(),
-      [actor](const torch::Tensor& windows) { return actor->refined(windows); }, writers);
+      [actor, radiance](const torch::Tensor& windows) {
+        return radiance ? actor->refined(windows) : actor->fine(windows);
+      },
+      writers, &profile);
+}
+
+/// The rate that was reached, and the time of each part of a frame.
+nlohmann::ordered_json speed_json(const Profile& profile, int frames, double seconds) {
+  nlohmann::ordered_json parts;
+  for (const auto& [name, sum] : profile.parts()) parts[name] = 1000 * sum / frames;
+  return {{"frames_per_second", frames / seconds}, {"milliseconds_a_frame", parts}};
+}
+
+std::string speed_text(const nlohmann::ordered_json& speed) {
+  std::string text = fmt::format("{:.1f} frames a second", speed["frames_per_second"].get<double>());
+  std::string between = "; milliseconds a frame: ";
+  for (const auto& [name, value] : speed["milliseconds_a_frame"].items()) {
+    text += fmt::format("{}{} {:.1f}", between, name, value.get<double>());
+    between = ", ";
+  }
+  return text;
 }
 
 FigureOptions figure_options(const AnimateOptions& options, double fps) {
@@ -278,8 +312,8 @@ FigureOptions figure_options(const AnimateOptions& options, double fps) {
 }
 
 std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& options, const Character& character,
-                                                          const Performer& performer, double fps,
-                                                          FigureReport& figure) {
+                                                          const Performer& performer, double fps, FigureReport& figure,
+                                                          Profile& profile) {
   std::vector<std::unique_ptr<SequenceWriter>> writers;
   const FigureOptions files = figure_options(options, fps);
   if (files.glb || files.usda || files.pc2 || files.mdd)
@@ -287,15 +321,20 @@ std::vector<std::unique_ptr<SequenceWriter>> make_writers(const AnimateOptions& 
   if (options.wants("npy")) writers.push_back(make_npy_writer(options.out, character.num_vertices()));
   if (options.wants("obj")) writers.push_back(make_obj_writer(options.out, character));
   if (options.wants("texture")) {
-    if (!performer.file) fail<UsageError>("--format texture needs --model FILE: an actor with a dynamic texture");
+    const TextureFunction texture = performer.texture();
+    if (!texture)
+      fail<UsageError>(
+          "--format texture needs an actor with a dynamic texture: --run RUN with a trained TexNet, or --model FILE of "
+          "such a run, exported without --geometry-only");
     writers.push_back(
-        make_texture_writer(options.out, *performer.file, camera_path(options, character, fps, read_studio(options))));
+        make_texture_writer(options.out, texture, camera_path(options, character, fps, read_studio(options))));
   }
   if (options.wants("mp4") || options.wants("png")) {
     const Studio studio = read_studio(options);
     FilmOptions film = film_options(options, fps, studio);
-    film.actor = performer.file ? &*performer.file : nullptr;
-    if (performer.trained)
+    film.texture = performer.texture();
+    film.profile = &profile;
+    if (options.renderer == "radiance")
       film.radiance = [actor = performer.trained.get()](const torch::Tensor& window, const torch::Tensor& projection,
                                                         std::int64_t height, std::int64_t width) {
         return actor->radiance(window, projection, height, width);
@@ -351,9 +390,14 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
       options.loop ? loop_motion(read.motion, character.skeleton, blended_frames(read.motion, fps)) : read.motion;
   const FolderLock lock(options.out);
   FigureReport figure;
-  const auto writers = make_writers(options, character, performer, fps, figure);
+  Profile profile;
+  const auto writers = make_writers(options, character, performer, fps, figure, profile);
   write_motions(options, character, motion, fps);
-  perform(performer, motion, writers);
+  const auto start = std::chrono::steady_clock::now();
+  perform(options, performer, motion, writers, profile);
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+  const nlohmann::ordered_json speed = speed_json(profile, motion.num_frames(), elapsed.count());
+  report["speed"] = speed;
   report.update({{"frames", motion.num_frames()},
                  {"frames_per_second", fps},
                  {"vertices", character.num_vertices()},
@@ -365,7 +409,7 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
     return 0;
   }
   std::cout << motion.num_frames() << " frames of " << character.num_vertices() << " vertices written to "
-            << options.out << "\n";
+            << options.out << "; " << speed_text(speed) << "\n";
   if (options.wants("glb"))
     std::cout << fmt::format(
         "animation.glb: {} bones, {} morph targets; vertices off by {:.2f} mm on average, {:.1f} mm at most\n",
@@ -406,6 +450,9 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
       ->check(CLI::IsMember({"soft", "flat"}));
   app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
       ->check(CLI::Range(16, 4096));
+  app.add_option("--samples", options.samples, "Samples of a pixel along each side: more is smoother and slower")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
   app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
 }
 
@@ -440,7 +487,8 @@ Command add_animate(CLI::App& program) {
   app->add_option("--renderer", options->renderer, "What images show: the mesh, or the radiance field around it")
       ->check(CLI::IsMember({"mesh", "radiance"}))
       ->capture_default_str();
-  app->add_option("--run", options->run, "With --renderer radiance: the run that trained the radiance field");
+  app->add_option("--run", options->run,
+                  "A run instead of --model: its newest mesh and dynamic texture, or its radiance field");
   app->add_option("--format", options->formats,
                   "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, or several with commas")
       ->delimiter(',')

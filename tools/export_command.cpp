@@ -61,9 +61,8 @@ void export_actor(const ExportArguments& arguments, const std::optional<std::fil
   if (arguments.geometry_only) trained.texnet = nullptr;
   ActorFunctions functions{[&](const torch::Tensor& window) { return trained.fine(window); }, nullptr};
   if (trained.texnet)
-    functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection) {
-      return trained.texture(window, projection);
-    };
+    functions.texture = [&](const torch::Tensor& window, const torch::Tensor& projection,
+                            const torch::Tensor& vertices) { return trained.texture(window, projection, vertices); };
   if (arguments.format == "safetensors")
     write_actor_weights(out, trained.character, describe(trained), modules_of(trained));
   else if (arguments.format == "onnx")

@@ -24,6 +24,11 @@ double first_call_ms(const std::function<void()>& run) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// The channels of the normals, then the six of the camera.
+doppel::TexNetInput split(const Tensor& channels) {
+  return {channels.narrow(1, 0, channels.size(1) - 6), channels.narrow(1, channels.size(1) - 6, 6)};
+}
+
 struct Form {
   const char* name;
   doppel::Upsampling upsample;
@@ -56,12 +61,12 @@ void run(int size, double width, int64_t batch) {
     const auto step = [=]() mutable {
       net->train();
       net->zero_grad();
-      net->forward(input, generator).sum().backward();
+      net->forward(split(input), generator).sum().backward();
     };
     const auto infer = [=]() mutable {
       net->eval();
       torch::NoGradGuard no_grad;
-      net->forward(input.narrow(0, 0, 1));
+      net->forward(split(input.narrow(0, 0, 1)));
     };
     std::printf("%s: first training step %.0f ms, ", form.name, first_call_ms(step));
     std::printf("first texture %.0f ms\n", first_call_ms(infer));

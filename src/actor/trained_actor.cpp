@@ -8,6 +8,7 @@
 #include "doppel/capture/capture.h"
 #include "doppel/core/error.h"
 #include "doppel/data/loader.h"
+#include "doppel/layers/reference_scope.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {
@@ -185,16 +186,19 @@ void TrainedActor::require_texture(const std::string& what) const {
                      character.name);
 }
 
-torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
-                            const torch::Tensor& dof_window, const torch::Tensor& projection,
-                            const torch::Tensor& surface) {
+TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
+                          const torch::Tensor& dof_window, const torch::Tensor& projection,
+                          const torch::Tensor& surface) {
   const torch::Tensor window = last_rows(dof_window, config.past_frames);
   const auto frames = window.size(1);
   // Normals do not depend on the position of the root, so the window's translation need not be removed.
   torch::Tensor posed =
       actor.surface->skinned(window.flatten(0, 1)).view({-1, frames, actor.character.num_vertices(), 3});
   if (config.surface_normals) posed = at::cat({posed.narrow(1, 0, frames - 1), surface.unsqueeze(1)}, 1);
-  const torch::Tensor normals = space.normals(posed.flatten(0, 1)).view({-1, 3 * frames, space.size(), space.size()});
+  const torch::Tensor points = posed.flatten(0, 1);
+  const bool kernel = !torch::GradMode::is_enabled() && takes_kernel(points);
+  const torch::Tensor normals = (kernel ? space.normals_without_gradient(points) : space.normals(points))
+                                    .view({-1, 3 * frames, space.size(), space.size()});
   const CameraPlacement camera = camera_placement(projection);
   const torch::Tensor centre = texnet_camera_centre(config, MotionWindow(actor.character.skeleton), camera.centre,
                                                     window.select(1, -1).contiguous());

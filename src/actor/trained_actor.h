@@ -118,11 +118,10 @@ struct TrainedActor {
 /// @param projection [B,3,4] pixels from world metres: one camera for each item of the batch
 /// @param surface [B,N,3] result of `fine` for the last frame, world metres; may be undefined without
 /// config.surface_normals
-/// @return [B,3(F+1)+6,T,T]
 /// @throws UsageError when dof_window has fewer than F+1 rows
-torch::Tensor texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
-                            const torch::Tensor& dof_window, const torch::Tensor& projection,
-                            const torch::Tensor& surface);
+TexNetInput texture_input(TrainedActor& actor, const TextureSpace& space, const TexNetConfig& config,
+                          const torch::Tensor& dof_window, const torch::Tensor& projection,
+                          const torch::Tensor& surface);
 
 /// Finds the one frame that a radiance field without a mesh is trained on.
 /// @param frames of the split; empty: all frames of the split

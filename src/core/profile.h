@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// Times of the parts of a training step, seconds, in the order in which the parts were first added.
+/// Times of the parts of a repeated work, seconds, in the order in which the parts were first added.
 class Profile {
  public:
   void add(const std::string& part, double seconds) {

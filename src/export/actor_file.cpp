@@ -82,12 +82,10 @@ void ActorFile::check_window(const torch::Tensor& window) const {
 torch::Tensor ActorFile::forward(const torch::Tensor& window) const {
   check_window(window);
   torch::NoGradGuard no_grad;
-  return checked(file_.for_batch(window.size(0)).forward({window}), {window.size(0), description_.num_vertices, 3},
-                 description_.name);
+  return checked(file_.fastest().forward({window}), {window.size(0), description_.num_vertices, 3}, description_.name);
 }
 
-std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
-                                                            const torch::Tensor& projection) const {
+void ActorFile::check_view(const torch::Tensor& window, const torch::Tensor& projection) const {
   check_window(window);
   if (description_.texture_size == 0)
     fail("texturing the actor {}: the file contains its geometry only; export a run whose TexNet is trained",
@@ -96,8 +94,13 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
       projection.size(2) != 4)
     fail("texturing the actor {}: it takes a projection of shape [{}, 3, 4], found {}", description_.name,
          window.size(0), fmt::to_string(fmt::join(projection.sizes().vec(), " x ")));
+}
+
+std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor& window,
+                                                            const torch::Tensor& projection) const {
+  check_view(window, projection);
   torch::NoGradGuard no_grad;
-  const torch::jit::IValue result = file_.for_batch(window.size(0)).get_method("textured")({window, projection});
+  const torch::jit::IValue result = file_.fastest().get_method("textured")({window, projection});
   if (!result.isTuple() || result.toTupleRef().elements().size() != 2)
     fail("texturing the actor {}: the file does not return vertices and a texture; export the run again",
          description_.name);
@@ -105,6 +108,16 @@ std::pair<torch::Tensor, torch::Tensor> ActorFile::textured(const torch::Tensor&
   const std::int64_t size = description_.texture_size;
   return {checked(parts[0], {window.size(0), description_.num_vertices, 3}, description_.name),
           checked(parts[1], {window.size(0), size, size, 3}, description_.name)};
+}
+
+torch::Tensor ActorFile::texture(const torch::Tensor& window, const torch::Tensor& projection,
+                                 const torch::Tensor& vertices) const {
+  check_view(window, projection);
+  torch::NoGradGuard no_grad;
+  const auto method = file_.fastest().find_method("texture");
+  if (!method) return textured(window, projection).second;  // a file of an earlier version
+  const std::int64_t size = description_.texture_size;
+  return checked((*method)({window, projection, vertices}), {window.size(0), size, size, 3}, description_.name);
 }
 
 }  // namespace doppel

@@ -21,8 +21,8 @@ namespace doppel {
 /// Extra files in the archive: `metadata.json` (name, window, DoF and joint names, units, frame rate, fingerprint),
 /// `faces.npy` [F,3] int32, and, where the template has them, `uvs.npy` [U,2] float32 and `face_uvs.npy` [F,3] int32.
 ///
-/// The module's method `forward` is the geometry. With a texture, there is a second method,
-/// `textured(window, projection) -> (vertices, texture)`.
+/// The module's method `forward` is the geometry. With a texture, there are two more, `textured(window, projection) ->
+/// (vertices, texture)` and `texture(window, projection, vertices) -> texture` for vertices at hand.
 ///
 /// @param modules the modules that the functions use; their parameters and buffers are saved in the file under their
 /// names
@@ -50,9 +50,13 @@ class ActorFile {
   /// Vertices [B,N,3] and dynamic texture [B,T,T,3] for one camera. @param projection [B,3,4]
   /// @throws Error for another shape, or when the file has no texture (description().texture_size)
   std::pair<torch::Tensor, torch::Tensor> textured(const torch::Tensor& window, const torch::Tensor& projection) const;
+  /// The texture alone. @param vertices [B,N,3] result of `forward` for this window
+  torch::Tensor texture(const torch::Tensor& window, const torch::Tensor& projection,
+                        const torch::Tensor& vertices) const;
 
  private:
   void check_window(const torch::Tensor& window) const;
+  void check_view(const torch::Tensor& window, const torch::Tensor& projection) const;
   mutable ScriptFile file_;
   ActorDescription description_;
   ActorTopology topology_;

@@ -18,13 +18,21 @@ void add_geometry(ScriptFileWriter& file, const ActorDescription& description, c
 
 void add_texture(ScriptFileWriter& file, const ActorDescription& description, const ActorFunctions& functions) {
   const auto function = [&](const Stack& inputs) -> Stack {
-    const torch::Tensor window = inputs.at(0).toTensor();
-    const torch::Tensor texture = functions.texture(window, inputs.at(1).toTensor());
-    return {functions.geometry(window), texture};
+    const torch::Tensor window = inputs.at(0).toTensor(), vertices = functions.geometry(window);
+    return {vertices, functions.texture(window, inputs.at(1).toTensor(), vertices)};
   };
   file.add("textured", {random_windows(description, 1, 3), random_projections(1, 3)}, function);
   file.check("textured", {random_windows(description, 2, 4), random_projections(2, 4)}, function,
              {kActorTraceTolerance, kColourTolerance});
+  const auto texture = [&](const Stack& inputs) -> Stack {
+    return {functions.texture(inputs.at(0).toTensor(), inputs.at(1).toTensor(), inputs.at(2).toTensor())};
+  };
+  const auto surface_inputs = [&](int batch, std::uint64_t seed) -> Stack {
+    const torch::Tensor window = random_windows(description, batch, seed);
+    return {window, random_projections(batch, seed), functions.geometry(window)};
+  };
+  file.add("texture", surface_inputs(1, 3), texture);
+  file.check("texture", surface_inputs(2, 4), texture, {kColourTolerance});
 }
 
 }  // namespace

@@ -41,6 +41,11 @@ std::span<const float> frame_of(const torch::Tensor& vertices, int frame) {
 
 }  // namespace
 
+torch::Tensor tensor_of(const PosedFrame& frame) {
+  return torch::from_blob(const_cast<float*>(frame.vertices.data()),
+                          {1, static_cast<std::int64_t>(frame.vertices.size() / 3), 3});
+}
+
 torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
   const auto dofs = static_cast<std::int64_t>(motion.frames.at(as_size(frame)).size());
   torch::Tensor rows = torch::empty({past_frames + 1, dofs});
@@ -53,20 +58,22 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
 }
 
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
   if (actor) {
     check_belongs_together(character, motion, *actor);
     const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
-    return animate(character, motion, actor->description().past_frames, geometry, writers);
+    return animate(character, motion, actor->description().past_frames, geometry, writers, profile);
   }
   CharacterSurface surface(character);
   animate(
-      character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers);
+      character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
+      profile);
 }
 
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers) {
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
   check_belongs_together(character, motion);
+  Profile unused;
   torch::NoGradGuard no_grad;
   Progress progress("animate", motion.num_frames());
   for (int first = 0; first < motion.num_frames(); first += kFramesAtOnce) {
@@ -74,7 +81,11 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
     const int last = std::min(first + kFramesAtOnce, motion.num_frames());
     std::vector<torch::Tensor> windows;
     for (int f = first; f < last; ++f) windows.push_back(motion_window(motion, f, past_frames));
-    const torch::Tensor vertices = geometry(torch::stack(windows)).contiguous();
+    torch::Tensor vertices;
+    {
+      const ProfileScope scope(profile ? *profile : unused, "geometry");
+      vertices = geometry(torch::stack(windows)).contiguous();
+    }
     if (!torch::isfinite(vertices).all().item<bool>())
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);

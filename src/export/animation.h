@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "doppel/character/character.h"
+#include "doppel/core/profile.h"
 #include "doppel/export/actor_file.h"
 
 namespace doppel {
@@ -16,6 +17,9 @@ struct PosedFrame {
   std::span<const float> vertices;  ///< [N,3], world metres
   torch::Tensor window;             ///< float32 [F+1,D], oldest first: the actor's input
 };
+
+/// The vertices of a frame as a tensor [1,N,3], which shares their memory.
+torch::Tensor tensor_of(const PosedFrame& frame);
 
 /// Writes the posed surface frame by frame to files for other programs.
 class SequenceWriter {
@@ -39,15 +43,15 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames);
 
 /// Poses every frame of `motion` by a function of motion windows of F + 1 frames, passes it to each of `writers`, then
 /// closes the writers.
-/// @param past_frames F
+/// @param past_frames F @param profile the time of `geometry` is added to it
 /// @throws Error when motion and character do not belong together, or a position is not finite
 void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers);
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
 
 /// Poses every frame of `motion`, passes it to each of `writers`, then closes the writers.
 /// @param actor the trained actor, or null for skinning alone, in the mode of the character
 /// @throws Error when the motion, the character and the actor do not belong together
 void animate(const Character& character, const Motion& motion, const ActorFile* actor,
-             const std::vector<std::unique_ptr<SequenceWriter>>& writers);
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
 
 }  // namespace doppel

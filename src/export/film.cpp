@@ -1,6 +1,7 @@
 #include "doppel/export/film.h"
 
 #include <cmath>
+#include <future>
 #include <map>
 #include <opencv2/imgproc.hpp>
 
@@ -38,7 +39,7 @@ class FilmWriter : public SequenceWriter {
                    cv::Scalar(options.backdrop.colour[0], options.backdrop.colour[1], options.backdrop.colour[2]));
     if (!options.backdrop.image.empty())
       behind = fit_backdrop(options.backdrop, width, height, camera_path_->name() == "turntable");
-    behind_ = tensor_of(behind);
+    behind_ = behind;
     std::filesystem::create_directories(folder);
     if (options.video)
       video_ = std::make_unique<VideoFile>(folder / (camera_path_->name() + ".mp4"), cv::Size(width, height),
@@ -52,13 +53,11 @@ class FilmWriter : public SequenceWriter {
           "filming {}: in frame {} the camera is inside the actor, at ({:.3g}, {:.3g}, {:.3g}) m; choose another "
           "camera, or check the units of the calibration",
           camera.name, frame_, camera.centre().x(), camera.centre().y(), camera.centre().z());
-    const cv::Mat image = draw(frame, camera);
-    if (video_) video_->write(image);
-    if (options_.images) write_image(image);
-    ++frame_;
+    keep(draw(frame, camera), frame_++);
   }
 
   void close() override {
+    wait_for_files();
     if (frame_ > 0 && !seen_)
       log::warn("filming {}: the actor is not visible in any frame; do motion and camera use the same world?",
                 camera_path_->name());
@@ -66,33 +65,51 @@ class FilmWriter : public SequenceWriter {
   }
 
  private:
+  Profile& profile() { return options_.profile ? *options_.profile : unused_; }
+
+  Appearance appearance(const PosedFrame& frame, const PinholeCamera& camera, const Tensor& projection) {
+    const ProfileScope scope(profile(), "texture");
+    if (options_.texture) return {options_.texture(frame.window.unsqueeze(0), projection[0], tensor_of(frame)), {}};
+    // Without texture and light, only the silhouette would be visible.
+    if (options_.light == Light::soft || !texture_.defined())
+      return {texture_, soft_light(camera, texture_.defined() ? 1.0 : kGrey)};
+    return {texture_, {}};
+  }
+
   cv::Mat draw(const PosedFrame& frame, const PinholeCamera& camera) {
     torch::NoGradGuard no_grad;
     if (options_.radiance) return draw_radiance(frame, camera);
-    const Tensor vertices = torch::from_blob(const_cast<float*>(frame.vertices.data()), {1, mesh_.num_vertices(), 3});
     const Tensor projection = projection_tensor({camera}).unsqueeze(0);
-    const bool dynamic = options_.actor && options_.actor->description().texture_size > 0;
-    Appearance look;
-    look.texture = dynamic ? options_.actor->textured(frame.window.unsqueeze(0), projection[0]).second : texture_;
-    // Without texture and light, only the silhouette would be visible.
-    if (!dynamic && (options_.light == Light::soft || !texture_.defined()))
-      look.lighting = soft_light(camera, texture_.defined() ? 1.0 : kGrey);
-    const SupersampledImage drawn =
-        draw_filmed(render_mesh_, vertices, look, projection, camera.height, camera.width, options_.supersampling);
+    const Appearance look = appearance(frame, camera, projection);
+    const ProfileScope scope(profile(), "drawing");
+    const SupersampledImage drawn = draw_filmed(render_mesh_, tensor_of(frame), look, projection, camera.height,
+                                                camera.width, options_.supersampling);
+    const cv::Mat image = image_over(drawn.image[0][0], drawn.alpha[0][0], behind_);
     seen_ = seen_ || drawn.alpha.gt(0).any().item<bool>();
-    return image_of(drawn.over(behind_)[0][0]);
+    return image;
   }
 
   cv::Mat draw_radiance(const PosedFrame& frame, const PinholeCamera& camera) {
+    const ProfileScope scope(profile(), "radiance");
     const FieldImage drawn =
         options_.radiance(frame.window.unsqueeze(0), projection_tensor({camera})[0], camera.height, camera.width);
     seen_ = seen_ || drawn.opacity.gt(0).any().item<bool>();
-    return image_of(drawn.colour + (1.0 - drawn.opacity.unsqueeze(2)) * behind_);
+    return image_over(drawn.colour, drawn.opacity, behind_);
   }
 
-  void write_image(const cv::Mat& image) const {
-    const std::filesystem::path path = folder_ / fmt::format("{}_{:06}.png", camera_path_->name(), frame_);
-    doppel::write_image(path, image);
+  /// Writes a frame to the files while the next one is drawn.
+  void keep(const cv::Mat& image, int frame) {
+    wait_for_files();
+    files_ = std::async(std::launch::async, [this, image, frame] {
+      if (video_) video_->write(image);
+      if (options_.images) write_image(folder_ / fmt::format("{}_{:06}.png", camera_path_->name(), frame), image);
+    });
+  }
+
+  /// @throws the error of the frame that was being written
+  void wait_for_files() {
+    const ProfileScope scope(profile(), "files");
+    if (files_.valid()) files_.get();
   }
 
   std::filesystem::path folder_;
@@ -100,8 +117,11 @@ class FilmWriter : public SequenceWriter {
   RenderMesh render_mesh_;
   std::unique_ptr<CameraPath> camera_path_;
   FilmOptions options_;
-  Tensor texture_, behind_;
+  Tensor texture_;
+  cv::Mat behind_;
   std::unique_ptr<VideoFile> video_;
+  std::future<void> files_;  // after what it uses: its destructor waits
+  Profile unused_;
   int frame_ = 0;
   bool seen_ = false;
 };

@@ -34,12 +34,13 @@ struct FilmOptions {
   bool video = true;      ///< `<path's name>.mp4`
   bool images = false;    ///< `<path's name>_000000.png`, ...
   int supersampling = 3;  ///< per side of a pixel
-  /// An actor whose dynamic texture is shown, if it has one. The dynamic texture is unlit, because it contains the
-  /// light of the capture. May be null; must outlive the writer.
-  const ActorFile* actor = nullptr;
+  /// The dynamic texture of the actor; empty: the static one. The dynamic texture is unlit, because it contains the
+  /// light of the capture.
+  TextureFunction texture;
   /// If set, a radiance field is shown in place of the mesh. The function draws the field at the end of a motion window
   /// [1,F+1,D] in a camera (projection [3,4]) with H x W pixels.
   std::function<FieldImage(const torch::Tensor&, const torch::Tensor&, std::int64_t, std::int64_t)> radiance;
+  Profile* profile = nullptr;  ///< the times of texture, drawing and files are added to it
 };
 
 /// Films the textured surface from a camera path, over a backdrop. A character without texture is grey.

@@ -46,7 +46,7 @@ CapturedPerson PoseFile::forward(const Tensor& image, const Tensor& rotation) co
   check("image", image, {B, 3, S, S});
   check("camera's rotation", rotation, {B, 3, 3});
   const torch::NoGradGuard no_grad;
-  const auto result = file_.for_batch(B).forward({image, rotation}).toTuple();
+  const auto result = file_.fastest().forward({image, rotation}).toTuple();
   const auto& e = result->elements();
   return {e[0].toTensor(), e[1].toTensor(), e[2].toTensor(), Tensor()};
 }
@@ -60,7 +60,7 @@ CapturedPerson PoseFile::placed(const Tensor& image, const CameraTensors& camera
   check("keypoints", keypoints, {B, static_cast<std::int64_t>(description_.landmark_names.size()), 3});
   const torch::NoGradGuard no_grad;
   const auto result =
-      file_.for_batch(B)
+      file_.fastest()
           .get_method("placed")({image, camera.intrinsics, camera.rotation, camera.translation, keypoints})
           .toTuple();
   const auto& e = result->elements();

@@ -56,7 +56,7 @@ class ScriptFileWriter {
  private:
   ScriptKind kind_;
   torch::jit::script::Module module_;  ///< plain aten operations
-  /// The same methods with Doppel's ops, for a batch of one; nothing in a ReferenceScope, where traces hold none.
+  /// The same methods with Doppel's ops; nothing in a ReferenceScope, where traces hold none.
   std::optional<torch::jit::script::Module> fused_;
 };
 
@@ -67,10 +67,9 @@ std::unordered_map<std::string, std::string> mesh_files(const TriangleMesh& mesh
 /// A file that was read.
 struct ScriptFile {
   torch::jit::script::Module module;  ///< in evaluation mode; any batch size
-  /// The same methods on Doppel's kernels, for a batch of one: several times faster. Shares the parameters.
+  /// The same methods on Doppel's kernels: several times faster. Shares the parameters.
   std::optional<torch::jit::script::Module> fused;
-  /// The module for a batch of this size.
-  torch::jit::script::Module& for_batch(std::int64_t size) { return fused && size == 1 ? *fused : module; }
+  torch::jit::script::Module& fastest() { return fused ? *fused : module; }
   nlohmann::json metadata;
   std::unordered_map<std::string, std::string> mesh;  ///< as mesh_files
 };

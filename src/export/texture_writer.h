@@ -10,9 +10,8 @@ namespace doppel {
 
 /// Writes the dynamic texture of each frame, as a camera sees it: `folder/texture_000000.png`, ... The UVs are those of
 /// the template.
-/// @param actor must outlive the writer @param path the cameras that look at the actor
-/// @throws UsageError when the actor has no dynamic texture
-std::unique_ptr<SequenceWriter> make_texture_writer(const std::filesystem::path& folder, const ActorFile& actor,
+/// @param path the cameras that look at the actor
+std::unique_ptr<SequenceWriter> make_texture_writer(const std::filesystem::path& folder, TextureFunction texture,
                                                     std::unique_ptr<CameraPath> path);
 
 }  // namespace doppel

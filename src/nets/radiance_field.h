@@ -105,10 +105,15 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
 
 struct FieldImageOptions {
   int64_t samples = 64;
-  int64_t rays_at_once = 128;  ///< 128 rays of 64 samples take about 30 MB, for any size of the image
+  int64_t rays_at_once = 256;  ///< 256 rays of 64 samples take about 60 MB, for any size of the image
   /// Colours are not computed for samples with a lower weight. The error of a ray's colour is less than K times this
   /// value.
   double least_weight = 1e-5;
+  /// One of this many samples is evaluated first. The others are evaluated only between two of which one is not empty,
+  /// and only until the ray is opaque; elsewhere the density is 0. 1: all samples are evaluated.
+  int64_t first_pass = 4;
+  double empty = 1e-3;   ///< alpha of `first_pass` cells below which a sample is empty
+  double opaque = 1e-4;  ///< transmittance below which a ray has ended
 };
 
 /// The results of rays, without the weights of the samples.
@@ -118,8 +123,9 @@ struct FieldPixels {
 };
 
 /// The same without gradients, for images. Rays are processed in chunks of bounded memory. Features are gathered and
-/// encoded in one pass. Samples outside the shell around the mesh skip the network, and samples that are not visible
-/// skip the view branch. float32 on the CPU; the result does not depend on the size of the chunks beyond rounding.
+/// encoded in one pass. Samples outside the shell around the mesh skip the network, as do those in empty space and
+/// behind opaque ones (FieldImageOptions). Samples that are not visible skip the view branch. float32 on the CPU; the
+/// result does not depend on the size of the chunks beyond rounding.
 /// @param near, far [R] as RaySamples; samples are at the centres of their intervals
 /// @throws UsageError naming the argument, with the shape found
 FieldPixels draw_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,

@@ -27,10 +27,12 @@ class FieldPainter {
   /// @param samples of the chunk's rays
   RenderedRays draw(const Tensor& origin, const Tensor& direction, const RaySamples& samples) {
     const int64_t R = samples.t.size(0), K = samples.t.size(1);
-    search(samples.points(origin, direction).contiguous());
-    const Tensor rows = torch::from_blob(near_.data(), {static_cast<int64_t>(near_.size())}, torch::kInt64);
-    const Tensor hidden = field_->trunk(inputs());
-    const Tensor density = torch::zeros({R * K}).index_copy_(0, rows, field_->density(hidden));
+    points_ = samples.points(origin, direction).contiguous();
+    hits_.assign(as_size(R * K), ClosedSurface::Hit{});
+    Tensor density = torch::zeros({R * K});
+    const Evaluated first = evaluate(first_samples(R, K), density);
+    const Evaluated second = evaluate(second_samples(density, samples), density);
+    const Tensor rows = torch::cat({first.rows, second.rows}), hidden = torch::cat({first.hidden, second.hidden});
     const Tensor weights = volume_weights(density.view({R, K}), samples).flatten();
     const Tensor seen = (weights.index_select(0, rows) > options_.least_weight).nonzero().squeeze(1);
     const Tensor seen_rows = rows.index_select(0, seen);
@@ -41,22 +43,71 @@ class FieldPainter {
   }
 
  private:
-  /// Closest points of all samples [R,K,3]; `near_` lists those within the shell, ray by ray.
-  void search(const Tensor& points) {
-    const int64_t R = points.size(0), K = points.size(1);
-    hits_.resize(as_size(R * K));
-    at::parallel_for(0, R, 2, [&](int64_t begin, int64_t end) {
+  /// Samples that went through the network.
+  struct Evaluated {
+    Tensor rows;    ///< int64 [S] of [R*K]
+    Tensor hidden;  ///< [S,width]
+  };
+
+  bool in_first_pass(int64_t k) const { return k % options_.first_pass == options_.first_pass / 2; }
+
+  /// The samples of the first pass, ray by ray.
+  std::vector<int64_t> first_samples(int64_t R, int64_t K) const {
+    std::vector<int64_t> chosen;
+    for (int64_t i = 0; i < R * K; ++i)
+      if (in_first_pass(i % K)) chosen.push_back(i);
+    return chosen;
+  }
+
+  /// The other samples that are neither in empty space nor behind opaque samples.
+  /// @param density [R*K] of the first pass
+  std::vector<int64_t> second_samples(const Tensor& density, const RaySamples& samples) const {
+    const int64_t R = samples.t.size(0), K = samples.t.size(1), step = options_.first_pass;
+    const Tensor lengths = samples.step().expand({R, K}).contiguous();
+    std::vector<int64_t> chosen;
+    for (int64_t ray = 0; ray < R; ++ray) {
+      const float *sigma = density.data_ptr<float>() + ray * K, *length = lengths.data_ptr<float>() + ray * K;
+      const auto absorbed = [&](int64_t k) {  // sigma times the length of the cells that a first sample stands for
+        return k >= 0 && k < K ? static_cast<double>(sigma[k] * length[k]) * static_cast<double>(step) : 0.0;
+      };
+      double before = 0.0;  // absorbed by the first samples before the left neighbour
+      for (int64_t left = step / 2 - step; left < K; left += step) {
+        if (before > -std::log(options_.opaque)) break;
+        const bool empty = absorbed(left) < options_.empty && absorbed(left + step) < options_.empty;
+        for (int64_t k = std::max<int64_t>(left + 1, 0); k < std::min(left + step, K) && !empty; ++k)
+          chosen.push_back(ray * K + k);
+        before += absorbed(left);
+      }
+    }
+    return chosen;
+  }
+
+  /// Evaluates the chosen samples within the shell and writes their densities.
+  Evaluated evaluate(const std::vector<int64_t>& chosen, Tensor& density) {
+    search(chosen);
+    const Tensor rows = torch::tensor(near_, torch::kInt64);
+    Evaluated result{rows, field_->trunk(inputs())};
+    density.index_copy_(0, rows, field_->density(result.hidden));
+    return result;
+  }
+
+  /// Closest points of the chosen samples; `near_` lists those within the shell.
+  void search(const std::vector<int64_t>& chosen) {
+    const auto count = static_cast<int64_t>(chosen.size());
+    at::parallel_for(0, count, 64, [&](int64_t begin, int64_t end) {
       int near_face = -1;
-      const float* p = points.data_ptr<float>() + 3 * begin * K;
-      for (int64_t i = begin * K; i < end * K; ++i, p += 3) {
-        hits_[i] = surface_.closest({p[0], p[1], p[2]}, near_face);
-        near_face = hits_[i].face;
+      for (int64_t i = begin; i < end; ++i) {
+        const float* p = points_.data_ptr<float>() + 3 * chosen[as_size(i)];
+        ClosedSurface::Hit& hit = hits_[as_size(chosen[as_size(i)])];
+        hit = surface_.closest({p[0], p[1], p[2]}, near_face);
+        near_face = hit.face;
       }
     });
     const RadianceFieldConfig& config = field_->config();
     near_.clear();
-    for (int64_t i = 0; i < R * K; ++i)
-      if (hits_[i].distance <= config.t_ma + config.margin && hits_[i].distance >= -config.t_mi - config.margin)
+    for (const int64_t i : chosen)
+      if (hits_[as_size(i)].distance <= config.t_ma + config.margin &&
+          hits_[as_size(i)].distance >= -config.t_mi - config.margin)
         near_.push_back(i);
   }
 
@@ -112,7 +163,8 @@ class FieldPainter {
   FieldImageOptions options_;
   ClosedSurface surface_;
   Tensor values_;                         ///< [N,H]
-  std::vector<ClosedSurface::Hit> hits_;  ///< [R*K] of the chunk
+  Tensor points_;                         ///< [R,K,3] of the chunk
+  std::vector<ClosedSurface::Hit> hits_;  ///< [R*K]
   std::vector<int64_t> near_;
 };
 
@@ -134,9 +186,9 @@ void check_arguments(const RadianceField& field, const ClosestPoint& closest, co
     if (!tensor.isfinite().all().item<bool>())
       fail<UsageError>("{}: vertices, vertex values or rays contain numbers that are not finite", kName);
   }
-  if (options.samples < 1 || options.rays_at_once < 1)
-    fail<UsageError>("{}: {} samples and {} rays at once; both must be at least 1", kName, options.samples,
-                     options.rays_at_once);
+  if (options.samples < 1 || options.rays_at_once < 1 || options.first_pass < 1)
+    fail<UsageError>("{}: {} samples, {} rays at once and one of {} samples first; all must be at least 1", kName,
+                     options.samples, options.rays_at_once, options.first_pass);
 }
 
 }  // namespace

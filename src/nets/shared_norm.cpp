@@ -170,6 +170,11 @@ ImageNormImpl::ImageNormImpl(std::int64_t channels, double epsilon, double momen
   num_batches_tracked = register_buffer("num_batches_tracked", torch::tensor(0, torch::kInt64));
 }
 
+ImageNormImpl::Affine ImageNormImpl::in_evaluation() const {
+  const torch::Tensor scale = weight * (running_var + epsilon_).rsqrt();
+  return {scale, bias - running_mean * scale};
+}
+
 Tensor ImageNormImpl::forward(const Tensor& images) {
   if (is_training()) num_batches_tracked += 1;
   if (ranks() && is_training()) {

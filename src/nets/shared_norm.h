@@ -59,6 +59,12 @@ class ImageNormImpl : public torch::nn::Module, public BatchStatistics {
   explicit ImageNormImpl(std::int64_t channels, double epsilon = 1e-5, double momentum = 0.1);
   torch::Tensor forward(const torch::Tensor& images);  ///< [B,C,H,W]
 
+  /// In evaluation mode the layer is scale * x + shift, both [C].
+  struct Affine {
+    torch::Tensor scale, shift;
+  };
+  Affine in_evaluation() const;
+
   torch::Tensor weight, bias, running_mean, running_var, num_batches_tracked;
 
  private:

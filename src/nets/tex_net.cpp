@@ -5,6 +5,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
+#include "doppel/render/residual_texture.h"
 #include "doppel/render/sh_lighting.h"
 
 namespace doppel {
@@ -75,13 +76,13 @@ void TexNetConfig::check() const {
   if (!faults.empty()) fail<UsageError>("the configuration of TexNet cannot be used:{}", faults);
 }
 
-Tensor texnet_input(const Tensor& normals, const Tensor& centre, const Tensor& forward) {
+TexNetInput texnet_input(const Tensor& normals, const Tensor& centre, const Tensor& forward) {
   check_shape("texnet_input", "normals", normals, {-1, -1, -1, -1}, "[B,3(F+1),T,T]");
   const int64_t B = normals.size(0), T = normals.size(2);
   check_shape("texnet_input", "centre", centre, {B, 3}, "[B,3]");
   check_shape("texnet_input", "forward", forward, {B, 3}, "[B,3]");
   const Tensor camera = at::cat({centre / kCentreUnit, forward}, 1).to(normals.options());
-  return at::cat({normals, camera.unsqueeze(-1).unsqueeze(-1).expand({-1, -1, T, normals.size(3)})}, 1);
+  return {normals, camera.unsqueeze(-1).unsqueeze(-1).expand({-1, -1, T, normals.size(3)})};
 }
 
 Tensor texnet_camera_centre(const TexNetConfig& config, const MotionWindow& motion, const Tensor& centre,
@@ -106,22 +107,19 @@ TexNetImpl::TexNetImpl(const TexNetConfig& config, const Tensor& static_texture,
   lighting_ = register_buffer("lighting", lighting.detach().to(torch::kFloat32).clone());
 }
 
-/// The texture that the output is added to, [B,3,T,T] or [1,3,T,T].
-Tensor TexNetImpl::base(const Tensor& input) const {
-  if (!config_.lit) return static_texture_;
-  torch::NoGradGuard no_grad;
-  const Tensor normals = input.narrow(1, 3 * config_.past_frames, 3).permute({0, 2, 3, 1});  // of the last frame
-  return static_texture_ * sh_basis(normals).matmul(lighting_.t()).permute({0, 3, 1, 2});
+void TexNetImpl::check_input(const TexNetInput& input) const {
+  const int64_t T = config_.size;
+  check_shape("texnet", "input.normals", input.normals, {-1, 3 * (config_.past_frames + 1), T, T}, "[B,3(F+1),T,T]");
+  check_shape("texnet", "input.camera", input.camera, {input.normals.size(0), 6, T, T}, "[B,6,T,T]");
 }
 
-Tensor TexNetImpl::forward(const Tensor& input, std::optional<at::Generator> generator, const BatchShare& share) {
-  check_shape("texnet", "input", input, {-1, config_.num_inputs(), config_.size, config_.size}, "[B,3(F+1)+6,T,T]");
-  const Tensor raw = at::tanh(unet_->forward(input, std::move(generator), share));
-  if (!config_.residual) return ((raw + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
-  const Tensor sum = base(input) + raw;
-  // The gradient ignores the clamping: otherwise a texel outside the range would get no gradient.
-  const Tensor texture = sum + (sum.clamp(0.0, 1.0) - sum).detach();
-  return texture.permute({0, 2, 3, 1}).contiguous();
+Tensor TexNetImpl::forward(const TexNetInput& input, std::optional<at::Generator> generator, const BatchShare& share) {
+  check_input(input);
+  const Tensor raw = unet_->forward({input.normals, input.camera}, std::move(generator), share);
+  if (!config_.residual) return ((at::tanh(raw) + 1.0) * 0.5).permute({0, 2, 3, 1}).contiguous();
+  const Tensor last = config_.lit ? input.normals.narrow(1, 3 * config_.past_frames, 3) : Tensor();
+  return runs_kernels(*this, raw) ? residual_texture(raw, static_texture_, last, lighting_)
+                                  : residual_texture_reference(raw, static_texture_, last, lighting_);
 }
 
 }  // namespace doppel

@@ -46,12 +46,15 @@ struct TexNetConfig {
   int num_inputs() const { return 3 * (past_frames + 1) + 6; }
 };
 
-/// Stacks the input of TexNet.
-/// @param normals  [B,3(F+1),T,T] world normals in [-1,1], oldest frame first, 0 outside the texture's charts
+/// The input of TexNet: channels that differ from texel to texel, and channels that do not.
+struct TexNetInput {
+  torch::Tensor normals;  ///< [B,3(F+1),T,T] world normals in [-1,1], oldest frame first, 0 outside the charts
+  torch::Tensor camera;   ///< [B,6,T,T], the camera's centre and direction; its texels may share memory
+};
+/// @param normals  [B,3(F+1),T,T], see TexNetInput
 /// @param centre [B,3] metres, see texnet_camera_centre; the network's input is a quarter of it
 /// @param forward  [B,3] unit vector along the optical axis, world axes
-/// @return [B,3(F+1)+6,T,T]
-torch::Tensor texnet_input(const torch::Tensor& normals, const torch::Tensor& centre, const torch::Tensor& forward);
+TexNetInput texnet_input(const torch::Tensor& normals, const torch::Tensor& centre, const torch::Tensor& forward);
 
 /// The camera centre in the coordinates that the configuration selects.
 /// @param centre [B,3] world metres @param dofs [B,D] of the window's last frame @return [B,3] metres
@@ -66,16 +69,15 @@ class TexNetImpl : public torch::nn::Module {
   explicit TexNetImpl(const TexNetConfig& config, const torch::Tensor& static_texture = {},
                       const torch::Tensor& lighting = {}, std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param input [B,3(F+1)+6,T,T], result of texnet_input
   /// @param generator of the dropout; needed while training unless dropout is 0 @param share the rows of a shared batch
   /// @return [B,T,T,3] RGB 0..1; row 0 is the top (v = 1)
-  torch::Tensor forward(const torch::Tensor& input, std::optional<at::Generator> generator = std::nullopt,
+  torch::Tensor forward(const TexNetInput& input, std::optional<at::Generator> generator = std::nullopt,
                         const BatchShare& share = {});
 
   const TexNetConfig& config() const { return config_; }
 
  private:
-  torch::Tensor base(const torch::Tensor& input) const;
+  void check_input(const TexNetInput& input) const;
 
   TexNetConfig config_;
   UNet unet_{nullptr};

@@ -7,7 +7,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/layers/image_convolution/image_convolution.h"
 #include "doppel/layers/op_support.h"
+#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 
@@ -64,6 +66,12 @@ int64_t UNetConfig::channels(int level) const {
   return std::max<int64_t>(1, std::llround(full * width));
 }
 
+bool runs_kernels(const torch::nn::Module& network, const Tensor& input) {
+  return !network.is_training() && !torch::GradMode::is_enabled() && takes_kernel(input);
+}
+
+Tensor UNetImage::joined() const { return second.defined() ? at::cat({first, second}, 1) : first; }
+
 Tensor dropout(const Tensor& features, double probability, const at::Generator& generator, const BatchShare& share) {
   if (probability <= 0.0) return features;
   const Tensor kept =
@@ -71,14 +79,22 @@ Tensor dropout(const Tensor& features, double probability, const at::Generator& 
   return features * share.rows(kept).div_(1.0 - probability);
 }
 
-Tensor transposed_convolution(const Tensor& features, const Tensor& weight, const Tensor& bias) {
+namespace {
+
+/// The 3x3 kernels of transposed_convolution. @param weight [Cin,Cout,4,4] @return [4 Cout,Cin,3,3]
+Tensor transposed_kernels(const Tensor& weight) {
   // Along one axis, output 2m takes taps 3 and 1 at inputs m-1 and m; output 2m+1 takes 2 and 0 at m and m+1. Tap 4 is
   // 0.
   const Tensor taps = torch::tensor({3, 1, 4, 4, 2, 0}, torch::kInt64);
   const Tensor chosen = at::constant_pad_nd(weight, {0, 1, 0, 1}).index_select(2, taps).index_select(3, taps);
   const int64_t in = weight.size(0), out = weight.size(1);
-  const Tensor kernels = chosen.view({in, out, 2, 3, 2, 3}).permute({1, 2, 4, 0, 3, 5}).reshape({4 * out, in, 3, 3});
-  const Tensor doubled = at::pixel_shuffle(at::conv2d(features, kernels, {}, 1, 1), 2);
+  return chosen.view({in, out, 2, 3, 2, 3}).permute({1, 2, 4, 0, 3, 5}).reshape({4 * out, in, 3, 3});
+}
+
+}  // namespace
+
+Tensor transposed_convolution(const Tensor& features, const Tensor& weight, const Tensor& bias) {
+  const Tensor doubled = at::pixel_shuffle(at::conv2d(features, transposed_kernels(weight), {}, 1, 1), 2);
   return bias.defined() ? doubled + bias.view({1, -1, 1, 1}) : doubled;
 }
 
@@ -141,8 +157,51 @@ Tensor UNetImpl::up(int level, const Tensor& features, const std::optional<at::G
   return at::relu(x);
 }
 
-void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
-  check_shape("unet", "image", image, {-1, inputs_, -1, -1}, "[B,Cin,H,W]");
+Tensor UNetImpl::infer_up(int level, const UNetImage& features) {
+  const int step = config_.levels - 1 - level;
+  const bool transposed = config_.upsample == Upsampling::transposed;
+  ImageConvolution layer;
+  layer.weight = transposed ? transposed_kernels(up_transposed_[step]->weight) : up_convolution_[step]->weight;
+  layer.enlarge = !transposed;
+  if (level > 0) {
+    const ImageNormImpl::Affine norm = up_norm_[step]->in_evaluation();
+    layer.scale = norm.scale;
+    layer.shift = norm.shift;
+    layer.slope = 0.0;
+  } else {
+    layer.shift = transposed ? up_transposed_[step]->bias : up_convolution_[step]->bias;
+  }
+  if (!transposed) return image_convolution(features.first, features.second, layer);
+  // Four output channels of the kernels become the four pixels of one.
+  const auto four_times = [](const Tensor& channels) { return channels.unsqueeze(1).expand({-1, 4}).reshape({-1}); };
+  if (layer.scale.defined()) layer.scale = four_times(layer.scale);
+  layer.shift = four_times(layer.shift);
+  return at::pixel_shuffle(image_convolution(features.first, features.second, layer), 2);
+}
+
+Tensor UNetImpl::infer(const UNetImage& image) {
+  std::vector<Tensor> skips;
+  for (int level = 0; level < config_.levels; ++level) {
+    ImageConvolution layer;
+    layer.weight = down_[level]->weight;
+    layer.slope = config_.leaky_slope;
+    if (level > 0) {
+      const ImageNormImpl::Affine norm = down_norm_[level - 1]->in_evaluation();
+      layer.scale = norm.scale;
+      layer.shift = norm.shift;
+    }
+    skips.push_back(level == 0 ? image_convolution(image.first, image.second, layer)
+                               : image_convolution(skips.back(), {}, layer));
+  }
+  Tensor x = infer_up(config_.levels - 1, skips.back());
+  for (int level = config_.levels - 2; level >= 0; --level) x = infer_up(level, {x, skips[level]});
+  return x;
+}
+
+void UNetImpl::check_input(const UNetImage& parts, bool has_generator) const {
+  const Tensor& image = parts.first;
+  const int64_t others = parts.second.defined() ? parts.second.size(1) : 0;
+  check_shape("unet", "image", image, {-1, inputs_ - others, -1, -1}, "[B,Cin,H,W]");
   const int64_t step = int64_t{1} << config_.levels, H = image.size(2), W = image.size(3);
   if (H % step != 0 || W % step != 0 || H == 0 || W == 0)
     fail<UsageError>("a UNet of {} levels takes images whose sides are multiples of {}, found {} x {}", config_.levels,
@@ -157,14 +216,16 @@ void UNetImpl::check_input(const Tensor& image, bool has_generator) const {
     fail<UsageError>("a UNet in training needs the generator of its dropout; pass one, or set dropout: 0");
 }
 
-Tensor UNetImpl::forward(const Tensor& image, const std::optional<at::Generator>& generator, const BatchShare& share) {
+Tensor UNetImpl::forward(const UNetImage& image, const std::optional<at::Generator>& generator,
+                         const BatchShare& share) {
   check_input(image, generator.has_value());
-  if (image.size(0) == 0) {
+  if (image.first.size(0) == 0) {
     const int64_t outputs = named_parameters()["up0.bias"].size(0);
-    return image.new_zeros({0, outputs, image.size(2), image.size(3)});
+    return image.first.new_zeros({0, outputs, image.first.size(2), image.first.size(3)});
   }
+  if (runs_kernels(*this, image.first)) return infer(image);
   std::vector<Tensor> skips;
-  Tensor x = image;
+  Tensor x = image.joined();
   for (int level = 0; level < config_.levels; ++level) skips.push_back(x = down(level, x));
   for (int level = config_.levels - 1; level >= 0; --level)
     x = up(level, level == config_.levels - 1 ? x : at::cat({x, skips[level]}, 1), generator, share);

@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "doppel/core/config.h"
@@ -39,6 +40,10 @@ struct UNetConfig {
   int64_t channels(int level) const;
 };
 
+/// Whether a network runs the kernels for inference: evaluation mode, no gradients, and float32 on the CPU outside a
+/// trace of plain operations (takes_kernel).
+bool runs_kernels(const torch::nn::Module& network, const torch::Tensor& input);
+
 /// Dropout that draws from `generator` only, so that a resumed run draws the same numbers as an uninterrupted run.
 /// @return features with a share `probability` set to 0 and the rest divided by 1 - probability
 torch::Tensor dropout(const torch::Tensor& features, double probability, const at::Generator& generator,
@@ -52,6 +57,15 @@ torch::Tensor dropout(const torch::Tensor& features, double probability, const a
 torch::Tensor transposed_convolution(const torch::Tensor& features, const torch::Tensor& weight,
                                      const torch::Tensor& bias);
 
+/// An image whose channels may be in two parts.
+struct UNetImage {
+  torch::Tensor first;   ///< [B,C1,H,W]
+  torch::Tensor second;  ///< [B,C2,H,W]; undefined: none
+
+  UNetImage(torch::Tensor image, torch::Tensor more = {}) : first(std::move(image)), second(std::move(more)) {}
+  torch::Tensor joined() const;
+};
+
 /// The UNet. Batch normalisation uses the statistics of the batch, in evaluation mode the running statistics.
 class UNetImpl : public torch::nn::Module {
  public:
@@ -59,12 +73,13 @@ class UNetImpl : public torch::nn::Module {
   UNetImpl(int64_t inputs, int64_t outputs, const UNetConfig& config,
            std::optional<at::Generator> generator = std::nullopt);
 
-  /// @param image [B,Cin,H,W], H and W multiples of 2^levels @param generator of the dropout; needed while training
-  /// unless dropout is 0 @param share the rows of a shared batch
+  /// In evaluation mode without gradients the layers run as image_convolution.
+  /// @param image [B,Cin,H,W], H and W multiples of 2^levels; or its channels in two parts
+  /// @param generator of the dropout; needed while training unless dropout is 0 @param share the rows of a shared batch
   /// @return [B,Cout,H,W], any real numbers: no activation follows the last convolution
   /// @throws UsageError for another size; for a training batch of 1 whose innermost map is one pixel, which batch
   /// normalisation would set to 0
-  torch::Tensor forward(const torch::Tensor& image, const std::optional<at::Generator>& generator = std::nullopt,
+  torch::Tensor forward(const UNetImage& image, const std::optional<at::Generator>& generator = std::nullopt,
                         const BatchShare& share = {});
 
   const UNetConfig& config() const { return config_; }
@@ -73,7 +88,9 @@ class UNetImpl : public torch::nn::Module {
   torch::Tensor down(int level, const torch::Tensor& features);
   torch::Tensor up(int level, const torch::Tensor& features, const std::optional<at::Generator>& generator,
                    const BatchShare& share);
-  void check_input(const torch::Tensor& image, bool has_generator) const;
+  torch::Tensor infer(const UNetImage& image);
+  torch::Tensor infer_up(int level, const UNetImage& features);
+  void check_input(const UNetImage& image, bool has_generator) const;
   void initialise(const at::Generator& generator);
 
   UNetConfig config_;

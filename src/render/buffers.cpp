@@ -20,16 +20,23 @@ namespace {
 
 constexpr std::array<const char*, 8> kNames{"colour", "albedo", "normal", "shading", "depth", "mask", "uv", "position"};
 
-/// Images of the modes that `shade` draws.
-Tensor shaded(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
-              RenderMode mode, ShadingOptions options) {
+bool draws_with_shade(RenderMode mode) {
+  return mode == RenderMode::colour || mode == RenderMode::albedo || mode == RenderMode::shading;
+}
+
+/// The options and the texture with which `shade` draws a mode.
+struct ModeAppearance {
+  ShadingOptions options;
+  Tensor texture;
+};
+ModeAppearance appearance_of(const RenderScene& scene, RenderMode mode, const ShadingOptions& options) {
   if (mode == RenderMode::shading && !scene.lighting.defined()) {
     fail<UsageError>("render_mode: mode shading needs lighting coefficients [B,C,3,9]; the scene has none");
   }
   const bool lit = scene.lighting.defined() && options.lit;
-  options.lit = mode == RenderMode::shading || (mode == RenderMode::colour && lit);
-  const Tensor texture = mode == RenderMode::shading ? Tensor() : scene.texture;
-  return shade(scene.vertices, texture, scene.lighting, scene.projection, mesh, height, width, options).colour;
+  ModeAppearance result{options, mode == RenderMode::shading ? Tensor() : scene.texture};
+  result.options.lit = mode == RenderMode::shading || (mode == RenderMode::colour && lit);
+  return result;
 }
 
 /// The values of the surface in the pixels that it covers. @return [P,channels]
@@ -66,8 +73,10 @@ const char* name_of(RenderMode mode) { return kNames[as_size(mode)]; }
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {
   const torch::NoGradGuard no_gradient;
-  if (mode == RenderMode::colour || mode == RenderMode::albedo || mode == RenderMode::shading) {
-    return shaded(scene, mesh, height, width, mode, options);
+  if (draws_with_shade(mode)) {
+    const ModeAppearance look = appearance_of(scene, mode, options);
+    return shade(scene.vertices, look.texture, scene.lighting, scene.projection, mesh, height, width, look.options)
+        .colour;
   }
   render::check_floats(scene.vertices, "render_mode", "vertices", {-1, mesh.num_vertices, 3});
   render::check_floats(scene.projection, "render_mode", "projection", {scene.vertices.size(0), -1, 3, 4});
@@ -83,8 +92,6 @@ Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_
       .view({scene.vertices.size(0), scene.projection.size(1), height, width, values.size(1)});
 }
 
-Tensor SupersampledImage::over(const Tensor& background) const { return image + (1 - alpha).unsqueeze(4) * background; }
-
 SupersampledImage render_supersampled(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height,
                                       std::int64_t width, RenderMode mode, int factor, const ShadingOptions& options) {
   if (factor < 1 || factor > 8) fail<UsageError>("render_supersampled: factor is {}; it must be 1 to 8", factor);
@@ -92,6 +99,11 @@ SupersampledImage render_supersampled(const RenderScene& scene, const RenderMesh
   render::check_image_size(height * factor, width * factor, "render_supersampled");
   render::check_floats(scene.projection, "render_supersampled", "projection", {-1, -1, 3, 4});
   const torch::NoGradGuard no_gradient;
+  if (draws_with_shade(mode)) {
+    const ModeAppearance look = appearance_of(scene, mode, options);
+    return shade_supersampled(scene.vertices, look.texture, scene.lighting, scene.projection, mesh, height, width,
+                              factor, look.options);
+  }
   RenderScene fine = scene;
   fine.projection = scene.projection.clone();
   fine.projection.slice(2, 0, 2).mul_(factor);  // pixel edges scale, not pixel centres

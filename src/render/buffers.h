@@ -38,13 +38,6 @@ struct RenderScene {
 torch::Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                           RenderMode mode, const ShadingOptions& options = {});
 
-struct SupersampledImage {
-  torch::Tensor image;  ///< float32 [B,C,H,W,channels], area average with background 0 (premultiplied by alpha)
-  torch::Tensor alpha;  ///< float32 [B,C,H,W], the covered fraction of the pixel
-  /// image + (1 - alpha) * background. @param background broadcasts with [B,C,H,W,channels]
-  torch::Tensor over(const torch::Tensor& background) const;
-};
-
 /// Draws at `factor` times the resolution and averages factor x factor pixels.
 /// @param factor 1 to 8; factor * height and factor * width at most 16384
 SupersampledImage render_supersampled(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height,

@@ -66,6 +66,19 @@ static inline Int round_to_int(Float v) {
 #endif
 }
 
+static inline Float square_root(Float v) {
+#if defined(__AVX512F__)
+  return (Float)_mm512_sqrt_ps((__m512)v);
+#elif defined(__AVX2__)
+  return (Float)_mm256_sqrt_ps((__m256)v);
+#elif defined(__SSE2__)
+  return (Float)_mm_sqrt_ps((__m128)v);
+#else
+  for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
+  return v;
+#endif
+}
+
 // --- masks: one bit per lane in AVX-512, a lane of ones otherwise ----------------------------------------------------
 
 #if defined(__AVX512F__)
@@ -175,5 +188,31 @@ static inline void store_quads(float* out, Float a, Float b, Float c, Float d) {
   }
 #endif
 }
+
+// --- images --------------------------------------------------------------------------------------------------------
+
+#if defined(__AVX512F__)
+/// b0 b1 b2 of lane 0, of lane 1, ...
+static inline void store_interleaved(float* out, const Float* b) {
+  alignas(64) static const std::int32_t kFirst[3][16] = {{0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5},
+                                                         {21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26},
+                                                         {0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0}};
+  alignas(64) static const std::int32_t kSecond[3][16] = {{0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15},
+                                                          {0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15},
+                                                          {26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31}};
+  for (int k = 0; k < 3; ++k) {
+    const __m512 two = _mm512_permutex2var_ps((__m512)b[0], _mm512_load_si512(kFirst[k]), (__m512)b[1]);
+    _mm512_storeu_ps(out + 16 * k, _mm512_permutex2var_ps(two, _mm512_load_si512(kSecond[k]), (__m512)b[2]));
+  }
+}
+#else
+static inline void store_interleaved(float* out, const Float* b) {
+  alignas(64) float rows[3][kLanes];
+  for (int k = 0; k < 3; ++k) store(rows[k], b[k]);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    for (int k = 0; k < 3; ++k) out[3 * lane + k] = rows[k][lane];
+  }
+}
+#endif
 
 }  // namespace doppel::kernels::DOPPEL_ISA

@@ -1,5 +1,7 @@
 #include "doppel/render/texture_space.h"
 
+#include <ATen/Parallel.h>
+#include <torch/library.h>
 #include <torch/types.h>
 
 #include <algorithm>
@@ -10,6 +12,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
+#include "doppel/render/shading/shading_kernel.h"
+#include "doppel/render/texture_space_kernel.h"
 
 namespace doppel {
 
@@ -84,6 +88,52 @@ TexelMap cover(const RenderMesh& mesh, int size) {
   return map;
 }
 
+constexpr std::int64_t kItemsPerThread = 4096;  // vertices or faces: fewer do not pay for another thread
+
+/// Sums of the face normals at the vertices of one mesh. @param mesh face_records, incident_offsets, incident_faces of
+/// RenderMesh @param faces [F,4] scratch @param out [N,4]
+void sum_normals(const float* vertices, std::int64_t num_vertices, at::TensorList mesh, Tensor& faces, Tensor& out) {
+  const kernels::NormalMesh normal_mesh{vertices, mesh[0].data_ptr<std::int32_t>(), mesh[1].data_ptr<std::int32_t>(),
+                                        mesh[2].data_ptr<std::int32_t>()};
+  float *of_faces = faces.data_ptr<float>(), *of_vertices = out.data_ptr<float>();
+  at::parallel_for(0, faces.size(0), kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+    kernels::face_normals(normal_mesh, begin, end, of_faces);
+  });
+  at::parallel_for(0, num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
+    kernels::sum_normals(normal_mesh, of_faces, begin, end, of_vertices);
+  });
+}
+
+/// @param texels runs, corners, weights of kernels::TexelTable @return [B,3,size,size]
+Tensor texture_normals_cpu(const Tensor& vertices_in, at::TensorList mesh, at::TensorList texels, std::int64_t size) {
+  const std::int64_t num_vertices = mesh[1].size(0) - 1;
+  render::check_floats(vertices_in, "texture_normals", "vertices", {-1, num_vertices, 3});
+  const Tensor vertices = vertices_in.contiguous();
+  const kernels::TexelTable table{texels[0].data_ptr<std::int32_t>(),
+                                  texels[1].data_ptr<std::int32_t>(),
+                                  texels[2].data_ptr<float>(),
+                                  texels[0].size(0),
+                                  texels[1].size(1),
+                                  size * size};
+  const Tensor maps = at::empty({vertices.size(0), 3, size, size}, vertices.options());
+  Tensor of_faces = at::empty({mesh[0].size(0), 4}, vertices.options()),
+         of_vertices = at::empty({num_vertices, 4}, vertices.options());
+  for (std::int64_t b = 0; b < vertices.size(0); ++b) {
+    sum_normals(vertices.data_ptr<float>() + 3 * num_vertices * b, num_vertices, mesh, of_faces, of_vertices);
+    const float* normals = of_vertices.data_ptr<float>();
+    float* map = maps.data_ptr<float>() + 3 * table.map_size * b;
+    at::parallel_for(0, table.num_runs, 1, [&](std::int64_t begin, std::int64_t end) {
+      kernels::texel_normals(table, normals, begin, end, map);
+    });
+  }
+  return maps;
+}
+
+TORCH_LIBRARY_FRAGMENT(doppel, m) {
+  m.def("texture_normals(Tensor vertices, Tensor[] mesh, Tensor[] texels, int size) -> Tensor");
+}
+TORCH_LIBRARY_IMPL(doppel, CPU, m) { m.impl("texture_normals", TORCH_FN(texture_normals_cpu)); }
+
 }  // namespace
 
 TextureSpace::TextureSpace(const TriangleMesh& mesh, int size, int padding)
@@ -100,6 +150,7 @@ TextureSpace::TextureSpace(const RenderMesh& mesh, int size, int padding) : mesh
     fail<UsageError>("TextureSpace: the mesh has no UVs, so there is no texture space; give it `vt` coordinates");
   }
   assign_texels(padding);
+  find_runs();
 }
 
 void TextureSpace::assign_texels(int padding) {
@@ -135,6 +186,24 @@ void TextureSpace::assign_texels(int padding) {
   }
 }
 
+void TextureSpace::find_runs() {
+  const std::int64_t *lookup = lookup_.data_ptr<std::int64_t>(), none = corners_.size(1);
+  std::vector<std::int32_t> runs;
+  std::vector<std::int64_t> source;  // of each texel with a value, in the order of the map
+  for (std::int64_t i = 0; i < lookup_.size(0); ++i) {
+    if (lookup[i] == none) continue;
+    if (i % size_ == 0 || lookup[i - 1] == none) {
+      runs.push_back(static_cast<std::int32_t>(i));
+      runs.push_back(static_cast<std::int32_t>(source.size()));
+    }
+    source.push_back(lookup[i]);
+  }
+  const Tensor texels = torch::tensor(source, torch::kInt64);
+  runs_ = {torch::tensor(runs, torch::kInt32).view({-1, 2}),
+           corners_.index_select(1, texels).to(torch::kInt32).contiguous(),
+           weights_.squeeze(2).index_select(1, texels).to(torch::kFloat32).contiguous()};
+}
+
 /// @param values [B,N,3] of the vertices @return [B,P,3]
 Tensor TextureSpace::interpolate(const Tensor& values) const {
   const Tensor weights = weights_.to(values.dtype());
@@ -156,6 +225,13 @@ Tensor TextureSpace::normals(const Tensor& vertices) const {
   const Tensor solid = square > 1e-30;
   const Tensor length = torch::where(solid, square, torch::ones_like(square)).sqrt();
   return to_map(torch::where(solid, n / length, torch::zeros_like(n)));
+}
+
+Tensor TextureSpace::normals_without_gradient(const Tensor& vertices) const {
+  static const auto op = c10::Dispatcher::singleton()
+                             .findSchemaOrThrow("doppel::texture_normals", "")
+                             .typed<decltype(texture_normals_cpu)>();
+  return op.call(vertices, {mesh_.face_records, mesh_.incident_offsets, mesh_.incident_faces}, runs_, size_);
 }
 
 Tensor TextureSpace::positions(const Tensor& vertices) const {

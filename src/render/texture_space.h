@@ -2,6 +2,8 @@
 
 #include <torch/types.h>
 
+#include <vector>
+
 #include "doppel/render/render_mesh.h"
 
 namespace doppel {
@@ -21,6 +23,8 @@ class TextureSpace {
 
   /// Unit normals in world axes, 0 where there is neither face nor padding. @param vertices [B,N,3] @return [B,3,T,T]
   torch::Tensor normals(const torch::Tensor& vertices) const;
+  /// The same by a kernel, several times faster: float32 on the CPU, without gradient.
+  torch::Tensor normals_without_gradient(const torch::Tensor& vertices) const;
   /// Positions, world, metres. @param vertices [B,N,3] @return [B,3,T,T]
   torch::Tensor positions(const torch::Tensor& vertices) const;
 
@@ -30,15 +34,17 @@ class TextureSpace {
 
  private:
   void assign_texels(int padding);
+  void find_runs();
   torch::Tensor interpolate(const torch::Tensor& values) const;
   torch::Tensor to_map(const torch::Tensor& texels) const;
 
   RenderMesh mesh_;
   int size_;
   torch::Tensor mask_;
-  torch::Tensor lookup_;   ///< int64 [T*T], index among the P texels with a value; P: none
-  torch::Tensor corners_;  ///< int64 [3,P] vertices
-  torch::Tensor weights_;  ///< float64 [3,P,1] barycentrics
+  torch::Tensor lookup_;             ///< int64 [T*T], index among the P texels with a value; P: none
+  torch::Tensor corners_;            ///< int64 [3,P] vertices
+  torch::Tensor weights_;            ///< float64 [3,P,1] barycentrics
+  std::vector<torch::Tensor> runs_;  ///< kernels::TexelTable: runs, corners, weights
 };
 
 }  // namespace doppel

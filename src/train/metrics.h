@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "doppel/core/appended_file.h"
-#include "doppel/train/profile.h"
+#include "doppel/core/profile.h"
 
 namespace doppel {
 

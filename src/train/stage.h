@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "doppel/core/profile.h"
 #include "doppel/distributed/ranks.h"
-#include "doppel/train/profile.h"
 
 namespace doppel {
 

@@ -42,7 +42,8 @@ TexNetStage::TexNetStage(const Dataset& dataset, TrainedActor& actor, const TexN
 
 LossTerms TexNetStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
-  torch::Tensor vertices, input, texture;
+  torch::Tensor vertices, texture;
+  TexNetInput input;
   {
     ProfileScope scope(profile, "geometry");
     vertices = actor_.fine(batch.dofs);
@@ -84,8 +85,8 @@ std::vector<ReportImage> TexNetStage::images() {
       const auto views = batch.cameras.size(1);
       const torch::Tensor windows = batch.dofs.expand({views, -1, -1}).contiguous();
       const torch::Tensor vertices = actor_.fine(batch.dofs);
-      const torch::Tensor input = texture_input(actor_, texture_space_, config_.model, windows,
-                                                batch.image_projection[0], vertices.expand({views, -1, -1}));
+      const TexNetInput input = texture_input(actor_, texture_space_, config_.model, windows, batch.image_projection[0],
+                                              vertices.expand({views, -1, -1}));
       const torch::Tensor texture = network_->forward(input);
       const auto drawing = [&](const torch::Tensor& with) {
         return draw(*actor_.mesh, vertices, {with, {}}, batch.image_projection, batch.image.size(2),

@@ -116,7 +116,7 @@ ViewSubject of_actor_file(const fs::path& path, const fs::path& character) {
   if (d.texture_size > 0)
     subject.stages.push_back(
         {"textured", d.past_frames, subject.stages.back().vertices,
-         [file](const auto& w, const auto& camera, const auto&) { return file->textured(w, camera).second; },
+         [file](const auto& w, const auto& camera, const auto& surface) { return file->texture(w, camera, surface); },
          d.texture_size, "actor"});
   return subject;
 }

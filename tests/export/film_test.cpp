@@ -90,7 +90,7 @@ TEST(FilmReference, ADynamicTextureIsMadeForTheFramesPoseAndCamera) {
   for (const Dof& dof : actor().skeleton.dofs) description.dof_names.push_back(dof.name);
   description.num_vertices = actor().num_vertices();
   description.texture_size = 16;
-  const auto texture = [](const torch::Tensor& window, const torch::Tensor& projection) {
+  const auto texture = [](const torch::Tensor& window, const torch::Tensor& projection, const torch::Tensor&) {
     const torch::Tensor red = projection.select(1, 0).select(1, 0).abs() / 1000;
     const torch::Tensor green = 0.5 + window.select(1, 0).select(1, 0);
     return torch::stack({red, green, 0 * red}, 1).view({-1, 1, 1, 3}).expand({-1, 16, 16, 3});
@@ -99,7 +99,9 @@ TEST(FilmReference, ADynamicTextureIsMadeForTheFramesPoseAndCamera) {
               {[&](const torch::Tensor& window) { return surface->skinned(window.select(1, 0)); }, texture}, {});
   const ActorFile file = ActorFile::load(folder / "actor.pt");
   FilmOptions options;
-  options.actor = &file;
+  options.texture = [&](const auto& window, const auto& projection, const auto& vertices) {
+    return file.texture(window, projection, vertices);
+  };
   options.light = Light::soft;  // of no effect on it
   const cv::Mat image = film(make_calibrated_path({front_camera()}, "front", 0), options);
   const Eigen::Vector2d at = front_camera().project(middle());

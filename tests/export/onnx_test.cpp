@@ -34,7 +34,9 @@ void write_dressed(const TemporaryFolder& folder) {
   TrainedActor actor = support::dressed_actor();
   ActorDescription description = support::description_of(actor);
   const ActorFunction geometry = [&](const Tensor& window) { return actor.fine(window); };
-  const TextureFunction texture = [&](const Tensor& window, const Tensor& p) { return actor.texture(window, p); };
+  const TextureFunction texture = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
+    return actor.texture(window, p, v);
+  };
   const ScriptModules modules{
       {"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}};
   write_actor_onnx(folder / "textured.onnx", actor.character, description, {geometry, texture}, modules);
@@ -46,7 +48,7 @@ void write_dressed(const TemporaryFolder& folder) {
     write(path("window"), window);
     write(path("vertices"), geometry(window));
     write(path("projection"), projection);
-    write(path("texture"), texture(window, projection));
+    write(path("texture"), texture(window, projection, geometry(window)));
   }
 }
 

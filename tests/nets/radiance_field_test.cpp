@@ -153,6 +153,7 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
                                              sample_cells(scene.near, scene.far, 32));
   FieldImageOptions options;
   options.samples = 32;
+  options.first_pass = 1;  // all samples
   for (int64_t chunk : {1000, 77}) {
     options.rays_at_once = chunk;
     const FieldPixels image =
@@ -169,6 +170,49 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
 TEST(DrawField, EqualsRenderField) {
   expect_drawn_as_rendered({});
   expect_drawn_as_rendered(with_place({}));
+}
+
+/// As a trained field: empty outside of the surface and opaque inside.
+RadianceField solid_field() {
+  RadianceFieldConfig config;
+  RadianceField field{config};
+  torch::NoGradGuard no_grad;
+  auto weights = field->named_parameters();
+  weights["trunk.0.weight"][0].zero_();
+  weights["trunk.0.weight"][0][config.features] = -1.0;  // of the distance
+  weights["trunk.0.bias"][0] = 0.2;
+  for (int layer = 1; layer < config.layers; ++layer) {
+    const std::string name = "trunk." + std::to_string(layer);
+    weights[name + ".weight"][0].zero_();
+    weights[name + ".weight"][0][0] = 1.0;
+  }
+  weights["density.weight"].zero_();
+  weights["density.weight"][0][0] = 40.0;
+  weights["density.bias"].fill_(-10.0);
+  return field;
+}
+
+TEST(DrawField, IsAlmostTheSameWithoutSamplesInEmptySpaceAndBehindTheSurface) {
+  const Scene scene(300, 64);
+  RadianceField field = solid_field();
+  FieldImageOptions options;
+  options.first_pass = 1;
+  const auto draw = [&] {
+    return draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far,
+                      options);
+  };
+  const FieldPixels all = draw();
+  ASSERT_GT(all.opacity.gt(0.99f).sum().item<int>(), 30);
+  for (const int64_t step : {2, 3, 4}) {
+    options.first_pass = step;
+    const FieldPixels few = draw();
+    const Tensor error = torch::cat({few.colour - all.colour, (few.opacity - all.opacity).unsqueeze(1),
+                                     ((few.depth - all.depth) * (all.opacity > 0.5)).unsqueeze(1)},
+                                    1)
+                             .abs();
+    EXPECT_LT(error.mean().item<float>(), 2e-4f) << step;
+    EXPECT_LT(error.max().item<float>(), 0.02f) << step;  // of a ray that only touches the outline
+  }
 }
 
 // Farther from the mesh than the shell there is nothing, whatever the network says.

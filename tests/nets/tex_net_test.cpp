@@ -32,9 +32,14 @@ TexNetConfig small_config() {
 }
 
 at::Generator seeded(uint64_t seed) { return at::detail::createCPUGenerator(seed); }
-Tensor random_input(const TexNetConfig& config, int64_t batch) {
+/// The channels of the normals, then those of the camera.
+TexNetInput split(const Tensor& channels) {
+  return {channels.narrow(1, 0, channels.size(1) - 6), channels.narrow(1, channels.size(1) - 6, 6)};
+}
+Tensor random_channels(const TexNetConfig& config, int64_t batch) {
   return torch::randn({batch, config.num_inputs(), config.size, config.size}, seeded(4));
 }
+TexNetInput random_input(const TexNetConfig& config, int64_t batch) { return split(random_channels(config, batch)); }
 double largest(const Tensor& tensor) { return tensor.abs().max().item<double>(); }
 
 std::string message_of(const std::function<void()>& work) {
@@ -148,11 +153,11 @@ TEST(TexNetReference, GivesATextureWithColoursInRange) {
 
 TEST(TexNetReference, StacksNormalsAndCamera) {
   const Tensor normals = torch::randn({2, 9, 8, 8}), centre = torch::randn({2, 3}) * 4.0, front = torch::randn({2, 3});
-  const Tensor input = texnet_input(normals, centre, front);
-  ASSERT_EQ(input.sizes(), (std::vector<int64_t>{2, 15, 8, 8}));
-  EXPECT_TRUE(torch::equal(input.narrow(1, 0, 9), normals));
-  EXPECT_TRUE(torch::equal(input.select(2, 3).select(2, 5).narrow(1, 9, 3), centre / 4.0));
-  EXPECT_TRUE(torch::equal(input.select(2, 7).select(2, 0).narrow(1, 12, 3), front));
+  const TexNetInput input = texnet_input(normals, centre, front);
+  ASSERT_EQ(input.camera.sizes(), (std::vector<int64_t>{2, 6, 8, 8}));
+  EXPECT_TRUE(torch::equal(input.normals, normals));
+  EXPECT_TRUE(torch::equal(input.camera.select(2, 3).select(2, 5).narrow(1, 0, 3), centre / 4.0));
+  EXPECT_TRUE(torch::equal(input.camera.select(2, 7).select(2, 0).narrow(1, 3, 3), front));
 }
 
 TEST(TexNetReference, CameraCentreFollowsTheRootOnDemand) {
@@ -198,12 +203,12 @@ TEST(TexNetReference, LitStartsAtTheStaticTextureUnderLight) {
   lighting[1][6] = 0.25;  // green: 3 z^2 - 1
   lighting[2][5] = 0.5;   // blue: yz
   TexNet net(config, torch::full({32, 32, 3}, 0.4), lighting);
-  Tensor input = random_input(config, 2);
+  Tensor input = random_channels(config, 2);
   input.narrow(1, 6, 3).zero_();  // normals of the newest frame: upwards, but in one column towards (0, 3, 4) / 5
   input.select(1, 7).fill_(1.0);
   input.select(1, 7).select(2, 3).fill_(0.6);
   input.select(1, 8).select(2, 3).fill_(0.8);
-  const Tensor found = net->forward(input, seeded(1));
+  const Tensor found = net->forward(split(input), seeded(1));
   const auto expect = [&](int64_t column, double red, double green, double blue) {
     const Tensor expected = 0.4 * torch::tensor({red, green, blue}).expand({2, 32, 3});
     EXPECT_LT(largest(found.select(2, column) - expected), 1e-6) << column;
@@ -216,13 +221,14 @@ TEST(TexNetReference, LitStartsAtTheStaticTextureUnderLight) {
 TEST(TexNetAgrees, WithItselfInEvaluationWhateverTheBatchAndGenerator) {
   const TexNetConfig config = small_config();
   TexNet net(config);
-  const Tensor input = random_input(config, 3);
+  const Tensor channels = random_channels(config, 3);
+  const TexNetInput input = split(channels);
   for (int step = 0; step < 3; ++step) net->forward(input, seeded(static_cast<uint64_t>(step)));
   net->eval();
   torch::NoGradGuard no_grad;
   const Tensor texture = net->forward(input);
   EXPECT_TRUE(torch::equal(texture, net->forward(input, seeded(77))));
-  EXPECT_LT(largest(texture.narrow(0, 1, 1) - net->forward(input.narrow(0, 1, 1))), 1e-5);
+  EXPECT_LT(largest(texture.narrow(0, 1, 1) - net->forward(split(channels.narrow(0, 1, 1)))), 1e-5);
   const Tensor mean = net->named_buffers()["unet.down_norm1.running_mean"];
   EXPECT_GT(largest(mean), 0.0) << "training moves the running statistics";
 }
@@ -230,7 +236,7 @@ TEST(TexNetAgrees, WithItselfInEvaluationWhateverTheBatchAndGenerator) {
 TEST(TexNetAgrees, WithItselfFromTheSameGenerator) {
   const TexNetConfig config = small_config();
   TexNet first(config), second(config);
-  const Tensor input = random_input(config, 2);
+  const TexNetInput input = random_input(config, 2);
   torch::manual_seed(1);
   const Tensor a = first->forward(input, seeded(5));
   torch::manual_seed(2);
@@ -244,15 +250,15 @@ TEST(TexNetAgrees, AsATraceOnBatchesItHasNotSeen) {
   net->eval();
   for (Tensor parameter : net->parameters()) parameter.set_requires_grad(false);
   const auto traced = torch::jit::tracer::trace(
-      {random_input(config, 2)},
-      [&](torch::jit::Stack stack) -> torch::jit::Stack { return {net->forward(stack[0].toTensor())}; },
+      {random_channels(config, 2)},
+      [&](torch::jit::Stack stack) -> torch::jit::Stack { return {net->forward(split(stack[0].toTensor()))}; },
       [](const torch::autograd::Variable&) { return ""; });
   torch::jit::GraphExecutor executor(traced.first->graph, "texnet");
   for (const int64_t batch : {1, 3}) {
-    const Tensor input = random_input(config, batch);
+    const Tensor input = random_channels(config, batch);
     torch::jit::Stack stack{input};
     executor.run(stack);
-    EXPECT_LT(largest(stack[0].toTensor() - net->forward(input)), 1e-5) << "batch " << batch;
+    EXPECT_LT(largest(stack[0].toTensor() - net->forward(split(input))), 1e-5) << "batch " << batch;
   }
 }
 
@@ -268,7 +274,7 @@ TEST(TexNetRecovers, ATextureThatFollowsTheNormals) {
   double first = 0.0, last = 0.0;
   for (int step = 0; step < 100; ++step) {
     adam.zero_grad();
-    const Tensor loss = (net->forward(input) - target).abs().mean();
+    const Tensor loss = (net->forward(split(input)) - target).abs().mean();
     loss.backward();
     adam.step();
     last = loss.item<double>();
@@ -280,7 +286,7 @@ TEST(TexNetRecovers, ATextureThatFollowsTheNormals) {
 TEST(TexNetRecovers, ItsStateFromAnArchive) {
   const TexNetConfig config = lit_config();
   TexNet net(config, torch::rand({32, 32, 3}, seeded(2)), some_lighting());
-  const Tensor input = random_input(config, 2);
+  const TexNetInput input = random_input(config, 2);
   net->forward(input, seeded(1));
   net->eval();
   std::stringstream file;
@@ -344,7 +350,7 @@ TEST(TexNetConfigRejects, MistakesWithFileAndKey) {
 TEST(TexNetRejects, WhatItCannotCompute) {
   const TexNetConfig config = small_config();
   TexNet net(config);
-  EXPECT_THAT(message_of([&] { net->forward(torch::zeros({2, 15, 16, 16}), seeded(1)); }), HasSubstr("input"));
+  EXPECT_THAT(message_of([&] { net->forward(split(torch::zeros({2, 15, 16, 16})), seeded(1)); }), HasSubstr("input"));
   EXPECT_THAT(message_of([&] { net->forward(random_input(config, 1), seeded(1)); }), HasSubstr("larger batch"));
   EXPECT_THAT(message_of([&] { net->forward(random_input(config, 2)); }), HasSubstr("generator"));
   TexNetConfig residual = config;

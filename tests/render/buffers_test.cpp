@@ -94,6 +94,24 @@ TEST(Buffers, SupersamplingAveragesAndCovers) {
   EXPECT_TRUE(torch::equal(plain.image, f.draw(RenderMode::colour)));
 }
 
+TEST(Buffers, SupersamplingIsTheMeanOfTheLargeImage) {
+  const ShadingScene s = test::shading_scene(2, 2, 110, 90, 10).to(torch::kFloat32);
+  RenderScene scene{s.vertices, s.projection, s.texture, s.lighting};
+  for (const int factor : {1, 2, 3, 5}) {  // tiles of 64 samples end within a pixel of 3 or 5
+    const SupersampledImage found = render_supersampled(scene, s.mesh, 110, 90, RenderMode::colour, factor);
+    RenderScene large = scene;
+    large.projection = scene.projection.clone();
+    large.projection.slice(2, 0, 2).mul_(factor);
+    const auto mean = [&](RenderMode mode) {
+      return render_mode(large, s.mesh, 110 * factor, 90 * factor, mode)
+          .view({2, 2, 110, factor, 90, factor, -1})
+          .mean({3, 5});
+    };
+    EXPECT_TRUE(test::is_near(found.image, mean(RenderMode::colour), 1e-5)) << factor;
+    EXPECT_TRUE(test::is_near(found.alpha, mean(RenderMode::mask).squeeze(4), 1e-6)) << factor;
+  }
+}
+
 TEST(BuffersRejects, WhatTheSceneLacks) {
   Fixture f;
   const auto message = [&](RenderMode mode, const RenderMesh& mesh) -> std::string {

@@ -98,6 +98,17 @@ TEST(TextureSpace, HasUnitNormalsOfTheSurface) {
             0.98);
 }
 
+TEST(TextureSpaceAgrees, NormalsOfTheKernelWithThoseOfTheReference) {
+  const test::Mesh ball = test::sphere(12, 0.5f);
+  Tensor vertices = ball.vertices.unsqueeze(0) * torch::rand({3, 1, 3}, at::detail::createCPUGenerator(2));
+  vertices[2].zero_();  // a surface without normals
+  for (const int size : {1, 7, 64, 100})
+    for (const double scale : {0.5, 0.95}) {
+      const TextureSpace space(test::with_front_uvs(ball, scale), size, size > 10 ? 3 : 0);
+      EXPECT_TRUE(test::is_near(space.normals_without_gradient(vertices), space.normals(vertices), 1e-5)) << size;
+    }
+}
+
 TEST(TextureSpaceGradient, MatchesCentralDifferences) {
   const test::Mesh ball = test::sphere(5, 0.5f);
   const TextureSpace space(test::with_front_uvs(ball, 0.9), 12);

@@ -255,7 +255,7 @@ GlobalAlignment global_alignment(const Tensor& points, const LandmarkRays& rays,
                                  const GlobalAlignmentOptions& options) {
   check_alignment_arguments(points, rays, prior);
   if (!takes_kernel(points)) return global_alignment_reference(points, rays, prior, options);
-  const Tensor towards = prior.defined() ? prior.detach() : torch::zeros({points.size(0), 3}, torch::kFloat64);
+  const Tensor towards = prior.defined() ? prior.detach() : torch::zeros_like(points.sum(1), torch::kFloat64);
   const auto [translation, valid] =
       call_forward(points, {rays.origin, rays.direction, rays.confidence}, towards, options);
   return {translation, valid};

@@ -127,16 +127,45 @@ Tensor shading::at_least_two_texels(const Tensor& texture) {
   return out;
 }
 
-ShadedImage shade(const Tensor& vertices, const Tensor& texture, const Tensor& lighting, const Tensor& projection,
-                  const RenderMesh& mesh, std::int64_t height, std::int64_t width, const ShadingOptions& options) {
+namespace {
+
+/// Checks the arguments of a drawing. @return the texture as the kernels need it
+Tensor check_drawing(const Tensor& vertices, const Tensor& texture, const Tensor& lighting, const Tensor& projection,
+                     const RenderMesh& mesh, std::int64_t height, std::int64_t width, const ShadingOptions& options) {
   check_mesh("shade", vertices, projection, mesh, options.z_near);
   render::check_image_size(height, width, "shade");
   if (texture.defined()) check_texture(texture, vertices, projection.size(1), mesh);
   if (options.lit) check_lighting(lighting, vertices, projection.size(1));
-  const Tensor wide = texture.defined() ? shading::at_least_two_texels(texture) : texture;
+  return texture.defined() ? shading::at_least_two_texels(texture) : texture;
+}
+
+}  // namespace
+
+ShadedImage shade(const Tensor& vertices, const Tensor& texture, const Tensor& lighting, const Tensor& projection,
+                  const RenderMesh& mesh, std::int64_t height, std::int64_t width, const ShadingOptions& options) {
+  const Tensor wide = check_drawing(vertices, texture, lighting, projection, mesh, height, width, options);
   return takes_kernel(vertices, options.use_reference)
              ? shading::fused(vertices, wide, lighting, projection, mesh, height, width, options)
              : shading::reference(vertices, wide, lighting, projection, mesh, height, width, options);
+}
+
+Tensor SupersampledImage::over(const Tensor& background) const { return image + (1 - alpha).unsqueeze(4) * background; }
+
+SupersampledImage shade_supersampled(const Tensor& vertices, const Tensor& texture, const Tensor& lighting,
+                                     const Tensor& projection, const RenderMesh& mesh, std::int64_t height,
+                                     std::int64_t width, int factor, const ShadingOptions& options) {
+  const torch::NoGradGuard no_gradient;
+  const std::int64_t rows = height * factor, columns = width * factor;
+  const Tensor wide = check_drawing(vertices, texture, lighting, projection, mesh, rows, columns, options);
+  Tensor fine = projection.clone();
+  fine.slice(2, 0, 2).mul_(factor);  // pixel edges scale, not pixel centres
+  if (takes_kernel(vertices, options.use_reference))
+    return shading::fused_supersampled(vertices, wide, lighting, fine, mesh, rows, columns, factor, options);
+  const ShadedImage drawn = shading::reference(vertices, wide, lighting, fine, mesh, rows, columns, options);
+  const auto average = [&](const Tensor& t) {
+    return t.view({t.size(0), t.size(1), height, factor, width, factor, -1}).mean({3, 5});
+  };
+  return {average(drawn.colour), average(drawn.mask.to(drawn.colour.dtype())).squeeze(4)};
 }
 
 Tensor target_on_surface(const Tensor& vertices, const Tensor& projection, const RenderMesh& mesh, const Tensor& target,

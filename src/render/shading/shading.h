@@ -40,6 +40,13 @@ ShadedImage shade(const torch::Tensor& vertices, const torch::Tensor& texture, c
                   const torch::Tensor& projection, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                   const ShadingOptions& options = {});
 
+/// `shade` with factor x factor samples for each pixel, averaged. The large image is never held in memory. Without
+/// gradients.
+SupersampledImage shade_supersampled(const torch::Tensor& vertices, const torch::Tensor& texture,
+                                     const torch::Tensor& lighting, const torch::Tensor& projection,
+                                     const RenderMesh& mesh, std::int64_t height, std::int64_t width, int factor,
+                                     const ShadingOptions& options = {});
+
 /// The target image with a gradient to the vertices. The value of the result is `target`. For the gradient, every pixel
 /// is tied to the surface point that it shows, with fixed barycentrics. When the vertices move, the projection of this
 /// point moves, and the colour changes by the image gradient of the target. A loss that compares `shade(...)` with this

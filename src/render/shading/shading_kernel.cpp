@@ -1,6 +1,7 @@
 #include "doppel/render/shading/shading_kernel.h"
 
 #include "doppel/render/raster_resolve.h"
+#include "doppel/render/sh_lanes.h"
 #include "doppel/render/simd.h"
 
 namespace doppel::kernels::DOPPEL_ISA {
@@ -46,19 +47,6 @@ typedef std::uint8_t Bytes __attribute__((vector_size(kLanes)));
 inline Float dot(const Float* a, const Float* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline Float zero() { return Float{}; }
 
-inline Float square_root(Float v) {
-#if defined(__AVX512F__)
-  return (Float)_mm512_sqrt_ps((__m512)v);
-#elif defined(__AVX2__)
-  return (Float)_mm256_sqrt_ps((__m256)v);
-#elif defined(__SSE2__)
-  return (Float)_mm_sqrt_ps((__m128)v);
-#else
-  for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
-  return v;
-#endif
-}
-
 inline void load_corners(const RasterView& raster, Int face, std::int32_t (*corner)[kLanes]) {
   alignas(64) std::int32_t faces[kLanes];
   store(faces, max(face, Int{}));
@@ -99,27 +87,6 @@ inline void interpolate_normal(const ShadeView& view, const std::int32_t (*corne
   }
   out.scale = solid ? scale : zero();
   for (int d = 0; d < 3; ++d) out.n[d] = sum[d] * out.scale;
-}
-
-inline void basis(const Float* n, Float* sh) {
-  sh[0] = splat(1.0f);
-  sh[1] = n[1];
-  sh[2] = n[2];
-  sh[3] = n[0];
-  sh[4] = n[0] * n[1];
-  sh[5] = n[1] * n[2];
-  sh[6] = 3.0f * n[2] * n[2] - 1.0f;
-  sh[7] = n[0] * n[2];
-  sh[8] = n[0] * n[0] - n[1] * n[1];
-}
-
-inline void illuminate(const float* lighting, const Float* sh, Float* light) {
-  for (int c = 0; c < 3; ++c) {
-    const float* l = lighting + 9 * c;
-    Float sum = splat(l[0]);
-    for (int j = 1; j < 9; ++j) sum += l[j] * sh[j];
-    light[c] = sum;
-  }
 }
 
 /// Gradient to the normal sums, from the gradient `g_light` to the light.
@@ -266,20 +233,20 @@ inline void load_pixels(const float* in, int count, Float* colour) {
 
 /// Writes 0 to the pixels of the tile outside columns [x_begin, x_end) of rows [y_begin, y_end).
 void clear_around(const RasterView& raster, int x0, int y0, int x_begin, int x_end, int y_begin, int y_end,
-                  float* colour, std::uint8_t* mask) {
+                  const TileImage& image) {
   const int width = raster.width - x0 < kTile ? raster.width - x0 : kTile;
   const int height = raster.height - y0 < kTile ? raster.height - y0 : kTile;
   for (int y = 0; y < height; ++y) {
     const bool drawn = y >= y_begin && y < y_end;
     const int left = drawn ? x_begin : width, right = drawn && x_end < width ? x_end : width;
-    const std::int64_t row = static_cast<std::int64_t>(y0 + y) * raster.width + x0;
-    if (colour) {
-      std::memset(colour + 3 * row, 0, 12 * static_cast<unsigned>(left));
-      std::memset(colour + 3 * (row + right), 0, 12 * static_cast<unsigned>(width - right));
+    const std::int64_t row = y * image.stride;
+    if (image.colour) {
+      std::memset(image.colour + 3 * row, 0, 12 * static_cast<unsigned>(left));
+      std::memset(image.colour + 3 * (row + right), 0, 12 * static_cast<unsigned>(width - right));
     }
-    if (mask) {
-      std::memset(mask + row, 0, static_cast<unsigned>(left));
-      std::memset(mask + row + right, 0, static_cast<unsigned>(width - right));
+    if (image.mask) {
+      std::memset(image.mask + row, 0, static_cast<unsigned>(left));
+      std::memset(image.mask + row + right, 0, static_cast<unsigned>(width - right));
     }
   }
 }
@@ -306,12 +273,6 @@ inline void shade_pixels(const ShadeView& view, const Waiting& w, Float* colour)
     for (int c = 0; c < 3; ++c) colour[c] *= s.value[c];
   }
   for (int c = 0; c < 3; ++c) colour[c] = w.f.face >= 0 ? colour[c] : zero();
-}
-
-inline void finish_pixels(const ShadeView& view, const Waiting& w, int inside, float* colour) {
-  Float pixel[3];
-  shade_pixels(view, w, pixel);
-  store_pixels(colour + 3 * (static_cast<std::int64_t>(w.f.y) * view.raster->width + w.f.x), inside, pixel);
 }
 
 // --- sums per face ---------------------------------------------------------------------------------------------------
@@ -540,15 +501,13 @@ inline void target_gradients(const TargetView& view, const Fragment& f, const fl
 
 std::int64_t fragment_words() { return static_cast<std::int64_t>(kVectorsPerTile) * kFragmentWords; }
 
-std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, float* colour,
-                        std::uint8_t* mask, std::int32_t* fragments) {
+std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, const TileImage& image,
+                        std::int32_t* fragments) {
   const RasterView& raster = *view.raster;
   const int width = raster.width - x0 < kTile ? raster.width - x0 : kTile;
   const bool any = rect.x1 > rect.x0;
   const int first = rect.x0 / kLanes * kLanes, last = (rect.x1 + kLanes - 1) / kLanes * kLanes;
-  if (colour || mask) {
-    clear_around(raster, x0, y0, any ? first : 0, any ? last : 0, any ? rect.y0 : 0, any ? rect.y1 : 0, colour, mask);
-  }
+  clear_around(raster, x0, y0, any ? first : 0, any ? last : 0, any ? rect.y0 : 0, any ? rect.y1 : 0, image);
   std::int32_t count = 0;
   if (!any) return 0;
   const Float lanes = to_float(lane_numbers());
@@ -557,18 +516,23 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
   int turn = 0;
   bool pending = false;
   const auto inside_of = [&](int x) { return width - x < kLanes ? width - x : kLanes; };
-  const auto finish = [&](const Waiting& w) { finish_pixels(view, w, inside_of(w.f.x - x0), colour); };
+  const auto finish = [&](const Waiting& w) {
+    Float pixel[3];
+    shade_pixels(view, w, pixel);
+    const int x = w.f.x - x0, y = w.f.y - y0;
+    store_pixels(image.colour + 3 * (y * image.stride + x), inside_of(x), pixel);
+  };
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = first; x < rect.x1; x += kLanes) {
       std::int32_t* faces = tile.face + y * kTileStride + x;
       const Int face = load<Int>(faces), covered = face >= 0;
-      const std::int64_t pixel = static_cast<std::int64_t>(y0 + y) * raster.width + x0 + x;
-      if (mask) {
+      const std::int64_t pixel = y * image.stride + x;
+      if (image.mask) {
         const Bytes bytes = __builtin_convertvector(-covered, Bytes);
-        std::memcpy(mask + pixel, &bytes, static_cast<unsigned>(inside_of(x)));
+        std::memcpy(image.mask + pixel, &bytes, static_cast<unsigned>(inside_of(x)));
       }
       if (bits_of(mask_of(covered)) == 0) {
-        if (colour) store_pixels(colour + 3 * pixel, inside_of(x), background);
+        if (image.colour) store_pixels(image.colour + 3 * pixel, inside_of(x), background);
         continue;
       }
       Waiting& w = waiting[turn];
@@ -585,7 +549,7 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
       if (fragments) {
         store_fragment(fragments + static_cast<std::int64_t>(count++) * kFragmentWords, w.f, view.texture != nullptr);
       }
-      if (!colour) continue;
+      if (!image.colour) continue;
       look_ahead(view, w.f, w.position);
       if (pending) finish(waiting[1 - turn]);
       pending = true;
@@ -594,6 +558,32 @@ std::int32_t shade_tile(const ShadeView& view, int x0, int y0, TileRect rect, Ti
   }
   if (pending) finish(waiting[1 - turn]);
   return count;
+}
+
+void sum_samples(const TileImage& image, int x0, int y0, TileRect rect, const TileCells& out) {
+  const int f = out.factor, first_column = x0 / f, first_row = y0 / f;
+  for (int y = rect.y0; y < rect.y1;) {
+    // The samples of one row of cells, summed over their rows.
+    float colour[3 * kTile], covered[kTile];
+    const int width = rect.x1 - rect.x0, row = (y0 + y) / f;
+    for (int x = 0; x < 3 * width; ++x) colour[x] = 0.0f;
+    for (int x = 0; x < width; ++x) covered[x] = 0.0f;
+    for (; y < rect.y1 && (y0 + y) / f == row; ++y) {
+      const float* from = image.colour + 3 * (y * image.stride + rect.x0);
+      const std::uint8_t* mask = image.mask + y * image.stride + rect.x0;
+      for (int x = 0; x < 3 * width; ++x) colour[x] += from[x];
+      for (int x = 0; x < width; ++x) covered[x] += static_cast<float>(mask[x]);
+    }
+    float* cells = out.cells + 4 * static_cast<std::int64_t>(row - first_row) * out.columns;
+    for (int x = 0, column = (x0 + rect.x0) / f; x < width; ++column) {
+      const int next = (column + 1) * f - x0 - rect.x0, end = next < width ? next : width;
+      float* cell = cells + 4 * (column - first_column);
+      for (; x < end; ++x) {
+        for (int c = 0; c < 3; ++c) cell[c] += colour[3 * x + c];
+        cell[3] += covered[x];
+      }
+    }
+  }
 }
 
 void shade_tile_backward(const ShadeView& view, const float* upstream, int x0, int y0, const std::int32_t* fragments,

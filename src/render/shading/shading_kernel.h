@@ -48,12 +48,28 @@ struct TileGradient {
 /// The number of words of memory for the fragments of one tile.
 DOPPEL_DECLARE_KERNEL(std::int64_t, fragment_words, ())
 
+/// The images of a tile, from its first pixel. A null image is not written.
+struct TileImage {
+  float* colour = nullptr;       ///< [rows,stride,3]
+  std::uint8_t* mask = nullptr;  ///< [rows,stride], 0 or 1
+  std::int64_t stride = 0;       ///< pixels from a row to the next
+};
+
 /// Resolves, shades and resets `rect` of the tile at (x0, y0) and writes 0 to the rest of it.
-/// @param colour [H,W,3]; @param mask [H,W] 0|1; both may be null; @param fragments null or fragment_words()
-/// @return number of fragment records
+/// @param fragments null or fragment_words() @return number of fragment records
 DOPPEL_DECLARE_KERNEL(std::int32_t, shade_tile,
-                      (const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, float* colour,
-                       std::uint8_t* mask, std::int32_t* fragments))
+                      (const ShadeView& view, int x0, int y0, TileRect rect, TileBuffer& tile, const TileImage& image,
+                       std::int32_t* fragments))
+
+/// The cells of a supersampled tile: cell (i, j) is pixel (x0 / factor + i, y0 / factor + j) of the averaged image.
+/// Pixels at the edge of a tile have cells in several tiles.
+struct TileCells {
+  int factor;
+  int columns;   ///< cells of a row
+  float* cells;  ///< [rows,columns,4] sums over the samples in `rect`: colour, covered samples; zero on entry
+};
+/// Adds the samples of `rect` to the cells of the tile at (x0, y0).
+DOPPEL_DECLARE_KERNEL(void, sum_samples, (const TileImage& image, int x0, int y0, TileRect rect, const TileCells& out))
 
 /// @param upstream [H,W,3], gradient to the colours
 DOPPEL_DECLARE_KERNEL(void, shade_tile_backward,

@@ -226,10 +226,12 @@ void draw(const Scene& scene, Workspace& workspace, const Tensor& normals, doubl
         const kernels::TileRect rect = pass.draw_tile(tile, buffer);
         const ShadeView view = scene.view(v, &pass.view(), normals);
         const std::int64_t at = scene.tiles() * v + tile;
+        const int x0 = tile % pass.tiles_x() * kTile, y0 = tile / pass.tiles_x() * kTile;
+        const std::int64_t first = pixels * v + y0 * scene.width + x0;
+        const kernels::TileImage image{colours ? colours + 3 * first : nullptr, masks ? masks + first : nullptr,
+                                       scene.width};
         const std::int32_t count =
-            kernels::shade_tile(view, tile % pass.tiles_x() * kTile, tile / pass.tiles_x() * kTile, rect, buffer,
-                                colours ? colours + 3 * pixels * v : nullptr, masks ? masks + pixels * v : nullptr,
-                                records ? records + words * at : nullptr);
+            kernels::shade_tile(view, x0, y0, rect, buffer, image, records ? records + words * at : nullptr);
         if (counts) counts[at] = count;
       });
 }
@@ -259,6 +261,81 @@ std::tuple<Tensor, Tensor, Tensor, Tensor, Tensor> shade_cpu(const Tensor& verti
   draw(scene, *workspace, normals, z_near, colour, mask, fragments);
   if (!keep) fragments = {torch::empty({0}, torch::kInt32), torch::empty({0}, torch::kInt32)};
   return {colour, mask, normals, fragments.records, fragments.counts};
+}
+
+// --- supersampling ---------------------------------------------------------------------------------------------------
+
+/// The cells of the tiles of one view (kernels::TileCells).
+struct TiledCells {
+  int factor;
+  std::int64_t side;  ///< of a tile, cells
+  Tensor sums;        ///< [tiles,side,side,4]
+  std::vector<char> drawn;
+
+  TiledCells(const Scene& scene, int samples)
+      : factor(samples),
+        side((kTile - 1) / samples + 2),
+        sums(render::recycled_empty({scene.tiles(), side, side, 4}, torch::kFloat32)),
+        drawn(as_size(scene.tiles()), 0) {}
+  float* of(std::int64_t tile) const { return sums.data_ptr<float>() + 4 * side * side * tile; }
+};
+
+/// Draws the samples of view v, one tile at a time, and adds them up in the cells.
+void draw_cells(const Scene& scene, Workspace& workspace, const Tensor& normals, double z_near, std::int64_t v,
+                TiledCells& cells) {
+  std::fill(cells.drawn.begin(), cells.drawn.end(), 0);
+  const int threads = std::max(at::get_num_threads(), 1);
+  std::vector<float> colours(as_size(threads) * 3 * kTile * kTile);
+  std::vector<std::uint8_t> masks(as_size(threads) * kTile * kTile);
+  workspace.workers.run(
+      1,
+      [&](render::ViewPass& pass, std::int64_t, int chunks) {
+        pass.begin(scene.faces.data_ptr<std::int32_t>(), scene.num_faces, scene.vertices_of(v / scene.cameras),
+                   scene.num_vertices, scene.matrix_of(v), static_cast<int>(scene.width),
+                   static_cast<int>(scene.height), static_cast<float>(z_near), false, chunks);
+      },
+      [&](const render::ViewPass& pass, std::int64_t, int tile, std::int64_t thread) {
+        kernels::TileBuffer& buffer = workspace.workers.buffer(thread);
+        const kernels::TileRect rect = pass.draw_tile(tile, buffer);
+        if (rect.x1 <= rect.x0) return;
+        const kernels::TileImage image{&colours[as_size(thread) * 3 * kTile * kTile],
+                                       &masks[as_size(thread) * kTile * kTile], kTile};
+        const int x0 = tile % pass.tiles_x() * kTile, y0 = tile / pass.tiles_x() * kTile;
+        kernels::shade_tile(scene.view(v, &pass.view(), normals), x0, y0, rect, buffer, image, nullptr);
+        std::fill_n(cells.of(tile), 4 * cells.side * cells.side, 0.0f);
+        kernels::sum_samples(image, x0, y0, rect, {cells.factor, static_cast<int>(cells.side), cells.of(tile)});
+        cells.drawn[as_size(tile)] = 1;
+      });
+}
+
+/// Adds the cells of a tile that lie in row Y of the averaged image.
+void add_cells(const TiledCells& cells, std::int64_t tile_x, std::int64_t tile_y, std::int64_t tile, std::int64_t Y,
+               std::int64_t width, float* image, float* alpha) {
+  const std::int64_t first = tile_x * kTile / cells.factor, row = Y - tile_y * kTile / cells.factor;
+  const float* from = cells.of(tile) + 4 * cells.side * row;
+  const float scale = 1.0f / static_cast<float>(cells.factor * cells.factor);
+  const std::int64_t last = std::min(width, first + cells.side);
+  for (std::int64_t X = first; X < last; ++X, from += 4) {
+    for (int c = 0; c < 3; ++c) image[3 * X + c] += from[c] * scale;
+    alpha[X] += from[3] * scale;
+  }
+}
+
+/// The averaged image of a view, tile by tile in a fixed order.
+void average_cells(const Scene& scene, const TiledCells& cells, float* image, float* alpha) {
+  const std::int64_t width = scene.width / cells.factor, height = scene.height / cells.factor;
+  const std::int64_t tiles_x = scene.tiles_x();
+  at::parallel_for(0, height, 16, [&](std::int64_t begin, std::int64_t end) {
+    std::fill(image + 3 * width * begin, image + 3 * width * end, 0.0f);
+    std::fill(alpha + width * begin, alpha + width * end, 0.0f);
+    for (std::int64_t Y = begin; Y < end; ++Y) {
+      const std::int64_t last = ((Y + 1) * cells.factor - 1) / kTile;
+      for (std::int64_t ty = Y * cells.factor / kTile; ty <= last; ++ty)
+        for (std::int64_t tx = 0; tx < tiles_x; ++tx)
+          if (cells.drawn[as_size(ty * tiles_x + tx)])
+            add_cells(cells, tx, ty, ty * tiles_x + tx, Y, width, image + 3 * width * Y, alpha + width * Y);
+    }
+  });
 }
 
 // --- backward --------------------------------------------------------------------------------------------------------
@@ -548,6 +625,28 @@ ShadedImage fused(const Tensor& vertices, const Tensor& texture, const Tensor& l
   const variable_list out =
       ShadeFunction::apply(vertices, optional(texture), optional(lighting), projection, mesh, height, width, options);
   return {out[0], out[1], {out[2], out[3]}};
+}
+
+SupersampledImage fused_supersampled(const Tensor& vertices, const Tensor& texture, const Tensor& lighting,
+                                     const Tensor& projection, const RenderMesh& mesh, std::int64_t height,
+                                     std::int64_t width, int factor, const ShadingOptions& options) {
+  Scene scene(vertices, optional(texture), optional(options.lit ? lighting : Tensor()), projection, mesh.face_records,
+              optional(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height, width);
+  scene.nearest = options.nearest;
+  scene.flip = options.flip_normals;
+  const WorkspaceLease workspace;
+  Tensor normals = torch::empty({scene.lighting.defined() ? scene.batch : 0, scene.num_vertices, 4}, torch::kFloat32);
+  if (scene.lighting.defined()) compute_normals(scene, *workspace, normals);
+  const std::int64_t rows = height / factor, columns = width / factor;
+  SupersampledImage result{render::recycled_empty({scene.batch, scene.cameras, rows, columns, 3}, torch::kFloat32),
+                           render::recycled_empty({scene.batch, scene.cameras, rows, columns}, torch::kFloat32)};
+  TiledCells cells(scene, factor);
+  for (std::int64_t v = 0; v < scene.views(); ++v) {
+    draw_cells(scene, *workspace, normals, options.z_near, v, cells);
+    average_cells(scene, cells, result.image.data_ptr<float>() + 3 * rows * columns * v,
+                  result.alpha.data_ptr<float>() + rows * columns * v);
+  }
+  return result;
 }
 
 Tensor target_fused(const Tensor& vertices, const Tensor& projection, const RenderMesh& mesh, const Tensor& target,

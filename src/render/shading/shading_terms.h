@@ -40,6 +40,11 @@ ShadedImage reference(const torch::Tensor& vertices, const torch::Tensor& textur
 ShadedImage fused(const torch::Tensor& vertices, const torch::Tensor& texture, const torch::Tensor& lighting,
                   const torch::Tensor& projection, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                   const ShadingOptions& options);
+/// @param projection of the samples; height and width count samples, multiples of `factor`
+SupersampledImage fused_supersampled(const torch::Tensor& vertices, const torch::Tensor& texture,
+                                     const torch::Tensor& lighting, const torch::Tensor& projection,
+                                     const RenderMesh& mesh, std::int64_t height, std::int64_t width, int factor,
+                                     const ShadingOptions& options);
 
 torch::Tensor target_reference(const torch::Tensor& vertices, const torch::Tensor& projection, const RenderMesh& mesh,
                                const torch::Tensor& target, const TargetOptions& options);

@@ -26,6 +26,13 @@ struct ShadedImage {
   Fragments fragments;   ///< undefined when the reference ran
 };
 
+struct SupersampledImage {
+  torch::Tensor image;  ///< float32 [B,C,H,W,channels], area average with background 0 (premultiplied by alpha)
+  torch::Tensor alpha;  ///< float32 [B,C,H,W], the covered fraction of the pixel
+  /// image + (1 - alpha) * background. @param background broadcasts with [B,C,H,W,channels]
+  torch::Tensor over(const torch::Tensor& background) const;
+};
+
 struct TargetOptions {
   int radius = 1;  ///< of the derivative filter, pixels
   float z_near = 0.01f;

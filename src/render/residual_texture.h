@@ -1,0 +1,22 @@
+#pragma once
+
+#include <torch/types.h>
+
+namespace doppel {
+
+/// A texture plus what a network adds to it (6.8 with a residual):
+///
+///   t = clamp(a * L(n) + tanh(r), 0, 1),   L(n) = lighting . sh_basis(n), or 1 without lighting
+///
+/// T is the size of the maps. Without gradient; float32 on the CPU.
+/// @param residual [B,3,T,T] r  @param albedo [1,3,T,T] a
+/// @param normals [B,3,T,T] n, unit or 0, may be a slice of channels  @param lighting [3,9]; both undefined: unlit
+/// @return [B,T,T,3]
+torch::Tensor residual_texture(const torch::Tensor& residual, const torch::Tensor& albedo, const torch::Tensor& normals,
+                               const torch::Tensor& lighting);
+/// The definition, in plain tensor operations; differentiable, any dtype, traceable. The gradient ignores the clamping:
+/// otherwise a texel outside the range would get no gradient.
+torch::Tensor residual_texture_reference(const torch::Tensor& residual, const torch::Tensor& albedo,
+                                         const torch::Tensor& normals, const torch::Tensor& lighting);
+
+}  // namespace doppel
