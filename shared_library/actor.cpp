@@ -138,7 +138,7 @@ const float* doppel_actor_texture(doppel_actor* actor, const float projection[12
   if (doppel_actor_vertices(actor) == nullptr) return nullptr;
   return guarded<const float*>(nullptr, [&]() -> const float* {
     std::memcpy(actor->projection.data_ptr<float>(), projection, 12 * sizeof(float));
-    actor->texture = actor->file.textured(actor->window, actor->projection).second.contiguous();
+    actor->texture = actor->file.texture(actor->window, actor->projection, actor->vertices).contiguous();
     return actor->texture.data_ptr<float>();
   });
 }

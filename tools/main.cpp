@@ -2,7 +2,7 @@
 #include "program.h"
 
 int main(int argc, char** argv) {
-  doppel::limit_spinning(argv);
+  doppel::start_tuned(argv);
   doppel::setup_process();
   return doppel::tools::run_program(argc, argv);
 }

@@ -67,7 +67,7 @@ void compare_boundary(const BenchMesh& mesh) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  limit_spinning(argv);
+  start_tuned(argv);
   const int threads = argc > 1 ? std::atoi(argv[1]) : 2, size = argc > 2 ? std::atoi(argv[2]) : 512;
   at::set_num_threads(threads);
   const BenchMesh mesh = bench_mesh();

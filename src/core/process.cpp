@@ -15,6 +15,7 @@
 #include <malloc.h>
 #endif
 
+#include "doppel/core/cpu_dispatch.h"
 #include "doppel/core/cpu_quota.h"
 #include "doppel/core/error.h"
 
@@ -76,13 +77,14 @@ void setup_process() {
   if (sigaction(SIGHUP, nullptr, &hang_up) == 0 && hang_up.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
-void limit_spinning(char** argv) {
+void start_tuned(char** argv) {
 #if defined(__linux__)
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
   std::error_code missing;
   // The link itself would do, but the process would then be called "exe".
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", missing);
   if (missing || setenv("GOMP_SPINCOUNT", kSpinCount, 1) != 0) return;
+  if (cpu_isa() == Isa::avx512) setenv("OPENBLAS_CORETYPE", "SkylakeX", 0);
   execv(program.c_str(), argv);
 #else
   (void)argv;

@@ -10,12 +10,14 @@ namespace doppel {
 /// once.
 void setup_process();
 
-/// Starts the program once more, with the environment variable GOMP_SPINCOUNT set, unless it or OMP_WAIT_POLICY is set
-/// already. Call it first in `main`, before there are threads or open files. Returns where nothing is to be done, and
-/// where the system refuses; the program then runs on as it is.
-/// By default, waiting threads of OpenMP spin for milliseconds. Beside other work they hold the cores that the threads
-/// they wait for need. libgomp reads the variable while it is loaded, which is before `main`.
-void limit_spinning(char** argv);
+/// Starts the program once more, with environment variables set that libraries read while they are loaded, which is
+/// before `main`. Call it first in `main`, before there are threads or open files. Returns where GOMP_SPINCOUNT or
+/// OMP_WAIT_POLICY is set already, and where the system refuses; the program then runs on as it is.
+/// - GOMP_SPINCOUNT: by default, waiting threads of OpenMP spin for milliseconds. Beside other work they hold the cores
+///   that the threads they wait for need.
+/// - OPENBLAS_CORETYPE, with AVX-512 and unless it is set already: OpenBLAS 0.3.21 knows no AMD processor with AVX-512,
+///   and multiplies matrices with AVX2 there.
+void start_tuned(char** argv);
 
 /// The number of threads to use. `requested` 0 stands for the environment variable OMP_NUM_THREADS or, where this is
 /// not a number from 1 to 1024, for the number of cores that the process may use (core/cpu_quota.h).

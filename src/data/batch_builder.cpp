@@ -5,6 +5,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/person_crop.h"
+#include "doppel/render/recycled.h"
 
 namespace doppel {
 
@@ -75,8 +76,8 @@ void write_silhouettes(const Dataset& dataset, const std::vector<SamplePlan::Ite
 void add_images(const Dataset& dataset, CropCache& cache, const std::vector<SamplePlan::Item>& items, int pixels,
                 Batch& batch) {
   const std::int64_t b = batch.cameras.size(0), c = batch.cameras.size(1), p = pixels, area = p * p;
-  batch.image = torch::empty({b, c, p, p, 3}, torch::kUInt8);
-  batch.image_mask = torch::empty({b, c, p, p}, torch::kUInt8);
+  batch.image = render::recycled_empty({b, c, p, p, 3}, torch::kUInt8);
+  batch.image_mask = render::recycled_empty({b, c, p, p}, torch::kUInt8);
   batch.image_projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
   for (std::int64_t i = 0; i < b * c; ++i) {
     const SamplePlan::Item& item = items[as_size(i / c)];
@@ -232,7 +233,8 @@ Batch build_batch(const Dataset& dataset, CropCache& cache, const std::vector<Sa
   batch.sequence = torch::empty({b}, torch::kInt64);
   batch.cameras = torch::empty({b, c}, torch::kInt64);
   batch.projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
-  batch.distance = torch::empty({b, c, s, s}, torch::kFloat32);
+  // Recycled: the heap would cut freed blocks of this size into crops for the cache, and grow with every batch.
+  batch.distance = render::recycled_empty({b, c, s, s}, torch::kFloat32);
   batch.pixel_scale = torch::empty({b, c}, torch::kFloat32);
   batch.valid = torch::empty({b, c}, torch::kBool);
   batch.contour_offsets = torch::empty({b * c + 1}, torch::kInt64);

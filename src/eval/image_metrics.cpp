@@ -1,12 +1,15 @@
 #include "doppel/eval/image_metrics.h"
 
+#include <ATen/Parallel.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "doppel/capture/mask.h"
 #include "doppel/core/as_size.h"
@@ -25,8 +28,8 @@ constexpr int kWindow = 11;
 constexpr double kSigma = 1.5;
 /// Frames drawn at once; bounds the memory for images.
 constexpr std::size_t kImagesAtOnce = 8;
-/// Rows of windows whose SSIM is computed at once; bounds the memory for whole images.
-constexpr int kSsimRows = 512;
+/// Rows of windows whose SSIM is computed at once: few enough for the caches.
+constexpr int kSsimRows = 48;
 
 void check_pair(const cv::Mat& a, const cv::Mat& b) {
   if (a.type() != CV_8UC3 || b.type() != CV_8UC3 || a.size() != b.size())
@@ -107,6 +110,32 @@ cv::Scalar summed_similarity(const cv::Mat& a8, const cv::Mat& b8) {
   cv::multiply(mean_aa + mean_bb + c1, variance_a + variance_b + c2, below);
   cv::divide(above, below, map);
   return cv::sum(map);
+}
+
+/// The sum over all windows and channels, strip by strip in a fixed order.
+double summed_strips(const cv::Mat& a8, const cv::Mat& b8) {
+  const int rows = a8.rows - kWindow + 1;
+  std::vector<double> sums(as_size((rows + kSsimRows - 1) / kSsimRows));
+  at::parallel_for(0, static_cast<std::int64_t>(sums.size()), 1, [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t i = begin; i < end; ++i) {
+      const int first = static_cast<int>(i) * kSsimRows;
+      const cv::Range strip(first, std::min(first + kSsimRows, rows) + kWindow - 1);
+      const cv::Scalar sum = summed_similarity(a8.rowRange(strip), b8.rowRange(strip));
+      sums[as_size(i)] = sum[0] + sum[1] + sum[2];
+    }
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0);
+}
+
+/// The smallest part with all windows in which the images differ. The SSIM of equal windows is 1.
+cv::Rect windows_that_differ(const cv::Mat& a8, const cv::Mat& b8) {
+  cv::Mat difference;
+  cv::absdiff(a8, b8, difference);
+  const cv::Rect bytes = cv::boundingRect(difference.reshape(1));
+  if (bytes.empty()) return {};
+  const int first = bytes.x / 3, last = (bytes.x + bytes.width - 1) / 3, reach = kWindow - 1;
+  return cv::Rect(first - reach, bytes.y - reach, last - first + 1 + 2 * reach, bytes.height + 2 * reach) &
+         cv::Rect({}, a8.size());
 }
 
 /// The background of a crop, RGB: the empty studio, or black.
@@ -309,13 +338,14 @@ double structural_similarity(const cv::Mat& a8, const cv::Mat& b8) {
   check_pair(a8, b8);
   if (a8.cols < kWindow || a8.rows < kWindow)
     fail<UsageError>("SSIM needs images of at least {} pixels a side; these are {}x{}", kWindow, a8.cols, a8.rows);
-  const int rows = a8.rows - kWindow + 1, columns = a8.cols - kWindow + 1;  // of windows
-  cv::Scalar sum;
-  for (int first = 0; first < rows; first += kSsimRows) {
-    const cv::Range strip(first, std::min(first + kSsimRows, rows) + kWindow - 1);
-    sum += summed_similarity(a8.rowRange(strip), b8.rowRange(strip));
-  }
-  return (sum[0] + sum[1] + sum[2]) / (3.0 * rows * columns);
+  const auto windows_of = [](const cv::Size& size) {
+    return static_cast<double>(size.height - kWindow + 1) * (size.width - kWindow + 1);
+  };
+  const double windows = windows_of(a8.size());
+  const cv::Rect part = windows_that_differ(a8, b8);
+  if (part.empty()) return 1.0;
+  const double sum = summed_strips(a8(part), b8(part)) / 3.0;
+  return (sum + windows - windows_of(part.size())) / windows;
 }
 
 ImageScores compare_images(const cv::Mat& a, const cv::Mat& b) {

@@ -3,8 +3,10 @@
 #include <ATen/Parallel.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
+#include <memory>
+#include <mutex>
+#include <opencv2/core/types.hpp>
 #include <vector>
 
 #include "doppel/core/as_size.h"
@@ -21,62 +23,117 @@ constexpr const char* kCaller = "outline_points";
 constexpr float kNear = 0.01f;  // metres
 constexpr int kBorder = 2;      // pixels
 
-struct SurfacePoint {
-  std::int32_t face;
-  std::array<float, 3> barycentrics;
+/// The outline of one view: P pixels and what they show.
+struct Outline {
+  std::vector<std::int32_t> face, x, y;  ///< [P]
+  std::vector<float> barycentrics;       ///< [P,3]
 };
 
-/// The images of one view, reused for the next view.
-struct OutlineCanvas {
+/// The image of one view, reused for the next view.
+class OutlineCanvas {
+ public:
   OutlineCanvas(int w, int h)
-      : width(w), height(h), face_id(as_size(w) * as_size(h), -1), barycentrics(3 * face_id.size(), 0.0f) {}
+      : width(w), height(h), face_id_(as_size(w) * as_size(h) + kernels::kTileStride - kernels::kTile, -1) {}
 
-  void draw(const render::FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix) {
-    pass.begin(faces, vertices, num_vertices, matrix, width, height, kNear, false);
-    pass.prepare();
-    if (dirty.empty()) {
-      dirty.assign(as_size(pass.num_tiles()), {});
-      render::reset(buffer);
+  const int width, height;
+
+  Outline draw(const render::FaceTable& faces, const float* vertices, std::int64_t num_vertices, const float* matrix) {
+    pass_.begin(faces, vertices, num_vertices, matrix, width, height, kNear, false);
+    pass_.prepare();
+    if (dirty_.empty()) {
+      dirty_.assign(as_size(pass_.num_tiles()), {});
+      render::reset(buffer_);
     }
-    for (int tile = 0; tile < pass.num_tiles(); ++tile)
-      pass.draw_tile(tile, buffer, dirty[as_size(tile)], {face_id.data(), nullptr, barycentrics.data()});
+    for (int tile = 0; tile < pass_.num_tiles(); ++tile)
+      pass_.draw_tile(tile, buffer_, dirty_[as_size(tile)], {face_id_.data(), nullptr, nullptr});
+    return outline();
   }
 
-  std::vector<SurfacePoint> points() const {
-    std::vector<SurfacePoint> found;
-    for (int y = kBorder; y < height - kBorder; ++y)
-      for (int x = kBorder; x < width - kBorder; ++x) {
-        const std::size_t i = as_size(y) * as_size(width) + as_size(x);
-        const auto row = as_size(width);
-        if (face_id[i] < 0) continue;
-        if (face_id[i - 1] >= 0 && face_id[i + 1] >= 0 && face_id[i - row] >= 0 && face_id[i + row] >= 0) continue;
-        found.push_back({face_id[i], {barycentrics[3 * i], barycentrics[3 * i + 1], barycentrics[3 * i + 2]}});
+ private:
+  /// The part of the image that was drawn, without the border.
+  cv::Rect drawn() const {
+    cv::Rect all;
+    for (int tile = 0; tile < pass_.num_tiles(); ++tile) {
+      const kernels::TileRect& r = dirty_[as_size(tile)];
+      if (r.x1 <= r.x0) continue;
+      all |= cv::Rect(tile % pass_.tiles_x() * kernels::kTile + r.x0, tile / pass_.tiles_x() * kernels::kTile + r.y0,
+                      r.x1 - r.x0, r.y1 - r.y0);
+    }
+    return all & cv::Rect(kBorder, kBorder, std::max(width - 2 * kBorder, 0), std::max(height - 2 * kBorder, 0));
+  }
+
+  Outline outline() {
+    Outline found;
+    const cv::Rect part = drawn();
+    columns_.resize(as_size(part.width));
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      const std::int32_t* row = face_id_.data() + as_size(y) * as_size(width);
+      const std::int64_t count = kernels::outline_columns(row, width, part.x, part.x + part.width, columns_.data());
+      for (std::int64_t i = 0; i < count; ++i) {
+        const std::int32_t x = columns_[as_size(i)];
+        found.x.push_back(x);
+        found.y.push_back(y);
+        found.face.push_back(row[x]);
       }
+    }
+    found.barycentrics.resize(3 * found.x.size());
+    kernels::pixel_barycentrics(pass_.view(), found.face.data(), found.x.data(), found.y.data(),
+                                static_cast<std::int64_t>(found.x.size()), found.barycentrics.data());
     return found;
   }
 
-  int width, height;
-  ViewPass pass;
-  std::vector<std::int32_t> face_id;  ///< [H,W]
-  std::vector<float> barycentrics;    ///< [H,W,3]
-  std::vector<kernels::TileRect> dirty;
-  kernels::TileBuffer buffer;
+  render::ViewPass pass_;
+  std::vector<std::int32_t> face_id_;  ///< [H,W], and what outline_columns reads beyond
+  std::vector<kernels::TileRect> dirty_;
+  kernels::TileBuffer buffer_;
+  std::vector<std::int32_t> columns_;
 };
 
-OutlinePoints pack(const std::vector<std::vector<SurfacePoint>>& views, const render::FaceTable& faces) {
+/// Exclusive use of a canvas, which is kept for later calls. Making one costs as much as drawing a view.
+class CanvasLease {
+ public:
+  CanvasLease(int width, int height) {
+    const std::lock_guard<std::mutex> lock(mutex());
+    auto& free = free_ones();
+    const auto fits = [&](const auto& canvas) { return canvas->width == width && canvas->height == height; };
+    const auto found = std::find_if(free.begin(), free.end(), fits);
+    if (found == free.end()) free.clear();  // canvases of another size are not kept
+    canvas_ = found == free.end() ? std::make_unique<OutlineCanvas>(width, height) : std::move(*found);
+    std::erase(free, nullptr);
+  }
+  ~CanvasLease() {
+    const std::lock_guard<std::mutex> lock(mutex());
+    free_ones().push_back(std::move(canvas_));
+  }
+  CanvasLease(const CanvasLease&) = delete;
+  CanvasLease& operator=(const CanvasLease&) = delete;
+  OutlineCanvas* operator->() const { return canvas_.get(); }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex instance;
+    return instance;
+  }
+  static std::vector<std::unique_ptr<OutlineCanvas>>& free_ones() {
+    static auto* const instance = new std::vector<std::unique_ptr<OutlineCanvas>>;
+    return *instance;
+  }
+  std::unique_ptr<OutlineCanvas> canvas_;
+};
+
+OutlinePoints pack(const std::vector<Outline>& views, const render::FaceTable& faces) {
   std::size_t longest = 0;
-  for (const auto& view : views) longest = std::max(longest, view.size());
+  for (const Outline& view : views) longest = std::max(longest, view.face.size());
   const auto count = static_cast<std::int64_t>(views.size()), length = static_cast<std::int64_t>(longest);
   OutlinePoints out{torch::zeros({count, length, 3}, torch::kInt64), torch::zeros({count, length, 3}),
                     torch::zeros({count, length}, torch::kBool)};
   for (std::size_t v = 0; v < views.size(); ++v) {
+    const Outline& view = views[v];
     auto* corners = out.corners.data_ptr<std::int64_t>() + 3 * longest * v;
-    auto* barycentrics = out.barycentrics.data_ptr<float>() + 3 * longest * v;
-    std::fill_n(out.used.data_ptr<bool>() + longest * v, views[v].size(), true);
-    for (const SurfacePoint& point : views[v]) {
-      corners = std::copy_n(faces.corners.data() + 4 * as_size(point.face), 3, corners);
-      barycentrics = std::copy_n(point.barycentrics.data(), 3, barycentrics);
-    }
+    std::copy(view.barycentrics.begin(), view.barycentrics.end(), out.barycentrics.data_ptr<float>() + 3 * longest * v);
+    std::fill_n(out.used.data_ptr<bool>() + longest * v, view.face.size(), true);
+    for (const std::int32_t face : view.face)
+      corners = std::copy_n(faces.corners.data() + 4 * as_size(face), 3, corners);
   }
   return out;
 }
@@ -99,17 +156,16 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
   const Tensor points = vertices.detach().contiguous(), matrices = projection.detach().contiguous();
   const Tensor use = valid.defined() ? valid.contiguous() : torch::ones({views}, torch::kBool);
 
-  std::vector<std::vector<SurfacePoint>> found(as_size(views));
+  std::vector<Outline> found(as_size(views));
   std::atomic<std::int64_t> next{0};
   const std::int64_t workers = std::min<std::int64_t>(views, at::get_num_threads());
   at::parallel_for(0, workers, 1, [&](std::int64_t first, std::int64_t last) {
     for (std::int64_t worker = first; worker < last; ++worker) {
-      OutlineCanvas canvas(static_cast<int>(width), static_cast<int>(height));
+      const CanvasLease canvas(static_cast<int>(width), static_cast<int>(height));
       for (std::int64_t v = next++; v < views; v = next++) {
         if (!use.data_ptr<bool>()[v]) continue;
-        canvas.draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras), num_vertices,
-                    matrices.data_ptr<float>() + 12 * v);
-        found[as_size(v)] = canvas.points();
+        found[as_size(v)] = canvas->draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras),
+                                         num_vertices, matrices.data_ptr<float>() + 12 * v);
       }
     }
   });

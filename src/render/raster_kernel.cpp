@@ -427,13 +427,14 @@ void resolve_tile(const RasterView& view, int x0, int y0, TileRect rect, TileBuf
   const int first = rect.x0 / kLanes * kLanes;  // whole vectors, because pixels around the rectangle are background
   const Float lanes = to_float(lane_numbers());
   const Float far_away = splat(__builtin_inff());
+  const bool faces_alone = out.depth == nullptr && out.barycentrics == nullptr;
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = first; x < rect.x1; x += kLanes) {
       std::int32_t* faces = tile.face + y * kTileStride + x;
       const Int face = load<Int>(faces);
       const Int covered = face >= 0;
       Pixels p{{Float{}, Float{}, Float{}}, far_away};
-      if (bits_of(mask_of(covered)) != 0) {
+      if (!faces_alone && bits_of(mask_of(covered)) != 0) {
         alignas(64) std::int32_t corner[3][kLanes];
         p = resolve_pixels(view, faces, lanes + (static_cast<float>(x0 + x) + 0.5f),
                            splat(static_cast<float>(y0 + y) + 0.5f), corner);
@@ -445,6 +446,39 @@ void resolve_tile(const RasterView& view, int x0, int y0, TileRect rect, TileBuf
       store(tile.inverse_depth + y * kTileStride + x, Float{});
     }
   }
+}
+
+void pixel_barycentrics(const RasterView& view, const std::int32_t* faces, const std::int32_t* x, const std::int32_t* y,
+                        std::int64_t count, float* out) {
+  for (std::int64_t i = 0; i < count; i += kLanes) {
+    const std::int64_t lanes = count - i < kLanes ? count - i : kLanes;
+    alignas(64) std::int32_t face[kLanes], column[kLanes], row[kLanes], corner[3][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const std::int64_t from = lane < lanes ? i + lane : i;
+      face[lane] = faces[from];
+      column[lane] = x[from];
+      row[lane] = y[from];
+    }
+    const Pixels p =
+        resolve_pixels(view, face, to_float(load<Int>(column)) + 0.5f, to_float(load<Int>(row)) + 0.5f, corner);
+    float together[3 * kLanes];
+    store_interleaved(together, p.b);
+    std::memcpy(out + 3 * i, together, static_cast<std::size_t>(3 * lanes) * sizeof(float));
+  }
+}
+
+std::int64_t outline_columns(const std::int32_t* row, std::int64_t stride, int begin, int end, std::int32_t* columns) {
+  std::int64_t count = 0;
+  for (int x = begin; x < end; x += kLanes) {
+    const std::int32_t* at = row + x;
+    const Int face = load<Int>(at);
+    // A negative number, uncovered, makes the whole negative.
+    const Int neighbours = load<Int>(at - 1) | load<Int>(at + 1) | load<Int>(at - stride) | load<Int>(at + stride);
+    unsigned bits = bits_of(mask_of((face >= 0) & (neighbours < 0)));
+    if (end - x < kLanes) bits &= (1u << (end - x)) - 1u;
+    for (; bits != 0; bits &= bits - 1) columns[count++] = x + __builtin_ctz(bits);
+  }
+  return count;
 }
 
 }  // namespace doppel::kernels::DOPPEL_ISA

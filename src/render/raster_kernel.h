@@ -72,4 +72,15 @@ DOPPEL_DECLARE_KERNEL(void, resolve_tile,
                       (const RasterView& view, int x0, int y0, TileRect rect, TileBuffer& tile,
                        const RasterOutput& out))
 
+/// Perspective-correct barycentrics of pixels of a view. @param faces, x, y [count] @param out [count,3]
+DOPPEL_DECLARE_KERNEL(void, pixel_barycentrics,
+                      (const RasterView& view, const std::int32_t* faces, const std::int32_t* x, const std::int32_t* y,
+                       std::int64_t count, float* out))
+
+/// The columns in [begin,end) of covered pixels with an uncovered neighbour (of four).
+/// @param row faces of the row, -1: uncovered; `stride` pixels from its neighbours; up to kTileStride - kTile columns
+/// beyond `end` are read @param columns room for end - begin @return their number
+DOPPEL_DECLARE_KERNEL(std::int64_t, outline_columns,
+                      (const std::int32_t* row, std::int64_t stride, int begin, int end, std::int32_t* columns))
+
 }  // namespace doppel::kernels

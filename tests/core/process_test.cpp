@@ -137,10 +137,11 @@ TEST(ProcessReference, SpinningIsLimitedByStartingOnceMore) {
   const auto run = [](const char* policy) {
     setenv("DOPPEL_TEST_STARTED_AGAIN", "1", 1);
     unsetenv("GOMP_SPINCOUNT");
+    unsetenv("OPENBLAS_CORETYPE");
     policy ? setenv("OMP_WAIT_POLICY", policy, 1) : unsetenv("OMP_WAIT_POLICY");
     std::string name = "core_test", filter = "--gtest_filter=ProcessReference.TheSpinCountIsSet";
     char* arguments[] = {name.data(), filter.data(), nullptr};
-    limit_spinning(arguments);
+    start_tuned(arguments);
     _exit(std::getenv("GOMP_SPINCOUNT") ? 3 : 4);  // it returned
   };
   EXPECT_EXIT(run(nullptr), ExitedWithCode(0), "");
@@ -151,8 +152,11 @@ TEST(ProcessReference, TheSpinCountIsSet) {
   const char* count = std::getenv("GOMP_SPINCOUNT");
   ASSERT_NE(count, nullptr);
   EXPECT_GT(std::atoi(count), 0);
+  if (cpu_isa() == Isa::avx512) {
+    EXPECT_STREQ(std::getenv("OPENBLAS_CORETYPE"), "SkylakeX");
+  }
   char* arguments[] = {nullptr};
-  limit_spinning(arguments);  // does not start it a third time
+  start_tuned(arguments);  // does not start it a third time
 }
 
 TEST(LogRejects, UnknownLevels) {

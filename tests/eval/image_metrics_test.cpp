@@ -85,6 +85,23 @@ TEST(ImageScoresReference, SsimOfATallImageIsTheMeanOverItsWindows) {
   EXPECT_NEAR(structural_similarity(a, b), (590 * part(0, 600) + 500 * part(590, 1100)) / 1090, 1e-9);
 }
 
+// Equal windows are not computed. A border that is equal in both images adds windows of SSIM 1, and those that reach
+// into the images.
+TEST(ImageScoresReference, SsimCountsEqualWindowsAsOne) {
+  const cv::Mat a = noise(60, 70, 1), whole = noise(60, 70, 2);
+  for (const cv::Rect& part : {cv::Rect(0, 0, 1, 1), cv::Rect(59, 69, 1, 1), cv::Rect(20, 30, 7, 5)}) {
+    cv::Mat b = a.clone();
+    whole(part).copyTo(b(part));
+    // By the mean over all windows, one by one.
+    double sum = 0;
+    for (int y = 0; y + 11 <= a.rows; ++y)
+      for (int x = 0; x + 11 <= a.cols; ++x)
+        sum += structural_similarity(a(cv::Rect(x, y, 11, 11)), b(cv::Rect(x, y, 11, 11)));
+    EXPECT_NEAR(structural_similarity(a, b), sum / ((a.rows - 10) * (a.cols - 10)), 1e-9) << part;
+  }
+  EXPECT_EQ(structural_similarity(a, a), 1.0);
+}
+
 TEST(ImageScoresRejects, ImagesThatDoNotFit) {
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 20), plain(1, 21)); }), HasSubstr("20x20"));
   EXPECT_THAT(message_of<UsageError>([] { compare_images(plain(1, 10), plain(1, 10)); }), HasSubstr("at least 11"));

@@ -13,11 +13,11 @@
 namespace doppel {
 
 struct ImageConvolution {
-  torch::Tensor weight;  ///< [Cout,Cin,3,3], stride 1; or [Cout,Cin,4,4], stride 2
-  torch::Tensor scale;   ///< [Cout]; undefined: 1
-  torch::Tensor shift;   ///< [Cout]; undefined: 0
-  double slope = 1.0;    ///< of negative values: 1 keeps them, 0 is a ReLU
-  bool enlarge = false;  ///< enlarges the image first; with 3x3 weights only
+  torch::Tensor weight{};  ///< [Cout,Cin,3,3], stride 1; or [Cout,Cin,4,4], stride 2
+  torch::Tensor scale{};   ///< [Cout]; undefined: 1
+  torch::Tensor shift{};   ///< [Cout]; undefined: 0
+  double slope = 1.0;      ///< of negative values: 1 keeps them, 0 is a ReLU
+  bool enlarge = false;    ///< enlarges the image first; with 3x3 weights only
 };
 
 /// @param image  [B,C1,H,W]; may be expanded: pixels that share memory are read once
