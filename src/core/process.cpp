@@ -28,6 +28,7 @@ static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may only
 constexpr int kMaxThreads = 1024;
 // About 0.1 ms: the least with which an idle machine is as fast as with the default, 300,000 (docs/benchmarks.md).
 constexpr const char* kSpinCount = "3000";
+constexpr const char* kBlasTimeout = "12";  // 2^12 cycles; the default is 2^26
 
 extern "C" void on_stop_signal(int signal) {
   if (stop_wanted.exchange(true)) _exit(128 + signal);
@@ -84,6 +85,7 @@ void start_tuned(char** argv) {
   // The link itself would do, but the process would then be called "exe".
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", missing);
   if (missing || setenv("GOMP_SPINCOUNT", kSpinCount, 1) != 0) return;
+  setenv("OPENBLAS_THREAD_TIMEOUT", kBlasTimeout, 0);
   if (cpu_isa() == Isa::avx512) setenv("OPENBLAS_CORETYPE", "SkylakeX", 0);
   execv(program.c_str(), argv);
 #else

@@ -15,6 +15,7 @@ void setup_process();
 /// OMP_WAIT_POLICY is set already, and where the system refuses; the program then runs on as it is.
 /// - GOMP_SPINCOUNT: by default, waiting threads of OpenMP spin for milliseconds. Beside other work they hold the cores
 ///   that the threads they wait for need.
+/// - OPENBLAS_THREAD_TIMEOUT, unless it is set already: the same for the threads of OpenBLAS, which yield in a loop.
 /// - OPENBLAS_CORETYPE, with AVX-512 and unless it is set already: OpenBLAS 0.3.21 knows no AMD processor with AVX-512,
 ///   and multiplies matrices with AVX2 there.
 void start_tuned(char** argv);

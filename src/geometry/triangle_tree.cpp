@@ -2,7 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "doppel/core/as_size.h"
@@ -13,11 +15,12 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kLeafTriangles = 4;
-/// Boxes halve the number of triangles level by level; no tree of int-indexed triangles is deeper.
-constexpr int kMaxDepth = 64;
+/// A node has up to 8 times as many triangles as a child, so no tree of int-indexed triangles has more levels.
+constexpr int kMaxLevels = 12;
 /// Margin of the boxes, relative to the largest coordinate, so that rounding cannot put a triangle outside its box.
 constexpr double kPadding = 1e-14;
+/// Relative margin for the rounding of squared distances in the kernel.
+constexpr double kRelativeMargin = 1e-9;
 
 void try_segment(const Vector3d& p, const std::array<Vector3d, 3>& corners, int from, int to, TrianglePoint& best) {
   const Vector3d along = corners[to] - corners[from], start = p - corners[from];
@@ -61,46 +64,77 @@ TrianglePoint closest_on_triangle(const Vector3d& p, const std::array<Vector3d, 
   return best;
 }
 
-double TriangleTree::Box::squared_distance(const Vector3d& point) const {
-  return (low - point).cwiseMax(point - high).cwiseMax(Vector3d::Zero()).squaredNorm();
-}
-
 TriangleTree::TriangleTree(const std::vector<Vector3d>& vertices, const std::vector<Triangle>& faces)
-    : num_vertices_(static_cast<int>(vertices.size())), faces_(faces) {
+    : num_vertices_(static_cast<int>(vertices.size())), faces_(faces), place_(faces.size()) {
   check_faces(vertices.size(), faces);
   std::vector<Vector3d> centres;
-  for (const Triangle& f : faces) {
-    centres.emplace_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
-    triangles_.push_back({{vertices[f[0]], vertices[f[1]], vertices[f[2]]}, static_cast<int>(triangles_.size())});
-  }
+  for (const Triangle& f : faces) centres.emplace_back(vertices[f[0]] + vertices[f[1]] + vertices[f[2]]);
   // Checked before any comparison sorts by them.
   for (const Vector3d& centre : centres)
     if (!centre.allFinite()) fail<UsageError>("distance to a surface: a vertex of a face is not finite");
-  nodes_.push_back({{Vector3d::Zero(), Vector3d::Zero()}, 0, num_faces()});
-  for (std::size_t node = 0; node < nodes_.size(); ++node) split(node, centres);
-  place_.resize(faces.size());
-  for (int i = 0; i < num_faces(); ++i) place_[triangles_[i].face] = i;
+  std::vector<int> order(faces.size());
+  std::iota(order.begin(), order.end(), 0);
+  add_node(order, {0, num_faces()}, centres);
   refit(vertices);
 }
 
-void TriangleTree::split(std::size_t node, const std::vector<Vector3d>& centres) {
-  const auto [box, first, count] = nodes_[node];
-  if (count <= kLeafTriangles) return;
-  const auto begin = triangles_.begin() + first, middle = begin + count / 2, end = begin + count;
-  Vector3d low = centres[begin->face], high = low;
+namespace {
+
+/// Halves a range of triangles at the median along its longest axis.
+void halve(std::vector<int>& order, int first, int count, const std::vector<Vector3d>& centres) {
+  const auto begin = order.begin() + first, middle = begin + count / 2, end = begin + count;
+  Vector3d low = centres[as_size(*begin)], high = low;
   for (auto i = begin; i != end; ++i) {
-    low = low.cwiseMin(centres[i->face]);
-    high = high.cwiseMax(centres[i->face]);
+    low = low.cwiseMin(centres[as_size(*i)]);
+    high = high.cwiseMax(centres[as_size(*i)]);
   }
   int axis = 0;
   (high - low).maxCoeff(&axis);
-  std::nth_element(begin, middle, end, [&](const Leaf& a, const Leaf& b) {
-    return std::pair(centres[a.face][axis], a.face) < std::pair(centres[b.face][axis], b.face);
+  std::nth_element(begin, middle, end, [&](int a, int b) {
+    return std::pair(centres[as_size(a)][axis], a) < std::pair(centres[as_size(b)][axis], b);
   });
-  nodes_[node].first = static_cast<int>(nodes_.size());
-  nodes_[node].count = 0;
-  nodes_.push_back({box, first, count / 2});
-  nodes_.push_back({box, first + count / 2, count - count / 2});
+}
+
+}  // namespace
+
+int TriangleTree::add_node(std::vector<int>& order, Range range, const std::vector<Vector3d>& centres) {
+  std::vector<Range> parts{range};
+  while (static_cast<int>(parts.size()) < kTreeWidth) {
+    const auto largest =
+        std::max_element(parts.begin(), parts.end(), [](const Range& a, const Range& b) { return a.count < b.count; });
+    if (largest->count <= kTreeWidth) break;
+    const Range whole = *largest;
+    halve(order, whole.first, whole.count, centres);
+    *largest = {whole.first, whole.count / 2};
+    parts.push_back({whole.first + whole.count / 2, whole.count - whole.count / 2});
+  }
+  const auto index = nodes_.size();
+  nodes_.emplace_back();
+  for (int lane = 0; lane < kTreeWidth; ++lane) {
+    int child = 0;  // of an unused lane: its box is never near
+    if (lane < static_cast<int>(parts.size())) {
+      const Range& part = parts[as_size(lane)];
+      child = part.count <= kTreeWidth ? ~add_leaf(order, part) : add_node(order, part, centres);
+    }
+    nodes_[index].child[lane] = child;
+    for (int axis = 0; axis < 3; ++axis) {
+      nodes_[index].low[axis][lane] = std::numeric_limits<double>::infinity();
+      nodes_[index].high[axis][lane] = -std::numeric_limits<double>::infinity();
+    }
+  }
+  return static_cast<int>(index);
+}
+
+int TriangleTree::add_leaf(const std::vector<int>& order, Range range) {
+  const auto index = static_cast<int>(leaves_.size());
+  TreeLeaf leaf{};
+  for (int lane = 0; lane < kTreeWidth; ++lane) {
+    const bool used = lane < range.count;
+    leaf.face[lane] = order[as_size(range.first + (used ? lane : 0))];
+    if (used) place_[as_size(leaf.face[lane])] = index * kTreeWidth + lane;
+  }
+  leaves_.push_back(leaf);
+  return index;
 }
 
 void TriangleTree::refit(const std::vector<Vector3d>& vertices) {
@@ -113,52 +147,78 @@ void TriangleTree::refit(const std::vector<Vector3d>& vertices) {
                        &v - vertices.data());
     largest = std::max(largest, v.cwiseAbs().maxCoeff());
   }
-  for (Leaf& leaf : triangles_)
-    for (int k = 0; k < 3; ++k) leaf.corners[k] = vertices[faces_[leaf.face][k]];
-  const Vector3d padding = Vector3d::Constant(kPadding * largest);
-  for (auto node = nodes_.rbegin(); node != nodes_.rend(); ++node) {  // children before parents
-    Box& box = node->box;
-    if (node->count == 0) {
-      const Box &a = nodes_[node->first].box, &b = nodes_[node->first + 1].box;
-      box = {a.low.cwiseMin(b.low), a.high.cwiseMax(b.high)};
-      continue;
-    }
-    box.low = box.high = triangles_[node->first].corners[0];
-    for (int i = node->first; i < node->first + node->count; ++i)
-      for (const Vector3d& corner : triangles_[i].corners) {
-        box.low = box.low.cwiseMin(corner);
-        box.high = box.high.cwiseMax(corner);
+  margin_ = kPadding * largest * largest;
+  for (TreeLeaf& leaf : leaves_)
+    for (int lane = 0; lane < kTreeWidth; ++lane)
+      for (int k = 0; k < 3; ++k)
+        for (int axis = 0; axis < 3; ++axis)
+          leaf.corner[k][axis][lane] = vertices[as_size(faces_[as_size(leaf.face[lane])][as_size(k)])][axis];
+  const double padding = kPadding * largest;
+  for (auto node = nodes_.rbegin(); node != nodes_.rend(); ++node)  // children before parents
+    for (int lane = 0; lane < kTreeWidth; ++lane) {
+      const std::int32_t child = node->child[lane];
+      if (child == 0) continue;  // unused: the root is no child
+      for (int axis = 0; axis < 3; ++axis) {
+        double low = std::numeric_limits<double>::infinity(), high = -low;
+        if (child < 0) {
+          for (int k = 0; k < 3; ++k) {
+            const double* corners = leaves_[as_size(~child)].corner[k][axis];
+            low = std::min(low, *std::min_element(corners, corners + kTreeWidth) - padding);
+            high = std::max(high, *std::max_element(corners, corners + kTreeWidth) + padding);
+          }
+        } else {
+          const TreeNode& below = nodes_[as_size(child)];
+          low = *std::min_element(below.low[axis], below.low[axis] + kTreeWidth);
+          high = *std::max_element(below.high[axis], below.high[axis] + kTreeWidth);
+        }
+        node->low[axis][lane] = low;
+        node->high[axis][lane] = high;
       }
-    box.low -= padding;
-    box.high += padding;
-  }
+    }
 }
 
-void TriangleTree::try_triangle(const Vector3d& point, const Leaf& leaf, Hit& best) const {
-  const TrianglePoint found = closest_on_triangle(point, leaf.corners);
+void TriangleTree::try_triangle(const Vector3d& point, const TreeLeaf& leaf, int lane, Hit& best) const {
+  std::array<Vector3d, 3> corners;
+  for (std::size_t k = 0; k < 3; ++k)
+    corners[k] = {leaf.corner[k][0][lane], leaf.corner[k][1][lane], leaf.corner[k][2][lane]};
+  const TrianglePoint found = closest_on_triangle(point, corners);
   if (found.squared_distance > best.squared_distance) return;
-  if (found.squared_distance == best.squared_distance && leaf.face > best.face) return;
+  if (found.squared_distance == best.squared_distance && leaf.face[lane] > best.face) return;
   static_cast<TrianglePoint&>(best) = found;
-  best.face = leaf.face;
+  best.face = leaf.face[lane];
 }
 
 TriangleTree::Hit TriangleTree::closest(const Vector3d& point, int near_face) const {
   Hit best;
-  if (near_face >= 0) try_triangle(point, triangles_[place_[near_face]], best);
-  std::array<std::pair<double, int>, kMaxDepth> stack;
-  int depth = 0;
-  stack[0] = {nodes_[0].box.squared_distance(point), 0};
-  while (depth >= 0) {
-    const auto [distance, index] = stack[depth--];
+  if (near_face >= 0) {
+    const int place = place_[as_size(near_face)];
+    try_triangle(point, leaves_[as_size(place / kTreeWidth)], place % kTreeWidth, best);
+  }
+  // The nearest on top. A level adds at most all children but the one that is followed.
+  std::array<std::pair<double, std::int32_t>, kMaxLevels * kTreeWidth> stack;
+  int size = 0;
+  stack[as_size(size++)] = {0.0, 0};
+  while (size > 0) {
+    const auto [distance, child] = stack[as_size(--size)];
     if (distance > best.squared_distance) continue;
-    const Node& node = nodes_[index];
-    for (int i = node.first; i < node.first + node.count; ++i) try_triangle(point, triangles_[i], best);
-    if (node.count > 0) continue;
-    std::pair<double, int> children[2];
-    for (int k = 0; k < 2; ++k) children[k] = {nodes_[node.first + k].box.squared_distance(point), node.first + k};
-    if (children[0].first < children[1].first) std::swap(children[0], children[1]);
-    for (const auto& child : children)  // the nearer child is on top of the stack
-      if (child.first <= best.squared_distance) stack[++depth] = child;
+    if (child < 0) {
+      const TreeLeaf& leaf = leaves_[as_size(~child)];
+      const double bound = best.squared_distance * (1.0 + kRelativeMargin) + margin_;
+      for (unsigned lanes = kernels::near_triangles(leaf, point.data(), bound); lanes != 0; lanes &= lanes - 1)
+        try_triangle(point, leaf, std::countr_zero(lanes), best);
+      continue;
+    }
+    double distances[kTreeWidth];
+    const TreeNode& node = nodes_[as_size(child)];
+    const int bottom = size;
+    for (unsigned lanes = kernels::near_children(node, point.data(), best.squared_distance, distances); lanes != 0;
+         lanes &= lanes - 1) {
+      const int lane = std::countr_zero(lanes);
+      int at = size++;
+      for (; at > bottom && stack[as_size(at - 1)].first < distances[lane]; --at)
+        stack[as_size(at)] = stack[as_size(at - 1)];
+      stack[as_size(at)] = {distances[lane], node.child[lane]};
+    }
   }
   return best;
 }

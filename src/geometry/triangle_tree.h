@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "doppel/geometry/mesh.h"
+#include "doppel/geometry/triangle_tree_kernel.h"
 
 namespace doppel {
 
@@ -20,8 +21,9 @@ struct TrianglePoint {
 /// The point of a triangle nearest to `point`. @param corners may be degenerate: a line or a point
 TrianglePoint closest_on_triangle(const Eigen::Vector3d& point, const std::array<Eigen::Vector3d, 3>& corners);
 
-/// A hierarchy of bounding boxes around the triangles of a mesh, built once and refitted when the vertices move. The
-/// closest points are exact.
+/// A hierarchy of bounding boxes around the triangles of a mesh, built once and refitted when the vertices move. A
+/// kernel compares eight boxes or triangles at once. The closest points are exact: those of closest_on_triangle, bit
+/// for bit.
 class TriangleTree {
  public:
   struct Hit : TrianglePoint {
@@ -42,31 +44,22 @@ class TriangleTree {
   Hit closest(const Eigen::Vector3d& point, int near_face = -1) const;
 
   int num_vertices() const { return num_vertices_; }
-  int num_faces() const { return static_cast<int>(triangles_.size()); }
+  int num_faces() const { return static_cast<int>(faces_.size()); }
 
  private:
-  struct Box {
-    Eigen::Vector3d low, high;
-    double squared_distance(const Eigen::Vector3d& point) const;
+  struct Range {
+    int first, count;
   };
-  /// A leaf holds triangles first .. first+count. An inner node (count 0) has its children at first and first+1, after
-  /// itself in the array.
-  struct Node {
-    Box box;
-    int first = 0, count = 0;
-  };
-  struct Leaf {
-    std::array<Eigen::Vector3d, 3> corners;
-    int face;
-  };
-  void split(std::size_t node, const std::vector<Eigen::Vector3d>& centres);
-  void try_triangle(const Eigen::Vector3d& point, const Leaf& leaf, Hit& best) const;
+  int add_node(std::vector<int>& order, Range range, const std::vector<Eigen::Vector3d>& centres);
+  int add_leaf(const std::vector<int>& order, Range range);
+  void try_triangle(const Eigen::Vector3d& point, const TreeLeaf& leaf, int lane, Hit& best) const;
 
   int num_vertices_;
   std::vector<Triangle> faces_;  ///< [F] in the mesh's order
-  std::vector<Leaf> triangles_;  ///< [F] in the order of the leaves
-  std::vector<int> place_;       ///< [F] index of each face in triangles_
-  std::vector<Node> nodes_;
+  std::vector<int> place_;       ///< [F] leaf * kTreeWidth + lane of each face
+  std::vector<TreeNode> nodes_;  ///< the root first, children after their parents
+  std::vector<TreeLeaf> leaves_;
+  double margin_ = 0.0;  ///< of squared distances, above their rounding errors
 };
 
 }  // namespace doppel

@@ -99,6 +99,15 @@ Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
   return hidden;
 }
 
+DenseLayers RadianceFieldImpl::trunk_layers() const {
+  std::vector<std::pair<Tensor, Tensor>> layers;
+  for (const auto& module : *trunk_) {
+    const auto* layer = module->as<torch::nn::Linear>();
+    layers.emplace_back(layer->weight, layer->bias);
+  }
+  return DenseLayers(layers);
+}
+
 Tensor RadianceFieldImpl::density(const Tensor& hidden) {
   return torch::softplus(density_->forward(hidden).squeeze(-1)) / config_.density_unit;
 }

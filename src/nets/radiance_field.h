@@ -26,6 +26,7 @@
 
 #include "doppel/core/config.h"
 #include "doppel/layers/closest_point/closest_point.h"
+#include "doppel/layers/dense_layers/dense_layers.h"
 #include "doppel/layers/volume_rendering/volume_rendering.h"
 
 namespace doppel {
@@ -74,6 +75,7 @@ class RadianceFieldImpl : public torch::nn::Module {
 
   // The steps of `forward`, for callers that do not need all of them for every point.
   torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
+  DenseLayers trunk_layers() const;                  ///< `trunk` for images, with the weights as they are now
   torch::Tensor density(const torch::Tensor& hidden);
   /// The contribution of directions [...,3] to the view branch, added to that of the hidden values; 0 if colours do not
   /// depend on the direction. @return [..., view_width]
@@ -105,7 +107,7 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
 
 struct FieldImageOptions {
   int64_t samples = 64;
-  int64_t rays_at_once = 256;  ///< 256 rays of 64 samples take about 60 MB, for any size of the image
+  int64_t rays_at_once = 2048;  ///< 2048 rays of 64 samples take about 150 MB, for any size of the image
   /// Colours are not computed for samples with a lower weight. The error of a ray's colour is less than K times this
   /// value.
   double least_weight = 1e-5;

@@ -20,7 +20,11 @@ class FieldPainter {
  public:
   FieldPainter(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
                const FieldImageOptions& options)
-      : field_(field), options_(options), surface_(closest->surface()), values_(surface.values.contiguous()) {
+      : field_(field),
+        trunk_(field->trunk_layers()),
+        options_(options),
+        surface_(closest->surface()),
+        values_(surface.values.contiguous()) {
     surface_.move(positions_of(surface.vertices));
   }
 
@@ -86,7 +90,7 @@ class FieldPainter {
   Evaluated evaluate(const std::vector<int64_t>& chosen, Tensor& density) {
     search(chosen);
     const Tensor rows = torch::tensor(near_, torch::kInt64);
-    Evaluated result{rows, field_->trunk(inputs())};
+    Evaluated result{rows, trunk_.forward(inputs())};
     density.index_copy_(0, rows, field_->density(result.hidden));
     return result;
   }
@@ -160,6 +164,7 @@ class FieldPainter {
   }
 
   RadianceField field_;
+  DenseLayers trunk_;
   FieldImageOptions options_;
   ClosedSurface surface_;
   Tensor values_;                         ///< [N,H]
