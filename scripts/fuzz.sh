@@ -10,6 +10,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 programs="build/fuzz/tests/fuzz"
 works="build/fuzz/work"
+# Debian's newest Clang before the default one, with its symbolizer.
+newest="$(find /usr/lib -path '/usr/lib/llvm-*/bin/clang++' | sort -V | tail -n 1)"
+[ -z "$newest" ] || export PATH="${newest%/*}:$PATH"
 
 # Adds a line to $works/figures: target, seconds of CPU, executions, edges covered.
 add_figures() {
