@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Fuzzes the readers of files, each target for the same time: with libFuzzer, which needs Clang (Debian packages clang
-# and libclang-rt-dev; Clang 16 or later for the readers of archives), or without Clang with the driver of the test
-# `fuzz`, which does not look at the covered code.
+# Fuzzes the readers of files, each target for the same time: with libFuzzer, which needs Clang (Debian packages clang,
+# libclang-rt-dev and libomp-dev, of one version), or without Clang with the driver of the test `fuzz`, which does not
+# look at the covered code.
 #   scripts/fuzz.sh MINUTES [TARGET...]     all targets without a name; exits 1 on a finding
 #   scripts/fuzz.sh --table                 figures of all runs so far, a row for each target
 #   scripts/fuzz.sh --coverage TARGET...    edges of the sources that the kept inputs of a target run (package llvm)
