@@ -22,6 +22,7 @@ if [ ! -e "$root/complete" ]; then
   libraries="$root/usr/lib/aarch64-linux-gnu"
   ln -sf openblas-pthread/libblas.so.3 "$libraries/libblas.so.3"
   ln -sf openblas-pthread/liblapack.so.3 "$libraries/liblapack.so.3"
+  ln -sf openblas-pthread/libopenblas.so.0 "$libraries/libopenblas.so.0"
   # Draco's CMake package names its files from the root of the file system.
   sed -i "s#/usr/lib/aarch64-linux-gnu#$libraries#g" "$libraries"/cmake/draco/*.cmake
   touch "$root/complete"

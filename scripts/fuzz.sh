@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Fuzzes the readers of files, each target for the same time: with libFuzzer, which needs Clang (Debian packages clang
-# and libclang-rt-dev; Clang 16 or later for the readers of archives), or without Clang with the driver of the test
-# `fuzz`, which does not look at the covered code.
+# Fuzzes the readers of files, each target for the same time: with libFuzzer, which needs Clang (Debian packages clang,
+# libclang-rt-dev and libomp-dev, of one version), or without Clang with the driver of the test `fuzz`, which does not
+# look at the covered code.
 #   scripts/fuzz.sh MINUTES [TARGET...]     all targets without a name; exits 1 on a finding
 #   scripts/fuzz.sh --table                 figures of all runs so far, a row for each target
 #   scripts/fuzz.sh --coverage TARGET...    edges of the sources that the kept inputs of a target run (package llvm)
@@ -10,6 +10,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 programs="build/fuzz/tests/fuzz"
 works="build/fuzz/work"
+# Debian's newest Clang before the default one, with its symbolizer.
+newest="$(find /usr/lib -path '/usr/lib/llvm-*/bin/clang++' | sort -V | tail -n 1)"
+[ -z "$newest" ] || export PATH="${newest%/*}:$PATH"
 
 # Adds a line to $works/figures: target, seconds of CPU, executions, edges covered.
 add_figures() {

@@ -82,6 +82,7 @@ class VideoReader : public FrameReader {
     cv::VideoCapture counter(source_, backend());
     long count = 0;
     while (counter.grab()) ++count;
+    if (count == 0) fail_missing(0);
     return count;
   }
 

@@ -21,7 +21,7 @@ class FrameReader {
   virtual cv::Size size() = 0;
   /// Exact number of frames (for images: the highest frame number + 1).
   /// @param expected the header of a video is believed if it gives this number; otherwise the whole video may be
-  /// decoded to count
+  /// decoded to count @throws FileError when no frame of a video can be decoded
   virtual long num_frames(long expected) = 0;
   virtual const std::string& source() const = 0;
   /// The time stamp of the image that was read last; nothing for images, which have none.

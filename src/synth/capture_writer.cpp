@@ -18,9 +18,13 @@ namespace fs = std::filesystem;
 cv::VideoWriter open_video(const fs::path& path, const std::vector<int>& codecs, double fps, cv::Size size,
                            bool colour) {
   fs::create_directories(path.parent_path());
+  // OpenCV does not say whether an encoder is missing or the file could not be written. A second try keeps a write that
+  // failed once from changing the codec of one video.
   for (const int codec : codecs) {
-    cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG, codec, fps, size, colour);
-    if (writer.isOpened()) return writer;
+    for (int i = 0; i < 2; ++i) {
+      cv::VideoWriter writer(path.string(), cv::CAP_FFMPEG, codec, fps, size, colour);
+      if (writer.isOpened()) return writer;
+    }
   }
   fail(
       "writing {}: OpenCV has no encoder for it; install a build of OpenCV with FFmpeg (Debian: libopencv-videoio-dev)",

@@ -53,6 +53,12 @@ const char* word_of(FaultKind kind) {
   return "";
 }
 
+/// Offline and live tracking keep the frames before an image that cannot be read.
+bool tells_of_a_part(const std::string& err) {
+  return err.find("only the frames") != std::string::npos ||
+         err.find("the images before it are kept") != std::string::npos;
+}
+
 /// Of `count` calls, at most `points`, evenly spread and with the last.
 std::vector<long> calls_to_fail(long count, long points) {
   std::vector<long> calls;
@@ -114,8 +120,7 @@ class Sweep {
     if (ending.hung) return "it hangs";
     if (ending.signal != 0) return fmt::format("it ended by signal {}: {}", ending.signal, ending.err);
     if (ending.code != 0 && ending.code != 1) return fmt::format("exit code {}: {}", ending.code, ending.err);
-    if (ending.code == 1 && ending.err.find("doppel: ") == std::string::npos &&
-        ending.err.find("only the frames") == std::string::npos)
+    if (ending.code == 1 && ending.err.find("doppel: ") == std::string::npos && !tells_of_a_part(ending.err))
       return "there is no message: " + ending.err;
     if (ending.code == 1 && kind != FAULT_MEMORY && !names_the_file(ending.err))
       return "the message names no file: " + ending.err;
@@ -141,7 +146,7 @@ class Sweep {
   std::string damage(const Files& found, const Ending& ending) const {
     for (const auto& [name, content] : before_)
       if (!found.contains(name)) return fmt::format("{} is gone: {}", name, ending.err);
-    if (ending.err.find("only the frames") != std::string::npos) return "";
+    if (tells_of_a_part(ending.err)) return "";
     for (const auto& [name, content] : found) {
       const auto old = before_.find(name), whole = whole_.find(name);
       if (old != before_.end() && old->second == content) continue;

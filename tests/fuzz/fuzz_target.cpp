@@ -60,9 +60,7 @@ const std::vector<FuzzTarget>& all_targets() {
     add(keypoint_targets());
     add(file_targets());
     add(network_targets());
-#ifdef DOPPEL_FUZZ_ARCHIVES
     add(archive_targets());
-#endif
     return targets;
   }();
   return kTargets;

@@ -33,6 +33,15 @@ void read_tflite_bytes(std::string_view bytes, const Path& folder) {
   check_shapes(model);
 }
 
+/// Only an edit that needs a constant reads its packed numbers, so damage there is no matter for the others.
+std::optional<onnx::Tensor> readable_tensor(std::string_view message) {
+  try {
+    return onnx::read_tensor(message);
+  } catch (const onnx::NoMessage&) {
+    return std::nullopt;
+  }
+}
+
 /// Nodes and constants survive writing and reading.
 void check_onnx_parts(std::string_view bytes) {
   for (const onnx::Field& part : onnx::fields_of(bytes)) {
@@ -43,7 +52,7 @@ void check_onnx_parts(std::string_view bytes) {
         promise(again.type == node.type && again.inputs == node.inputs && again.attributes == node.attributes,
                 "operators survive");
       }
-      const auto tensor = field.id == onnx::kInitializer ? onnx::read_tensor(field.bytes) : std::nullopt;
+      const auto tensor = field.id == onnx::kInitializer ? readable_tensor(field.bytes) : std::nullopt;
       if (!tensor) continue;
       promise(tensor->floats.empty() || tensor->integers.empty(), "a constant has numbers of one type");
       const auto again = onnx::read_tensor(onnx::write_tensor("a", *tensor));

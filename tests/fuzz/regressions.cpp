@@ -175,6 +175,11 @@ void add_networks(std::vector<Regression>& all) {
   const std::vector<std::string> many(500, product);
   all.push_back({"onnx", "each product with one row took 16 MB",
                  onnx_of(many, onnx_constant({2048}, std::vector<float>(2048, 1.0F)))});
+  const std::string low = wire::field(2, std::uint64_t{1}) + wire::field(8, std::string("low")) +
+                          wire::field(9, wire::raw(std::vector<float>{-1}));
+  all.push_back({"onnx", "of the test: it wanted a network unchanged for damage in a constant that no edit reads",
+                 wire::field(7, wire::field(5, low) + wire::field(5, wire::field(1, std::string("\xff"))) +
+                                    wire::field(1, onnx_node("Clip", {"x", "low"}, "out")))});
   all.push_back({"network_config", "files that name each other were read for ever",
                  joined({"config: b.yaml\nmodel: c.onnx\n", "config: a.yaml\n"})});
 }
@@ -188,6 +193,9 @@ void add_weights(std::vector<Regression>& all) {
                              "ccollections\nOrderedDict\n)RtR";
   all.push_back({"torch_weights", "a name that is not in UTF-8 ended the writer by an exception of the JSON library",
                  joined({"\x80\x02}(" + text("\xff") + tensor + "u.", std::string(4, '\1')})});
+  std::string archive = target_of("script_archive").seeds[0];
+  archive[archive.rfind("code/")] = '\0';  // in the list of parts
+  all.push_back({"script_archive", "of the test: it unpacked a part that LibTorch lists and refuses", archive});
 }
 
 void add_json(std::vector<Regression>& all) {

@@ -253,6 +253,7 @@ TEST(RasterizerAgrees, WhenOutputsAreDrawnOver) {
   }
 }
 
+#if defined(__x86_64__)
 /// The kernels of one instruction set, as the rasterizer calls them.
 struct KernelSet {
   decltype(kernels::project_vertices) project;
@@ -305,7 +306,6 @@ OneTile draw_one_tile(const KernelSet& k, const Mesh& mesh, int height, int widt
   return r;
 }
 
-#if defined(__x86_64__)
 TEST(RasterizerAgrees, OnEveryInstructionSet) {
   const KernelSet baseline{&kernels::baseline::project_vertices, &kernels::baseline::bound_faces,
                            &kernels::baseline::draw_tile, &kernels::baseline::cover_tile,
