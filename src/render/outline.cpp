@@ -97,9 +97,13 @@ class CanvasLease {
     auto& free = free_ones();
     const auto fits = [&](const auto& canvas) { return canvas->width == width && canvas->height == height; };
     const auto found = std::find_if(free.begin(), free.end(), fits);
-    if (found == free.end()) free.clear();  // canvases of another size are not kept
-    canvas_ = found == free.end() ? std::make_unique<OutlineCanvas>(width, height) : std::move(*found);
-    std::erase(free, nullptr);
+    if (found == free.end()) {
+      free.clear();  // canvases of another size are not kept
+      canvas_ = std::make_unique<OutlineCanvas>(width, height);
+    } else {
+      canvas_ = std::move(*found);
+      free.erase(found);
+    }
   }
   ~CanvasLease() {
     const std::lock_guard<std::mutex> lock(mutex());

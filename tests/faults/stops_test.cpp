@@ -227,7 +227,13 @@ class TwoProcesses : public Stops {
  protected:
   void expect_the_second_is_refused(const Words& words) {
     Process first(words);
-    ASSERT_TRUE(wait_until(first, [] { return fs::exists(out() / ".doppel-lock"); })) << first.err();
+    // The file exists before it is locked; its owner is written into it afterwards.
+    const auto locked = [] {
+      std::error_code missing;
+      const auto size = fs::file_size(out() / ".doppel-lock", missing);
+      return !missing && size > 0;
+    };
+    ASSERT_TRUE(wait_until(first, locked)) << first.err();
     first.send(SIGSTOP);  // it holds the folder as long as the second one needs
     Process second(words);
     const Ending refused = second.wait();

@@ -157,6 +157,37 @@ inline void convolve_channels(const ImageConvolutionParams& p, int64_t first, in
   if (last - c == 1) convolve<1, V>(p, c, rows, offsets, taps, pixels);
 }
 
+/// The first `count` vectors: all at once, or two by two.
+inline void convolve_vectors(const ImageConvolutionParams& p, int64_t first, int64_t last, const float* rows,
+                             const int32_t* offsets, int64_t taps, const PixelVectors& pixels, int count) {
+  if (count == kVectors) return convolve_channels<kVectors>(p, first, last, rows, offsets, taps, pixels);
+  for (int v = 0; v < count; v += 2) {
+    const int next = v + 1 < count ? v + 1 : v;
+    const PixelVectors two{
+        {pixels.from[v], pixels.from[next]}, {pixels.to[v], pixels.to[next]}, {pixels.count[v], pixels.count[next]}};
+    if (next > v)
+      convolve_channels<2>(p, first, last, rows, offsets, taps, two);
+    else
+      convolve_channels<1>(p, first, last, rows, offsets, taps, two);
+  }
+}
+
+/// Copies the rows of a block and finds the offsets of the taps [inputs, k, k].
+inline void prepare_block(const ImageConvolutionParams& p, const Rows& rows, int64_t begin, float* scratch,
+                          float* spare, int32_t* offsets) {
+  const int64_t inputs = inputs_of(p), channel_size = rows.count * rows.length, k = p.kernel;
+  for (int64_t i = 0; i < inputs; ++i) {
+    const bool in_first = i < p.parts[0].count;
+    const ImageChannels& part = p.parts[in_first ? 0 : 1];
+    const int64_t channel = in_first ? i : i - p.parts[0].count;
+    for (int64_t r = 0; r < rows.count; ++r)
+      copy_row(part, channel, rows.stride * begin - 1 + r, p, rows, spare,
+               scratch + i * channel_size + r * rows.length);
+    for (int64_t tap = 0; tap < k * k; ++tap)
+      offsets[i * k * k + tap] = static_cast<int32_t>(i * channel_size + tap / k * rows.length + rows.column(tap % k));
+  }
+}
+
 }  // namespace
 
 int64_t image_convolution_scratch(const ImageConvolutionParams& p, int64_t rows) {
@@ -168,49 +199,23 @@ int64_t image_convolution_scratch(const ImageConvolutionParams& p, int64_t rows)
 void image_convolution(const ImageConvolutionParams& p, int64_t begin, int64_t end, int64_t first, int64_t last,
                        float* scratch) {
   const Rows rows(p, end - begin);
-  const int64_t inputs = inputs_of(p), channel_size = rows.count * rows.length, k = p.kernel;
-  float* spare = scratch + inputs * channel_size + kLanes;
+  const int64_t inputs = inputs_of(p), taps = inputs * p.kernel * p.kernel;
+  float* spare = scratch + inputs * rows.count * rows.length + kLanes;
   int32_t* offsets = reinterpret_cast<int32_t*>(spare + 3 * p.width);
-  for (int64_t i = 0; i < inputs; ++i) {
-    const ImageChannels& part = p.parts[i < p.parts[0].count ? 0 : 1];
-    const int64_t channel = i < p.parts[0].count ? i : i - p.parts[0].count;
-    for (int64_t r = 0; r < rows.count; ++r)
-      copy_row(part, channel, rows.stride * begin - 1 + r, p, rows, spare,
-               scratch + i * channel_size + r * rows.length);
-    for (int64_t tap = 0; tap < k * k; ++tap)
-      offsets[i * k * k + tap] = static_cast<int32_t>(i * channel_size + tap / k * rows.length + rows.column(tap % k));
-  }
+  prepare_block(p, rows, begin, scratch, spare, offsets);
   PixelVectors pixels;
   int gathered = 0;
-  const auto convolve_gathered = [&] {
-    constexpr int kFew = 2;
-    if (gathered == kVectors)
-      return convolve_channels<kVectors>(p, first, last, scratch, offsets, inputs * k * k, pixels);
-    PixelVectors few;
-    for (int v = 0; v < gathered; v += kFew) {
-      const int count = gathered - v < kFew ? gathered - v : kFew;
-      for (int i = 0; i < count; ++i) {
-        few.from[i] = pixels.from[v + i];
-        few.to[i] = pixels.to[v + i];
-        few.count[i] = pixels.count[v + i];
-      }
-      if (count == kFew)
-        convolve_channels<kFew>(p, first, last, scratch, offsets, inputs * k * k, few);
-      else
-        convolve_channels<1>(p, first, last, scratch, offsets, inputs * k * k, few);
-    }
-  };
   for (int64_t y = begin; y < end; ++y) {
     for (int64_t x = 0; x < p.out_width; x += kLanes) {
       pixels.from[gathered] = (y - begin) * rows.stride * rows.length + x;
       pixels.to[gathered] = y * p.out_width + x;
       pixels.count[gathered] = p.out_width - x;
       if (++gathered < kVectors) continue;
-      convolve_gathered();
+      convolve_vectors(p, first, last, scratch, offsets, taps, pixels, gathered);
       gathered = 0;
     }
   }
-  convolve_gathered();
+  convolve_vectors(p, first, last, scratch, offsets, taps, pixels, gathered);
 }
 
 }  // namespace doppel::kernels::DOPPEL_ISA
