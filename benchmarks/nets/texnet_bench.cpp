@@ -63,15 +63,22 @@ void run(int size, double width, int64_t batch) {
       net->zero_grad();
       net->forward(split(input), generator).sum().backward();
     };
-    const auto infer = [=]() mutable {
-      net->eval();
-      torch::NoGradGuard no_grad;
-      net->forward(split(input.narrow(0, 0, 1)));
-    };
+    TexNet trained = make_net(config, form);
+    trained->eval();
+    for (Tensor& parameter : trained->parameters()) parameter.set_requires_grad(false);
+    const auto infer = [=]() mutable { trained->forward(split(input.narrow(0, 0, 1))); };
     std::printf("%s: first training step %.0f ms, ", form.name, first_call_ms(step));
     std::printf("first texture %.0f ms\n", first_call_ms(infer));
     training.push_back({form.name, step});
     inference.push_back({form.name, infer});
+    if (form.channels_last) continue;
+    // Without gradients the layers run as image_convolution.
+    inference.push_back(
+        {form.upsample == doppel::Upsampling::transposed ? "transposed, kernels" : "bilinear_conv, kernels",
+         [=]() mutable {
+           torch::NoGradGuard no_grad;
+           trained->forward(split(input.narrow(0, 0, 1)));
+         }});
   }
   doppel::bench::RatioOptions options;
   options.turns = 5;
