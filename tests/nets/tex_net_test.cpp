@@ -244,6 +244,21 @@ TEST(TexNetAgrees, WithItselfFromTheSameGenerator) {
   EXPECT_FALSE(torch::equal(a, second->forward(input, seeded(6))));
 }
 
+TEST(TexNetAgrees, InTheKernelsForInferenceWithTheLayersOfTraining) {
+  for (const Upsampling upsample : {Upsampling::transposed, Upsampling::bilinear_conv})
+    for (const bool lit : {false, true}) {
+      TexNetConfig config = lit ? lit_config() : small_config();
+      config.unet.upsample = upsample;
+      TexNet net = lit ? TexNet(config, torch::rand({32, 32, 3}, seeded(2)), some_lighting()) : TexNet(config);
+      const TexNetInput input = random_input(config, 2);
+      for (uint64_t step = 0; step < 3; ++step) net->forward(input, seeded(step));  // moves the running statistics
+      net->eval();
+      const Tensor expected = net->forward(input).detach();
+      torch::NoGradGuard no_grad;
+      EXPECT_LT(largest(net->forward(input) - expected), 1e-5) << lit;
+    }
+}
+
 TEST(TexNetAgrees, AsATraceOnBatchesItHasNotSeen) {
   const TexNetConfig config = lit_config();
   TexNet net(config, torch::rand({32, 32, 3}, seeded(2)), some_lighting());
