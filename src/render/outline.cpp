@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <memory>
-#include <mutex>
 #include <opencv2/core/types.hpp>
 #include <vector>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
+#include "doppel/render/lease.h"
 
 namespace doppel {
 namespace {
@@ -89,42 +89,6 @@ class OutlineCanvas {
   std::vector<std::int32_t> columns_;
 };
 
-/// Exclusive use of a canvas, which is kept for later calls. Making one costs as much as drawing a view.
-class CanvasLease {
- public:
-  CanvasLease(int width, int height) {
-    const std::lock_guard<std::mutex> lock(mutex());
-    auto& free = free_ones();
-    const auto fits = [&](const auto& canvas) { return canvas->width == width && canvas->height == height; };
-    const auto found = std::find_if(free.begin(), free.end(), fits);
-    if (found == free.end()) {
-      free.clear();  // canvases of another size are not kept
-      canvas_ = std::make_unique<OutlineCanvas>(width, height);
-    } else {
-      canvas_ = std::move(*found);
-      free.erase(found);
-    }
-  }
-  ~CanvasLease() {
-    const std::lock_guard<std::mutex> lock(mutex());
-    free_ones().push_back(std::move(canvas_));
-  }
-  CanvasLease(const CanvasLease&) = delete;
-  CanvasLease& operator=(const CanvasLease&) = delete;
-  OutlineCanvas* operator->() const { return canvas_.get(); }
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex instance;
-    return instance;
-  }
-  static std::vector<std::unique_ptr<OutlineCanvas>>& free_ones() {
-    static auto* const instance = new std::vector<std::unique_ptr<OutlineCanvas>>;
-    return *instance;
-  }
-  std::unique_ptr<OutlineCanvas> canvas_;
-};
-
 OutlinePoints pack(const std::vector<Outline>& views, const render::FaceTable& faces) {
   std::size_t longest = 0;
   for (const Outline& view : views) longest = std::max(longest, view.face.size());
@@ -165,7 +129,10 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
   const std::int64_t workers = std::min<std::int64_t>(views, at::get_num_threads());
   at::parallel_for(0, workers, 1, [&](std::int64_t first, std::int64_t last) {
     for (std::int64_t worker = first; worker < last; ++worker) {
-      const CanvasLease canvas(static_cast<int>(width), static_cast<int>(height));
+      const int w = static_cast<int>(width), h = static_cast<int>(height);
+      // Making a canvas costs as much as drawing a view.
+      const render::Lease<OutlineCanvas> canvas([&](const auto& kept) { return kept.width == w && kept.height == h; },
+                                                [&] { return std::make_unique<OutlineCanvas>(w, h); });
       for (std::int64_t v = next++; v < views; v = next++) {
         if (!use.data_ptr<bool>()[v]) continue;
         found[as_size(v)] = canvas->draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras),

@@ -4,6 +4,7 @@
 #include <torch/library.h>
 
 #include "doppel/render/face_table.h"
+#include "doppel/render/op_handle.h"
 #include "doppel/render/residual_texture_kernel.h"
 #include "doppel/render/sh_lighting.h"
 
@@ -59,9 +60,7 @@ OptionalTensor optional_tensor(const Tensor& tensor) {
 }  // namespace
 
 Tensor residual_texture(const Tensor& residual, const Tensor& albedo, const Tensor& normals, const Tensor& lighting) {
-  static const auto op = c10::Dispatcher::singleton()
-                             .findSchemaOrThrow("doppel::residual_texture", "")
-                             .typed<decltype(residual_texture_cpu)>();
+  static const auto op = render::find_op<decltype(residual_texture_cpu)>("doppel::residual_texture");
   return op.call(residual, albedo, optional_tensor(normals), optional_tensor(lighting));
 }
 

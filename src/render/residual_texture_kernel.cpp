@@ -1,30 +1,16 @@
 #include "doppel/render/residual_texture_kernel.h"
 
+#include "doppel/core/exponential.h"
 #include "doppel/render/sh_lanes.h"
 #include "doppel/render/simd.h"
 
 namespace doppel::kernels::DOPPEL_ISA {
 namespace {
 
-/// e^x for -87 <= x <= 0, to about 1e-7: 2^n times a polynomial on [-ln2/2, ln2/2] (Cephes expf).
-inline Float exp_of_negative(Float x) {
-  const Int n = round_to_int(x * 1.44269504f);
-  const Float whole = to_float(n);
-  const Float r = (x - whole * 0.693359375f) + whole * 2.12194440e-4f;
-  Float e = r * 1.9875691500e-4f + 1.3981999507e-3f;
-  e = e * r + 8.3334519073e-3f;
-  e = e * r + 4.1665795894e-2f;
-  e = e * r + 1.6666665459e-1f;
-  e = e * r + 5.0000001201e-1f;
-  e = e * (r * r) + r + 1.0f;
-  return e * (Float)((n + 127) << 23);
-}
-
-/// tanh |x| = (1 - e) / (1 + e) with e = exp(-2 |x|). Differences of a small |x| are below 1e-7, which no 8-bit colour
-/// shows.
+/// tanh |x| = (1 - e) / (1 + e) with e = exp(-2 |x|). The error is about 1e-7, which no 8-bit colour shows.
 inline Float hyperbolic_tangent(Float x) {
   const Float size = x < 0 ? -x : x;
-  const Float e = exp_of_negative(max(-2.0f * size, splat(-80.0f)));
+  const Float e = exp_of_negative<Float, Int>(-2.0f * size);
   const Float t = (1.0f - e) / (1.0f + e);
   return x < 0 ? -t : t;
 }

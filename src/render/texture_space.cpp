@@ -12,8 +12,9 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/face_table.h"
-#include "doppel/render/shading/shading_kernel.h"
+#include "doppel/render/op_handle.h"
 #include "doppel/render/texture_space_kernel.h"
+#include "doppel/render/vertex_normals.h"
 
 namespace doppel {
 
@@ -88,23 +89,8 @@ TexelMap cover(const RenderMesh& mesh, int size) {
   return map;
 }
 
-constexpr std::int64_t kItemsPerThread = 4096;  // vertices or faces: fewer do not pay for another thread
-
-/// Sums of the face normals at the vertices of one mesh. @param mesh face_records, incident_offsets, incident_faces of
-/// RenderMesh @param faces [F,4] scratch @param out [N,4]
-void sum_normals(const float* vertices, std::int64_t num_vertices, at::TensorList mesh, Tensor& faces, Tensor& out) {
-  const kernels::NormalMesh normal_mesh{vertices, mesh[0].data_ptr<std::int32_t>(), mesh[1].data_ptr<std::int32_t>(),
-                                        mesh[2].data_ptr<std::int32_t>()};
-  float *of_faces = faces.data_ptr<float>(), *of_vertices = out.data_ptr<float>();
-  at::parallel_for(0, faces.size(0), kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
-    kernels::face_normals(normal_mesh, begin, end, of_faces);
-  });
-  at::parallel_for(0, num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
-    kernels::sum_normals(normal_mesh, of_faces, begin, end, of_vertices);
-  });
-}
-
-/// @param texels runs, corners, weights of kernels::TexelTable @return [B,3,size,size]
+/// @param mesh face_records, incident_offsets, incident_faces of RenderMesh @param texels runs, corners, weights of
+/// kernels::TexelTable @return [B,3,size,size]
 Tensor texture_normals_cpu(const Tensor& vertices_in, at::TensorList mesh, at::TensorList texels, std::int64_t size) {
   const std::int64_t num_vertices = mesh[1].size(0) - 1;
   render::check_floats(vertices_in, "texture_normals", "vertices", {-1, num_vertices, 3});
@@ -116,10 +102,14 @@ Tensor texture_normals_cpu(const Tensor& vertices_in, at::TensorList mesh, at::T
                                   texels[1].size(1),
                                   size * size};
   const Tensor maps = at::empty({vertices.size(0), 3, size, size}, vertices.options());
-  Tensor of_faces = at::empty({mesh[0].size(0), 4}, vertices.options()),
-         of_vertices = at::empty({num_vertices, 4}, vertices.options());
+  const Tensor of_faces = at::empty({mesh[0].size(0), 4}, vertices.options()),
+               of_vertices = at::empty({num_vertices, 4}, vertices.options());
   for (std::int64_t b = 0; b < vertices.size(0); ++b) {
-    sum_normals(vertices.data_ptr<float>() + 3 * num_vertices * b, num_vertices, mesh, of_faces, of_vertices);
+    const kernels::NormalMesh surface{vertices.data_ptr<float>() + 3 * num_vertices * b,
+                                      mesh[0].data_ptr<std::int32_t>(), mesh[1].data_ptr<std::int32_t>(),
+                                      mesh[2].data_ptr<std::int32_t>()};
+    render::sum_vertex_normals(surface, mesh[0].size(0), num_vertices, of_faces.data_ptr<float>(),
+                               of_vertices.data_ptr<float>());
     const float* normals = of_vertices.data_ptr<float>();
     float* map = maps.data_ptr<float>() + 3 * table.map_size * b;
     at::parallel_for(0, table.num_runs, 1, [&](std::int64_t begin, std::int64_t end) {
@@ -228,9 +218,7 @@ Tensor TextureSpace::normals(const Tensor& vertices) const {
 }
 
 Tensor TextureSpace::normals_without_gradient(const Tensor& vertices) const {
-  static const auto op = c10::Dispatcher::singleton()
-                             .findSchemaOrThrow("doppel::texture_normals", "")
-                             .typed<decltype(texture_normals_cpu)>();
+  static const auto op = render::find_op<decltype(texture_normals_cpu)>("doppel::texture_normals");
   return op.call(vertices, {mesh_.face_records, mesh_.incident_offsets, mesh_.incident_faces}, runs_, size_);
 }
 

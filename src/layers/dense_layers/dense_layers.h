@@ -1,9 +1,9 @@
 #pragma once
 
-/// The trunk of a small network at many points: x' = max(W x + b, 0), layer after layer, without gradients.
+/// The layers of a small network at many points, x' = max(W x + b, 0), without gradients.
 ///
-/// A block of points passes through all layers while its values stay in the cache. LibTorch's layers write and read the
-/// values of all points between two layers. Letters: P points.
+/// A block of points passes through all layers while its values stay in the cache. With LibTorch's layers, the values of
+/// all points are written and read again between two layers. Letters: P points.
 
 #include <torch/types.h>
 

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "doppel/core/exponential.h"
 #include "doppel/core/vector_width.h"
 
 namespace doppel::kernels::DOPPEL_ISA {
@@ -43,26 +44,9 @@ inline int64_t padded(int64_t count) { return (count + kWidth - 1) / kWidth * kW
 
 inline Vec select(IntVec mask, Vec yes, Vec no) { return (Vec)((mask & (IntVec)yes) | (~mask & (IntVec)no)); }
 
-// e^x for x <= 0 to about 1e-7: 2^n times a polynomial on [-ln2/2, ln2/2] (Cephes expf).
-inline Vec exp_of_negative(Vec x) {
-  const Vec lowest = spread(-87.0f);
-  x = select(x < lowest, lowest, x);
-  const Vec to_nearest = spread(12582912.0f);  // 1.5 * 2^23: adding it rounds to an integer
-  const Vec n = (x * 1.44269504f + to_nearest) - to_nearest;
-  const Vec r = (x - n * 0.693359375f) + n * 2.12194440e-4f;
-  Vec e = r * 1.9875691500e-4f + 1.3981999507e-3f;
-  e = e * r + 8.3334519073e-3f;
-  e = e * r + 4.1665795894e-2f;
-  e = e * r + 1.6666665459e-1f;
-  e = e * r + 5.0000001201e-1f;
-  e = e * (r * r) + r + 1.0f;
-  const IntVec exponent = (__builtin_convertvector(n, IntVec) + 127) << 23;
-  return e * (Vec)exponent;
-}
-
 inline Vec elu(Vec x) {
   const Vec zero = {};
-  return select(x > zero, x, exp_of_negative(select(x > zero, zero, x)) - 1.0f);
+  return select(x > zero, x, exp_of_negative<Vec, IntVec>(select(x > zero, zero, x)) - 1.0f);
 }
 
 // ---- c[i][v] = sum_h a[i * row + h * step] * b[h][v], for `rows` rows of whole vectors ----

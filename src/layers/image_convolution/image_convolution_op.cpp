@@ -130,8 +130,10 @@ TORCH_LIBRARY_IMPL(doppel, CPU, m) { m.impl("image_convolution", TORCH_FN(image_
 }  // namespace
 
 Tensor image_convolution(const Tensor& image, const Tensor& second, const ImageConvolution& layer) {
-  check_arguments(image, second, layer);
-  if (!takes_kernel(image)) return image_convolution_reference(image, second, layer);
+  if (!takes_kernel(image)) {
+    check_arguments(image, second, layer);  // the op checks its own
+    return image_convolution_reference(image, second, layer);
+  }
   static const auto op = find_op<decltype(image_convolution_cpu)>(kImageConvolutionOp);
   return op.call(image, optional_of(second), layer.weight, optional_of(layer.scale), optional_of(layer.shift),
                  layer.slope, layer.enlarge);

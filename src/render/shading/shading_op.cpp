@@ -7,12 +7,14 @@
 #include <algorithm>
 #include <atomic>
 #include <memory>
-#include <mutex>
 
 #include "doppel/core/as_size.h"
+#include "doppel/render/lease.h"
+#include "doppel/render/op_handle.h"
 #include "doppel/render/recycled.h"
 #include "doppel/render/shading/shading_kernel.h"
 #include "doppel/render/shading/shading_terms.h"
+#include "doppel/render/vertex_normals.h"
 #include "doppel/render/view_workers.h"
 
 namespace doppel::shading {
@@ -77,34 +79,10 @@ struct Workspace {
   std::vector<float> face_normals, sums;
 };
 
-/// Exclusive use of a workspace for one call. Workspaces are kept for later calls.
-class WorkspaceLease {
+/// A workspace for one call. All serve every call.
+class WorkspaceLease : public render::Lease<Workspace> {
  public:
-  WorkspaceLease() {
-    const std::lock_guard<std::mutex> lock(mutex());
-    if (free_ones().empty()) free_ones().push_back(std::make_unique<Workspace>());
-    workspace_ = std::move(free_ones().back());
-    free_ones().pop_back();
-  }
-  ~WorkspaceLease() {
-    const std::lock_guard<std::mutex> lock(mutex());
-    free_ones().push_back(std::move(workspace_));
-  }
-  WorkspaceLease(const WorkspaceLease&) = delete;
-  WorkspaceLease& operator=(const WorkspaceLease&) = delete;
-  Workspace* operator->() const { return workspace_.get(); }
-  Workspace& operator*() const { return *workspace_; }
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex instance;
-    return instance;
-  }
-  static std::vector<std::unique_ptr<Workspace>>& free_ones() {
-    static auto* const instance = new std::vector<std::unique_ptr<Workspace>>;
-    return *instance;
-  }
-  std::unique_ptr<Workspace> workspace_;
+  WorkspaceLease() : Lease([](const Workspace&) { return true; }, [] { return std::make_unique<Workspace>(); }) {}
 };
 
 // --- arguments -------------------------------------------------------------------------------------------------------
@@ -196,13 +174,8 @@ void compute_normals(const Scene& scene, Workspace& workspace, Tensor& normals) 
   workspace.face_normals.resize(as_size(4 * scene.num_faces));
   float* of_faces = workspace.face_normals.data();
   for (std::int64_t b = 0; b < scene.batch; ++b) {
-    const kernels::NormalMesh mesh = scene.normal_mesh(b);
-    float* out = normals.data_ptr<float>() + 4 * scene.num_vertices * b;
-    at::parallel_for(0, scene.num_faces, kItemsPerThread,
-                     [&](std::int64_t begin, std::int64_t end) { kernels::face_normals(mesh, begin, end, of_faces); });
-    at::parallel_for(0, scene.num_vertices, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
-      kernels::sum_normals(mesh, of_faces, begin, end, out);
-    });
+    render::sum_vertex_normals(scene.normal_mesh(b), scene.num_faces, scene.num_vertices, of_faces,
+                               normals.data_ptr<float>() + 4 * scene.num_vertices * b);
   }
 }
 
@@ -511,11 +484,6 @@ Tensor target_on_surface_backward_cpu(const Tensor& upstream_in, const Tensor& v
 
 // --- autograd --------------------------------------------------------------------------------------------------------
 
-template <typename Signature>
-auto find_op(const char* name) {
-  return c10::Dispatcher::singleton().findSchemaOrThrow(name, "").typed<Signature>();
-}
-
 OptionalTensor optional(const Tensor& t) { return t.defined() ? OptionalTensor(t) : c10::nullopt; }
 Tensor tensor_or_none(const OptionalTensor& t) { return t.has_value() ? *t : Tensor(); }
 
@@ -541,7 +509,7 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
   static variable_list forward(AutogradContext* context, const Tensor& vertices, const OptionalTensor& texture,
                                const OptionalTensor& lighting, const Tensor& projection, const RenderMesh& mesh,
                                std::int64_t height, std::int64_t width, const ShadingOptions& options) {
-    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
+    static const auto op = render::find_op<decltype(shade_cpu)>("doppel::shade");
     context->saved_data["nearest"] = options.nearest;
     context->saved_data["flip"] = options.flip_normals;
     context->saved_data["vertices"] = vertices.requires_grad();
@@ -560,7 +528,7 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
   }
 
   static variable_list backward(AutogradContext* context, variable_list upstream) {
-    static const auto op = find_op<decltype(shade_backward_cpu)>("doppel::shade_backward");
+    static const auto op = render::find_op<decltype(shade_backward_cpu)>("doppel::shade_backward");
     const variable_list saved = context->get_saved_variables();
     const bool vertices = context->saved_data["vertices"].toBool(), texture = context->saved_data["texture"].toBool(),
                lighting = context->saved_data["lighting"].toBool();
@@ -591,7 +559,8 @@ class TargetFunction : public torch::autograd::Function<TargetFunction> {
   }
 
   static variable_list backward(AutogradContext* context, variable_list upstream) {
-    static const auto op = find_op<decltype(target_on_surface_backward_cpu)>("doppel::target_on_surface_backward");
+    static const auto op =
+        render::find_op<decltype(target_on_surface_backward_cpu)>("doppel::target_on_surface_backward");
     const variable_list saved = context->get_saved_variables();
     Tensor to_vertices;
     {
@@ -614,7 +583,7 @@ ShadedImage fused(const Tensor& vertices, const Tensor& texture, const Tensor& l
   const bool gradient = torch::GradMode::is_enabled() &&
                         (needs_gradient(vertices) || needs_gradient(texture) || needs_gradient(lighting));
   if (!gradient) {
-    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
+    static const auto op = render::find_op<decltype(shade_cpu)>("doppel::shade");
     at::AutoDispatchBelowADInplaceOrView guard;
     auto [colour, mask, normals, records, counts] =
         op.call(vertices, optional(texture), optional(lighting), projection, mesh.face_records,
@@ -654,7 +623,7 @@ Tensor target_fused(const Tensor& vertices, const Tensor& projection, const Rend
   if (!torch::GradMode::is_enabled() || !vertices.requires_grad()) return target;
   Fragments fragments = drawn;
   if (!fragments.defined()) {
-    static const auto op = find_op<decltype(draw_fragments_cpu)>("doppel::draw_fragments");
+    static const auto op = render::find_op<decltype(draw_fragments_cpu)>("doppel::draw_fragments");
     at::AutoDispatchBelowADInplaceOrView guard;
     std::tie(fragments.records, fragments.counts) =
         op.call(vertices, projection, mesh.face_records, target.size(2), target.size(3), options.z_near);
