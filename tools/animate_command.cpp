@@ -14,6 +14,7 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/calibration/read_calibration.h"
+#include "doppel/capture/video.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
@@ -43,7 +44,7 @@ struct AnimateOptions {
   std::string source_skeleton, map, animation, up;
   double unit = 0.0, source_fps = 0.0, fps = 0.0;
   // The camera.
-  std::string camera = "orbit", calibration, capture, background, light;
+  std::string camera = "orbit", calibration, capture, background, beside, light;
   int size = 0, samples = 3;
   double turns_per_second = 0.1;
   // The figure for other programs.
@@ -190,6 +191,10 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
   const std::string usual = options.camera == "orbit" ? "soft" : "flat";
   film.light = (options.light.empty() ? usual : options.light) == "soft" ? Light::soft : Light::flat;
   film.backdrop = backdrop(options, studio);
+  if (!options.beside.empty()) {
+    const std::shared_ptr<FrameReader> footage = open_frames(options.beside, PixelFormat::colour);
+    film.beside = [footage](int frame) { return footage->read(frame); };
+  }
   return film;
 }
 
@@ -446,6 +451,8 @@ void add_image_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--capture", options.capture, "Prepared capture, for its cameras and images of the empty studio");
   app.add_option("--calibration", options.calibration, "Calibration file, Skeletool or OpenCV");
   app.add_option("--background", options.background, "An image, a colour (#rrggbb or a word), or `capture`");
+  app.add_option("--beside", options.beside,
+                 "Footage of the same frames, a video or images NAME_{frame}.png, to the left of the drawn ones");
   app.add_option("--light", options.light, "soft, or flat: the texture as it is (default: soft for orbit, else flat)")
       ->check(CLI::IsMember({"soft", "flat"}));
   app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")

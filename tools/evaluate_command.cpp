@@ -187,9 +187,9 @@ TrackedEvaluationOptions with_measurements(const Subject& subject, const Evaluat
                                            TrackedEvaluationOptions options) {
   options.scan_unit = arguments.scan_unit == "m" ? 1.0 : 0.001;
   const bool draws = subject.actor && (compares_images(*subject.actor) || subject.actor->hybrid || subject.actor->nerf);
-  if ((options.whole_frames || !arguments.lpips.empty()) && !draws)
+  if ((options.whole_frames || options.flicker || !arguments.lpips.empty()) && !draws)
     fail<UsageError>(
-        "--whole-frames and --lpips compare drawings with images, and nothing here is drawn; give --run with a run "
+        "--whole-frames, --flicker and --lpips measure drawings, and nothing here is drawn; give --run with a run "
         "that has colours (lighting, deltanet, texnet, hybrid or nerf), or leave them out");
   const std::vector<fs::path> weights(arguments.lpips.begin(), arguments.lpips.end());
   if (!weights.empty()) options.lpips = std::make_shared<const Lpips>(Lpips::load(weights));
@@ -316,6 +316,8 @@ Command add_evaluate(CLI::App& program) {
       ->check(CLI::PositiveNumber);
   app->add_flag("--whole-frames", arguments->options.whole_frames,
                 "Compare drawings with the whole images of the capture too, at the camera's resolution (slow)");
+  app->add_flag("--flicker", arguments->options.flicker,
+                "Measure how much the colours of the surface change from frame to frame, drawn and filmed");
   app->add_option("--lpips", arguments->lpips,
                   "Weights of LPIPS with AlexNet, one file or several (docs/evaluation.md): compare drawings by it too")
       ->delimiter(',');

@@ -2,6 +2,7 @@
 
 #include "doppel/actor/draw.h"
 #include "doppel/eval/cloud_metrics.h"
+#include "doppel/eval/flicker.h"
 #include "doppel/eval/image_metrics.h"
 #include "doppel/losses/chamfer.h"
 #include "doppel/render/projection.h"
@@ -92,6 +93,19 @@ RenderedImages surface_images(const ActorEvaluation& evaluation, Drawing drawing
   return RenderedImages{drawn.colour, drawn.mask, filmed, whole};
 }
 
+/// The flicker of drawings along the surface that carries them.
+/// @param field the drawings are of the radiance field around the refined surface
+Json drawing_flicker(const ActorEvaluation& evaluation, const std::string& title, bool field,
+                     const ImageFunction& render) {
+  const auto surface = [&](const std::vector<SampleId>& samples) {
+    const torch::Tensor window = dof_windows(evaluation, samples);
+    return field ? evaluation.actor.refined(window) : evaluation.actor.fine(window);
+  };
+  return evaluate_flicker(evaluation.dataset, evaluation.split, evaluation.actor.mesh->faces, surface, render,
+                          evaluation.options, titled(evaluation, title + ", flicker"))
+      .to_json();
+}
+
 }  // namespace
 
 Json evaluate_actor_surface(const ActorEvaluation& evaluation, const std::string& title,
@@ -109,8 +123,12 @@ Json evaluate_actor_drawing(const ActorEvaluation& evaluation, const std::string
   const auto render = [&](const ImageRequest& request) {
     return field ? field_images(evaluation, drawing, request) : surface_images(evaluation, drawing, request);
   };
-  return evaluate_images(evaluation.dataset, evaluation.split, render, evaluation.options, titled(evaluation, title))
-      .to_json();
+  Json row =
+      evaluate_images(evaluation.dataset, evaluation.split, render, evaluation.options, titled(evaluation, title))
+          .to_json();
+  if (evaluation.options.flicker && drawing != Drawing::nerf)
+    row.update(drawing_flicker(evaluation, title, field, render));
+  return row;
 }
 
 Json evaluate_actor_cloud(const ActorEvaluation& evaluation) {

@@ -159,10 +159,6 @@ cv::Mat filmed_image(const torch::Tensor& filmed, const cv::Mat& studio, const C
   return crop_image(image, {0, 0, box.side}, size);
 }
 
-/// Colours 0..1 in 8 bits.
-torch::Tensor eight_bits(const torch::Tensor& colour) {
-  return (colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
-}
 /// 255 where something is drawn.
 torch::Tensor coverage_bytes(const torch::Tensor& covered) {
   return covered.ne(0).to(torch::kUInt8).mul(255).contiguous();
@@ -179,8 +175,8 @@ RenderedImages checked(const RenderedImages& drawn, const ImageRequest& request)
         "evaluation of images: a drawing must be float [{},{},{},3] with its coverage, found [{}] and [{}]", B, S, S,
         drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "",
         drawn.covered.defined() ? fmt::format("{}", fmt::join(drawn.covered.sizes(), ",")) : "");
-  return {eight_bits(drawn.colour).view({B, S, S, 3}), coverage_bytes(drawn.covered).view({B, S, S}), drawn.filmed,
-          drawn.whole};
+  return {eight_bit_colours(drawn.colour).view({B, S, S, 3}), coverage_bytes(drawn.covered).view({B, S, S}),
+          drawn.filmed, drawn.whole};
 }
 
 /// The whole drawing as 8-bit RGB [H,W,3] and coverage 0 or 255 [H,W].
@@ -192,7 +188,7 @@ WholeDrawing checked_whole(const WholeDrawing& drawn, const PinholeCamera& camer
   if (!fits)
     fail<UsageError>("evaluation of images: a whole drawing must be float [{},{},3] with its coverage, found [{}]", H,
                      W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
-  return {eight_bits(drawn.colour), coverage_bytes(drawn.covered)};
+  return {eight_bit_colours(drawn.colour), coverage_bytes(drawn.covered)};
 }
 
 /// An image that shares the memory of a tensor. @param bytes uint8 [H,W] or [H,W,3], contiguous
@@ -325,6 +321,10 @@ torch::Tensor ImageRequest::filmed_projection(std::size_t b) const {
          torch::tensor({scale, scale, 1.0}, torch::kFloat32).view({1, 1, 3, 1});
 }
 
+torch::Tensor eight_bit_colours(const torch::Tensor& colour) {
+  return (colour * 255.0).round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
+}
+
 nlohmann::ordered_json ImageScores::to_json() const { return {{"MSE", MSE}, {"PSNR", PSNR}, {"SSIM", SSIM}}; }
 
 nlohmann::ordered_json PhotometricResult::to_json() const {
@@ -403,6 +403,10 @@ nlohmann::ordered_json photometric_protocol(const Dataset& dataset, const Evalua
     json["LPIPS"] =
         fmt::format("AlexNet, version 0.1, of the crop; both images black outside the true mask; weights of {}",
                     options.lpips->source());
+  if (options.flicker)
+    json["flicker"] =
+        "change of colour between consecutive frames at points of the drawn surface that both show, at least two "
+        "pixels inside drawing and mask; root mean square over pixels and channels, of drawings and of filmed images";
   if (options.whole_frames) {
     json["whole"] =
         "the whole image at the camera's resolution, without lens distortion, read from the files of the capture; "

@@ -31,6 +31,9 @@ inline constexpr double kHighestPsnr = 100.0;
 /// @throws UsageError when the images are smaller than the window, or differ in size or type
 double structural_similarity(const cv::Mat& a, const cv::Mat& b);
 
+/// Colours 0..1 as bytes, rounded as in a file. @return uint8 of the same shape, contiguous
+torch::Tensor eight_bit_colours(const torch::Tensor& colour);
+
 /// MSE, PSNR and SSIM of two images. @throws as structural_similarity
 ImageScores compare_images(const cv::Mat& a, const cv::Mat& b);
 

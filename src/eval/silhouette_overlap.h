@@ -41,6 +41,7 @@ struct EvaluationOptions {
   std::vector<long> frames;            ///< rows of the motions; empty: all that `every` leaves
   std::string input_camera;            ///< the camera whose images were the method's input; empty: none
   bool whole_frames = false;           ///< compare drawings with the whole images of the capture too (slow)
+  bool flicker = false;                ///< measure the flicker of drawings too (flicker.h)
   std::shared_ptr<const Lpips> lpips;  ///< measures drawings too; null: no LPIPS
   std::filesystem::path scans;         ///< folder of scans (scans.h) to measure surfaces against; empty: none
   double scan_unit = 0.001;            ///< of the scans, metres

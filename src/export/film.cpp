@@ -41,9 +41,9 @@ class FilmWriter : public SequenceWriter {
       behind = fit_backdrop(options.backdrop, width, height, camera_path_->name() == "turntable");
     behind_ = behind;
     std::filesystem::create_directories(folder);
-    if (options.video)
-      video_ = std::make_unique<VideoFile>(folder / (camera_path_->name() + ".mp4"), cv::Size(width, height),
-                                           options.frames_per_second);
+    if (!options.video) return;
+    const cv::Size size = options.beside ? with_image_beside(behind_, 0).size() : behind_.size();
+    video_ = std::make_unique<VideoFile>(folder / (camera_path_->name() + ".mp4"), size, options.frames_per_second);
   }
 
   void write(const PosedFrame& frame) override {
@@ -97,10 +97,22 @@ class FilmWriter : public SequenceWriter {
     return image_over(drawn.colour, drawn.opacity, behind_);
   }
 
+  cv::Mat with_image_beside(const cv::Mat& drawn, int frame) const {
+    const cv::Mat other = options_.beside(frame);
+    const double scale = static_cast<double>(drawn.rows) / other.rows;
+    cv::Mat left, both;
+    // An even width, which video codecs ask for.
+    const int width = 2 * std::max(1, static_cast<int>(std::lround(0.5 * scale * other.cols)));
+    cv::resize(other, left, {width, drawn.rows}, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_LINEAR);
+    cv::hconcat(left, drawn, both);
+    return both;
+  }
+
   /// Writes a frame to the files while the next one is drawn.
-  void keep(const cv::Mat& image, int frame) {
+  void keep(const cv::Mat& drawn, int frame) {
     wait_for_files();
-    files_ = std::async(std::launch::async, [this, image, frame] {
+    files_ = std::async(std::launch::async, [this, drawn, frame] {
+      const cv::Mat image = options_.beside ? with_image_beside(drawn, frame) : drawn;
       if (video_) video_->write(image);
       if (options_.images) write_image(folder_ / fmt::format("{}_{:06}.png", camera_path_->name(), frame), image);
     });

@@ -34,6 +34,9 @@ struct FilmOptions {
   bool video = true;      ///< `<path's name>.mp4`
   bool images = false;    ///< `<path's name>_000000.png`, ...
   int supersampling = 3;  ///< per side of a pixel
+  /// The image that stands to the left of a frame, 8-bit BGR of any size; empty: none. Called from another thread, in
+  /// the order of the frames.
+  std::function<cv::Mat(int)> beside;
   /// The dynamic texture of the actor; empty: the static one. The dynamic texture is unlit, because it contains the
   /// light of the capture.
   TextureFunction texture;

@@ -177,6 +177,27 @@ TEST(FilmReference, AVideoIsWholeOrNotThere) {
   EXPECT_EQ(frames, 5);
 }
 
+TEST(FilmReference, AnImageBesideTheFrameHasItsHeight) {
+  FilmOptions options;
+  options.light = Light::flat;
+  options.beside = [](int frame) { return cv::Mat(40, 20, CV_8UC3, cv::Scalar(10 + frame, 90, 250)); };
+  const cv::Mat alone = film(make_calibrated_path({front_camera()}, "front", 0), {.light = Light::flat});
+  const cv::Mat both = film(make_calibrated_path({front_camera()}, "front", 0), options);
+  ASSERT_EQ(both.size(), cv::Size(60 + 40, 80));
+  EXPECT_EQ(cv::norm(both.colRange(40, 100), alone, cv::NORM_INF), 0.0);
+  EXPECT_EQ(both.at<cv::Vec3b>(40, 20), cv::Vec3b(10, 90, 250));
+
+  const TemporaryFolder folder;
+  const auto writer =
+      make_film_writer(folder.path(), actor(), make_calibrated_path({front_camera()}, "front", 0), options);
+  for (int i = 0; i < 3; ++i) writer->write({rest_vertices(), {}});
+  writer->close();
+  cv::VideoCapture video((folder / "camera_front.mp4").string());
+  cv::Mat frame;
+  ASSERT_TRUE(video.read(frame));
+  EXPECT_EQ(frame.size(), cv::Size(100, 80));
+}
+
 TEST(WindingNumberReference, InsideAndOutside) {
   const std::vector<float> vertices = rest_vertices();
   const auto at = [&](const Eigen::Vector3d& p) { return winding_number(actor().mesh, vertices, p); };
