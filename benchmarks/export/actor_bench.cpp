@@ -52,6 +52,8 @@ struct Actor {
         surface(character) {
     egnet->eval();
     deltanet->eval();
+    doppel::freeze_graph_networks(*egnet, doppel::inference_weights());
+    doppel::freeze_graph_networks(*deltanet, doppel::inference_weights());
     description.name = character.name;
     description.past_frames = std::max(egnet->config().history(), deltanet->config().past_frames);
     for (const doppel::Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);

@@ -57,26 +57,46 @@ Tensor windows_of(const doppel::Character& character, int64_t batch) {
   return rest + 0.1 * torch::randn({batch, 3, character.num_dofs()}, at::detail::createCPUGenerator(1));
 }
 
-void forward_at_batch_one(const doppel::Character& character, doppel::DenseBlock dense) {
+/// The network of a body, with the same weights in each.
+DeltaNet evaluated_net(const doppel::Character& character, doppel::DenseBlock dense) {
   doppel::DeltaNetConfig config = doppel::DeltaNetConfig::preset("paper");
   config.sagcn.dense = dense;
   DeltaNet net(character, config);
   net->eval();
+  return net;
+}
+
+DeltaNet frozen_net(const doppel::Character& character, doppel::DenseBlock dense, doppel::WeightFormat format) {
+  DeltaNet net = evaluated_net(character, dense);
+  doppel::freeze_graph_networks(*net, format);
+  return net;
+}
+
+void forward_at_batch_one(const doppel::Character& character, doppel::DenseBlock dense) {
+  DeltaNet net = evaluated_net(character, dense);
+  DeltaNet exact = frozen_net(character, dense, doppel::WeightFormat::float32);
+  DeltaNet rounded = frozen_net(character, dense, doppel::WeightFormat::bfloat16);
   torch::NoGradGuard no_grad;
-  const Tensor window = windows_of(character, 1), input = net->network_input(window);
+  const Tensor window = windows_of(character, 1);
   const std::vector<Tensor> weights = net->parameters();
   double bytes = 0.0;
   for (const Tensor& weight : weights) bytes += 4.0 * weight.numel();
+  const Tensor expected = net->forward(window);
+  const auto error = [&](DeltaNet& of) {
+    return ((of->forward(window) - expected).abs().max() / expected.abs().max()).item<double>();
+  };
+  std::printf("largest difference over the largest output: float32 %.1e, bfloat16 %.1e\n", error(exact),
+              error(rounded));
   float sink = 0.0f;
-  const auto& sagcn = std::dynamic_pointer_cast<doppel::SagcnImpl>(net->named_children()["sagcn"]);
   char title[160];
   std::snprintf(title, sizeof(title), "DeltaNet forward, N %d, batch 1, %d threads, dense block %s, weights %.1f MB",
                 character.num_vertices(), at::get_num_threads(),
                 dense == doppel::DenseBlock::none ? "none" : "broadcast", bytes / 1e6);
   const auto times =
       doppel::bench::compare(title, {{"posing the template", [&] { net->network_input(window); }},
-                                     {"graph network", [&] { sagcn->forward(input); }},
-                                     {"all", [&] { net->forward(window); }},
+                                     {"all, layer by layer", [&] { net->forward(window); }},
+                                     {"all, float32", [&] { exact->forward(window); }},
+                                     {"all, bfloat16", [&] { rounded->forward(window); }},
                                      {"reading the weights once", [&] { sink += stream_weights(weights); }}});
   std::printf("  weights at %.1f GB/s%s\n\n", bytes / times.back().median_ms / 1e6, sink == 1.0f ? "!" : "");
 }

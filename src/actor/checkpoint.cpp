@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <regex>
 
@@ -71,6 +72,25 @@ TorchArchive open_archive(const fs::path& path) {
   return TorchArchive(path, std::move(bytes));
 }
 
+/// The tensors as they are stored: each alone and contiguous, because a view would save its whole storage. Tensors of
+/// the same bits share a storage, which the file holds once.
+class StoredTensors {
+ public:
+  torch::Tensor add(const torch::Tensor& tensor) {
+    const bool whole = tensor.is_contiguous() && tensor.storage().nbytes() == tensor.nbytes();
+    const torch::Tensor alone = whole ? tensor : tensor.clone(torch::MemoryFormat::Contiguous);
+    if (alone.numel() == 0) return alone;
+    std::vector<torch::Tensor>& alike = kinds_[{tensor.scalar_type(), tensor.numel()}];
+    for (const torch::Tensor& stored : alike)
+      if (std::memcmp(stored.data_ptr(), alone.data_ptr(), alone.nbytes()) == 0) return stored.view(alone.sizes());
+    alike.push_back(alone);
+    return alone;
+  }
+
+ private:
+  std::map<std::pair<torch::ScalarType, std::int64_t>, std::vector<torch::Tensor>> kinds_;
+};
+
 }  // namespace
 
 const torch::Tensor& Checkpoint::tensor(const std::string& name) const {
@@ -109,11 +129,8 @@ void Checkpoint::copy_tensor(const std::string& name, const torch::Tensor& targe
 
 void Checkpoint::save(const fs::path& path) const {
   TensorDict tensors;
-  for (const auto& [name, tensor] : tensors_) {
-    // A view would save its whole storage.
-    const bool whole = tensor.is_contiguous() && tensor.storage().nbytes() == tensor.nbytes();
-    tensors.insert(name, whole ? tensor : tensor.clone(torch::MemoryFormat::Contiguous));
-  }
+  StoredTensors stored;
+  for (const auto& [name, tensor] : tensors_) tensors.insert(name, stored.add(tensor));
   TextDict texts;
   for (const auto& [name, text] : texts_) texts.insert(name, text);
   c10::impl::GenericDict root(c10::StringType::get(), c10::AnyType::get());

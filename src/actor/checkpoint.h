@@ -37,7 +37,7 @@ class Checkpoint {
   /// Copies a stored tensor into `target`. @throws Error for another shape or element type, naming both
   void copy_tensor(const std::string& name, const torch::Tensor& target) const;
 
-  /// Writes the file atomically.
+  /// Writes the file atomically. Tensors with the same elements are stored once.
   void save(const std::filesystem::path& path) const;
   /// @throws FileError for anything that is not a whole, unchanged checkpoint
   static Checkpoint load(const std::filesystem::path& path);

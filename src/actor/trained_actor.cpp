@@ -82,6 +82,14 @@ constexpr ActorPart kActorParts[] = {{"lighting", load_lighting},
                                      {"radiance", load_radiance},
                                      {"nerf", load_nerf}};
 
+/// For frames one by one. The weights of a loaded actor do not change.
+void freeze_networks(TrainedActor& actor) {
+  const WeightFormat format = inference_weights();
+  freeze_graph_networks(*actor.egnet, format);
+  if (actor.deltanet) freeze_graph_networks(*actor.deltanet, format);
+  if (actor.hybrid) freeze_graph_networks(*actor.hybrid, format);
+}
+
 /// A texture resized to another resolution. @param texture [1,Th,Tw,3] @return [size,size,3]
 torch::Tensor resized(const torch::Tensor& texture, std::int64_t size) {
   const torch::Tensor planes = texture.permute({0, 3, 1, 2});
@@ -113,6 +121,7 @@ TrainedActor TrainedActor::load(const fs::path& run, const std::optional<fs::pat
     part.load(actor, *stage);
     actor.steps[part.stage] = stage->step;
   }
+  freeze_networks(actor);
   return actor;
 }
 

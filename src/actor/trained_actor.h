@@ -31,7 +31,8 @@ namespace doppel {
 /// values come from the checkpoint to use of each stage (`find_stage`). The weights are the running mean of the weights
 /// if the run kept one, otherwise the weights of the last step. With EGNet's `recalibrate_norm`, the statistics of its
 /// batch normalisation were recomputed for these weights. Networks are in evaluation mode, and their weights do not
-/// require gradients.
+/// require gradients and must not change: for one frame, EGNet and DeltaNet run a copy of them (SagcnImpl::freeze), in
+/// the format that `inference_weights()` names.
 ///
 /// Letters: B batch, F past frames, D DoFs, K graph nodes, N vertices, T texels along a side of the dynamic texture. A
 /// `dof_window` is a motion window [B,F+1,D]: float32 DoFs as in a motion file, oldest first; the last row is the pose

@@ -1,6 +1,7 @@
 #include "doppel/nets/sagcn.h"
 
 #include <ATen/CPUGeneratorImpl.h>
+#include <torch/csrc/jit/frontend/tracer.h>
 
 #include <cmath>
 
@@ -92,6 +93,10 @@ NodeNorm FeatureNormImpl::node_norm(const Tensor& features, int64_t batch_dimens
   const SharedStatistics shared = share_statistics(features, {batch_dimension}, weight, bias, running_mean, running_var,
                                                    momentum_, epsilon_, *ranks());
   return {shared.weight, shared.bias, shared.mean, shared.variance, false, momentum_, epsilon_};
+}
+
+NodeNorm FeatureNormImpl::running() const {
+  return {weight, bias, running_mean, running_var, false, momentum_, epsilon_};
 }
 
 Tensor FeatureNormImpl::forward(const Tensor& features) {
@@ -196,6 +201,12 @@ bool SagcnImpl::dense_follows(int block) const { return !dense_.is_empty() && bl
 Tensor SagcnImpl::forward(const Tensor& features) {
   check_input(features);
   if (!takes_kernel(features)) return forward_reference(features);
+  if (runs_frozen(features)) {
+    std::call_once(frozen_->once, [this] {
+      frozen_->chain = std::make_unique<const GraphChain>(stem_->ring(), chain_layers(), frozen_->format);
+    });
+    return frozen_->chain->forward(features);
+  }
   Tensor x = stem_->forward_node_major(features.transpose(0, 1));
   for (int block = 0; block <= config_.residual_blocks; ++block) {
     if (dense_follows(block)) x = dense_->forward_node_major(x);
@@ -203,6 +214,40 @@ Tensor SagcnImpl::forward(const Tensor& features) {
     x = units_[2 * block + 1]->forward_node_major(units_[2 * block]->forward_node_major(x), x);
   }
   return elu_graph_convolution_node_major(x, {}, head_->kernels, head_->bias, head_->ring()).transpose(0, 1);
+}
+
+// ---- one sample ----
+
+void SagcnImpl::freeze(WeightFormat format) {
+  const bool fits = config_.features == GraphChain::kFeatures && head_->bias.size(1) <= GraphChain::kFeatures &&
+                    (dense_.is_empty() || dense_->kind() == DenseBlock::broadcast);
+  if (!fits) return;
+  frozen_ = std::make_shared<Frozen>();
+  frozen_->format = format;
+}
+
+bool SagcnImpl::runs_frozen(const Tensor& features) const {
+  const bool gradient = torch::GradMode::is_enabled() && features.requires_grad();
+  return frozen_ && !is_training() && !gradient && features.size(0) == 1 && !torch::jit::tracer::isTracing();
+}
+
+GraphChain::Layers SagcnImpl::chain_layers() const {
+  GraphChain::Layers layers;
+  layers.first = {stem_->kernels, stem_->bias, {}};
+  for (const SagcnUnit& unit : units_)
+    layers.units.push_back({unit->convolution->kernels, unit->convolution->bias, unit->norm->running()});
+  layers.last = {head_->kernels, head_->bias, {}};
+  if (dense_.is_empty()) return layers;
+  layers.dense = GraphChain::Layer{dense_->kernels, dense_->bias, dense_->norm->running()};
+  layers.dense_scale = dense_->scale();
+  layers.dense_block = static_cast<std::size_t>(config_.residual_blocks / 2);
+  return layers;
+}
+
+void freeze_graph_networks(torch::nn::Module& module, WeightFormat format) {
+  module.apply([format](torch::nn::Module& part) {
+    if (auto* network = dynamic_cast<SagcnImpl*>(&part)) network->freeze(format);
+  });
 }
 
 Tensor SagcnImpl::forward_reference(const Tensor& features) {

@@ -15,11 +15,14 @@
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "doppel/core/config.h"
+#include "doppel/layers/graph_convolution/graph_chain.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/nets/graph_network.h"
 #include "doppel/nets/shared_norm.h"
@@ -72,6 +75,8 @@ class FeatureNormImpl : public torch::nn::Module, public BatchStatistics {
   /// statistics are those of the features on all ranks. @param features [K,B,H] with batch_dimension 1, or [B,K,H] with
   /// 0
   NodeNorm node_norm(const torch::Tensor& features, int64_t batch_dimension) const;
+  /// The running statistics; undefined for `none`.
+  NodeNorm running() const;
   SagcnNorm kind() const { return kind_; }
 
   torch::Tensor weight, bias, running_mean, running_var;  ///< `node`: [K,H]; `channel`: [H]; `none`: undefined
@@ -112,6 +117,9 @@ class DenseUnitImpl : public torch::nn::Module {
   /// @param features [K,B,H] @return [K,B,H]
   torch::Tensor forward_node_major(const torch::Tensor& features);
 
+  DenseBlock kind() const { return kind_; }
+  double scale() const { return scale_; }
+
   FeatureNorm norm{nullptr};
   torch::Tensor kernels;  ///< [K,H,H] for `broadcast`, the matrix [K,K] for `matrix`
   torch::Tensor bias;     ///< [K,H]
@@ -139,9 +147,22 @@ class SagcnImpl : public GraphNetwork {
   /// The same in plain tensor operations, for export, float64 and other devices. Can be traced.
   torch::Tensor forward_reference(const torch::Tensor& features);
 
+  /// From now on, `forward` of one sample in evaluation mode without gradients runs a GraphChain, which copies the
+  /// weights at its first use. They must not change afterwards. Networks that a GraphChain cannot run (other than 16
+  /// features, more than 16 outputs, `dense: matrix`) stay as they are.
+  void freeze(WeightFormat format);
+
   const SagcnConfig& config() const { return config_; }
 
  private:
+  /// The network for one sample, made when it is first used, by whichever thread that is.
+  struct Frozen {
+    WeightFormat format;
+    std::once_flag once{};
+    std::unique_ptr<const GraphChain> chain{};
+  };
+  bool runs_frozen(const torch::Tensor& features) const;
+  GraphChain::Layers chain_layers() const;
   void initialise(at::Generator generator);
   void check_input(const torch::Tensor& features) const;
   bool dense_follows(int block) const;
@@ -152,7 +173,11 @@ class SagcnImpl : public GraphNetwork {
   GraphConvolution stem_{nullptr}, head_{nullptr};
   std::vector<SagcnUnit> units_;  // two per residual block
   DenseUnit dense_{nullptr};
+  std::shared_ptr<Frozen> frozen_;  // null: not frozen
 };
 TORCH_MODULE(Sagcn);
+
+/// Freezes every SAGCN inside a module (SagcnImpl::freeze). @pre the module is in evaluation mode
+void freeze_graph_networks(torch::nn::Module& module, WeightFormat format);
 
 }  // namespace doppel

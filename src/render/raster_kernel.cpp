@@ -19,10 +19,9 @@ struct FaceBatch {
 };
 
 inline void load_batch(const RasterView& view, const std::int32_t* faces, int count, FaceBatch& batch) {
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const std::int32_t* face = view.faces + 4 * static_cast<std::int64_t>(faces[lane < count ? lane : 0]);
-    for (int k = 0; k < 3; ++k) batch.corner[k][lane] = face[k];
-  }
+  alignas(64) std::int32_t present[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) present[lane] = faces[lane < count ? lane : 0];
+  load_corners(view.faces, present, batch.corner);
   Float w;
   for (int k = 0; k < 3; ++k) load_records(view.screen, batch.corner[k], batch.u[k], batch.v[k], batch.iz[k], w);
 }
@@ -44,14 +43,15 @@ struct Edges {
   std::int32_t face;
 };
 
+/// Vectors are those of the tile, not of the face: a load then finds the store of the face before it.
 inline void draw_rows(const Edges& t, TileBuffer& tile) {
   const Int lanes = lane_numbers();
   const Float lanes_f = to_float(lanes);
   const Float iz_min = splat(t.iz_min), iz_max = splat(t.iz_max);
   const Int face = splat(t.face);
-  for (int x = t.x0; x <= t.x1; x += kLanes) {
+  for (int x = t.x0 & -kLanes; x <= t.x1; x += kLanes) {
     const int dx = x - t.x0;
-    const Int beyond = splat(t.x1 - x) - lanes;  // negative past the last pixel
+    const Int beyond = (splat(t.x1 - x) - lanes) | (lanes + dx);  // negative past the last pixel and before the first
     Int e0 = splat(t.e[0] + dx * t.ex[0]) + lanes * t.ex[0];
     Int e1 = splat(t.e[1] + dx * t.ex[1]) + lanes * t.ex[1];
     Int e2 = splat(t.e[2] + dx * t.ex[2]) + lanes * t.ex[2];
@@ -96,6 +96,7 @@ struct EdgesBatch {
   alignas(64) std::int32_t x0[kLanes], y0[kLanes], x1[kLanes], y1[kLanes];
   alignas(64) std::int32_t e[3][kLanes], ex[3][kLanes], ey[3][kLanes];
   alignas(64) float iz[kLanes], izx[kLanes], izy[kLanes], iz_min[kLanes], iz_max[kLanes];
+  Int in_tile;     ///< -1: as `drawn`
   unsigned drawn;  ///< bit per lane: has an area and pixels in this tile
   unsigned large;  ///< bit per lane: too large for 32 bits, to be set up alone
 };
@@ -162,7 +163,8 @@ inline void set_up_batch(const RasterView& view, const FaceBatch& batch, Int liv
   const int last_y = (tile_y + kTile < view.height ? tile_y + kTile : view.height) - 1;
   const Int x1 = min(last_pixel(high_x), splat(last_x)), y1 = min(last_pixel(high_y), splat(last_y));
   const Int wanted = view.cull ? turned : (area != 0);
-  out.drawn = bits_of(mask_of(small & wanted & (x0 <= x1) & (y0 <= y1)));
+  out.in_tile = small & wanted & (x0 <= x1) & (y0 <= y1);
+  out.drawn = bits_of(mask_of(out.in_tile));
   out.large = bits_of(mask_of(live & ~small));
   store(out.x0, x0 - tile_x);
   store(out.y0, y0 - tile_y);
@@ -281,13 +283,13 @@ void set_up_lane(const RasterView& view, const FaceBatch& batch, int lane, std::
   cut.face = face;
 }
 
-/// Calls draw(Edges) for the entries of a tile in their order.
-template <bool kDepth, typename Draw>
-inline void for_each_triangle(const RasterView& view, const TileWork& work, const Draw& draw) {
+/// Calls draw(Edges, whether it was set up in a batch) for the entries of a tile in their order, and grow(EdgesBatch)
+/// for each batch before its entries.
+template <bool kDepth, typename Draw, typename Batch>
+inline void for_each_triangle(const RasterView& view, const TileWork& work, const Draw& draw, const Batch& grow) {
   FaceBatch batch;
   EdgesBatch edges;
   alignas(64) std::int32_t faces[kLanes];
-  Edges t;
   for (std::int64_t i = 0; i < work.count; i += kLanes) {
     const int count = work.count - i < kLanes ? static_cast<int>(work.count - i) : kLanes;
     for (int lane = 0; lane < count; ++lane) {
@@ -303,9 +305,11 @@ inline void for_each_triangle(const RasterView& view, const TileWork& work, cons
       cut_lanes |= 1u << lane;
     }
     set_up_batch(view, batch, live, work.x0, work.y0, kDepth, edges);
+    grow(edges);
     for (unsigned left = edges.drawn | edges.large | cut_lanes; left != 0; left &= left - 1) {
       const int lane = __builtin_ctz(left);
       if ((edges.drawn >> lane) & 1) {
+        Edges t;
         take_lane(edges, lane, t);
         if (kDepth) {
           t.iz = edges.iz[lane];
@@ -315,9 +319,10 @@ inline void for_each_triangle(const RasterView& view, const TileWork& work, cons
           t.iz_max = edges.iz_max[lane];
           t.face = faces[lane];
         }
-        draw(t);
+        draw(t, true);
         continue;
       }
+      Edges t;
       bool drawn = false;
       if ((cut_lanes >> lane) & 1) {
         set_up_cut(view, work.cut[~work.entries[i + lane]], work.x0, work.y0, drawn, t);
@@ -326,7 +331,7 @@ inline void for_each_triangle(const RasterView& view, const TileWork& work, cons
         set_up_lane(view, batch, lane, faces[lane], whole);
         set_up_cut(view, whole, work.x0, work.y0, drawn, t);
       }
-      if (drawn) draw(t);
+      if (drawn) draw(t, false);
     }
   }
 }
@@ -337,6 +342,26 @@ inline void grow(TileRect& r, const Edges& t) {
   if (t.x1 >= r.x1) r.x1 = static_cast<std::int16_t>(t.x1 + 1);
   if (t.y1 >= r.y1) r.y1 = static_cast<std::int16_t>(t.y1 + 1);
 }
+
+/// The rectangle around what the lanes of batches have drawn.
+struct TouchedLanes {
+  Int x0 = splat(kTile), y0 = splat(kTile), x1 = splat(-1), y1 = splat(-1);
+
+  void grow(const EdgesBatch& b) {
+    x0 = min(x0, b.in_tile ? load<Int>(b.x0) : splat(kTile));
+    y0 = min(y0, b.in_tile ? load<Int>(b.y0) : splat(kTile));
+    x1 = max(x1, b.in_tile ? load<Int>(b.x1) : splat(-1));
+    y1 = max(y1, b.in_tile ? load<Int>(b.y1) : splat(-1));
+  }
+  void add_to(TileRect& r) const {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (x0[lane] < r.x0) r.x0 = static_cast<std::int16_t>(x0[lane]);
+      if (y0[lane] < r.y0) r.y0 = static_cast<std::int16_t>(y0[lane]);
+      if (x1[lane] >= r.x1) r.x1 = static_cast<std::int16_t>(x1[lane] + 1);
+      if (y1[lane] >= r.y1) r.y1 = static_cast<std::int16_t>(y1[lane] + 1);
+    }
+  }
+};
 
 // --- finished pixels -------------------------------------------------------------------------------------------------
 
@@ -410,16 +435,22 @@ std::int64_t bound_faces(const RasterView& view, std::int64_t begin, std::int64_
 }
 
 void draw_tile(const RasterView& view, const TileWork& work, TileBuffer& tile, TileRect& touched) {
+  TouchedLanes lanes;
   TileRect rect = touched;
-  for_each_triangle<true>(view, work, [&](const Edges& t) {
-    grow(rect, t);
-    draw_rows(t, tile);
-  });
+  for_each_triangle<true>(
+      view, work,
+      [&](const Edges& t, bool in_batch) {
+        if (!in_batch) grow(rect, t);
+        draw_rows(t, tile);
+      },
+      [&](const EdgesBatch& batch) { lanes.grow(batch); });
+  lanes.add_to(rect);
   touched = rect;
 }
 
 void cover_tile(const RasterView& view, const TileWork& work, std::uint64_t* rows) {
-  for_each_triangle<false>(view, work, [&](const Edges& t) { cover_rows(t, rows); });
+  for_each_triangle<false>(
+      view, work, [&](const Edges& t, bool) { cover_rows(t, rows); }, [](const EdgesBatch&) {});
 }
 
 void resolve_tile(const RasterView& view, int x0, int y0, TileRect rect, TileBuffer& tile, const RasterOutput& out) {

@@ -52,10 +52,9 @@ static inline void resolve_cut_pixel(const RasterView& view, std::int32_t face, 
 /// @param corner receives the vertices of the faces; those of face 0 where a pixel has no face
 static inline Pixels resolve_pixels(const RasterView& view, const std::int32_t* faces, Float centre_u, Float centre_v,
                                     std::int32_t (*corner)[kLanes]) {
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const std::int32_t* face = view.faces + 4 * static_cast<std::int64_t>(faces[lane] < 0 ? 0 : faces[lane]);
-    for (int k = 0; k < 3; ++k) corner[k][lane] = face[k];
-  }
+  alignas(64) std::int32_t present[kLanes];
+  store(present, max(load<Int>(faces), Int{}));
+  load_corners(view.faces, present, corner);
   Float u[3], v[3], iz[3], w[3];
   for (int k = 0; k < 3; ++k) {
     load_records(view.screen, corner[k], u[k], v[k], iz[k], w[k]);

@@ -157,6 +157,23 @@ static inline void load_records(const float* records, const std::int32_t* index,
   load_quads<4>(records, index, a, b, c, d);
 }
 
+/// The first three of four integers of the records `index[lane]`.
+static inline void load_corners(const std::int32_t* records, const std::int32_t* index,
+                                std::int32_t (*corner)[kLanes]) {
+#if defined(__AVX2__)
+  Float a, b, c, unused;
+  load_quads<4>(reinterpret_cast<const float*>(records), index, a, b, c, unused);  // moved, never computed with
+  store(corner[0], a);
+  store(corner[1], b);
+  store(corner[2], c);
+#else
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const std::int32_t* record = records + 4 * static_cast<std::int64_t>(index[lane]);
+    for (int k = 0; k < 3; ++k) corner[k][lane] = record[k];
+  }
+#endif
+}
+
 /// The reverse: stores a..d of lane 0, of lane 1, ... `out` [kLanes,4].
 static inline void store_quads(float* out, Float a, Float b, Float c, Float d) {
 #if defined(__AVX512F__)

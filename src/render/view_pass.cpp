@@ -93,25 +93,40 @@ void ViewPass::bound(Chunk& chunk) {
   chunk.bounds = std::move(bounds);
 }
 
+namespace {
+
+bool in_one_tile(const FaceTiles& f) { return f.x0 == f.x1 && f.y0 == f.y1; }
+
+}  // namespace
+
 /// Counting sort by tile; it is stable, so each bin lists its faces in ascending order.
 void ViewPass::sort(Chunk& chunk) {
   std::vector<std::int32_t>& offsets = chunk.offsets;
   offsets.assign(as_size(num_tiles() + 2), 0);
+  std::int32_t* counts = offsets.data() + 2;
   for (const FaceTiles& f : chunk.bounds) {
+    if (in_one_tile(f)) {
+      ++counts[f.y0 * tiles_x_ + f.x0];
+      continue;
+    }
     for (int y = f.y0; y <= f.y1; ++y) {
-      for (int x = f.x0; x <= f.x1; ++x) ++offsets[as_size(y * tiles_x_ + x + 2)];
+      for (int x = f.x0; x <= f.x1; ++x) ++counts[y * tiles_x_ + x];
     }
   }
   for (std::size_t i = 2; i < offsets.size(); ++i) offsets[i] += offsets[i - 1];
   chunk.entries.resize(as_size(offsets.back()));
   const bool coded = !chunk.codes.empty();
+  std::int32_t* next = offsets.data() + 1;
+  std::int32_t* entries = chunk.entries.data();
   for (std::size_t i = 0; i < chunk.bounds.size(); ++i) {
     const FaceTiles& f = chunk.bounds[i];
     const std::int32_t code = coded ? chunk.codes[i] : f.face;
+    if (in_one_tile(f)) {
+      entries[next[f.y0 * tiles_x_ + f.x0]++] = code;
+      continue;
+    }
     for (int y = f.y0; y <= f.y1; ++y) {
-      for (int x = f.x0; x <= f.x1; ++x) {
-        chunk.entries[as_size(offsets[as_size(y * tiles_x_ + x + 1)]++)] = code;
-      }
+      for (int x = f.x0; x <= f.x1; ++x) entries[next[y * tiles_x_ + x]++] = code;
     }
   }
 }

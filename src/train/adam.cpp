@@ -145,27 +145,33 @@ std::vector<std::pair<std::string, torch::Tensor>> Adam::mean_weights() const {
   return means;
 }
 
-void Adam::save(Checkpoint& checkpoint) const {
+bool Adam::needs_moments(const Slot& slot, const IsTrained& is_trained) {
+  return slot.steps > 0 && (!is_trained || is_trained(slot.name));
+}
+
+void Adam::save(Checkpoint& checkpoint, const IsTrained& is_trained) const {
   checkpoint.set_text("optimizer.steps", std::to_string(steps_));
   torch::Tensor steps = torch::empty({static_cast<std::int64_t>(slots_.size())}, torch::kInt64);
   for (std::size_t i = 0; i < slots_.size(); ++i) steps[static_cast<std::int64_t>(i)] = slots_[i].steps;
   checkpoint.set_tensor("optimizer.slot_steps", steps);
   for (const Slot& slot : slots_) {
+    if (slot.mean.defined()) checkpoint.set_tensor("optimizer.mean." + slot.name, slot.mean);
+    if (!needs_moments(slot, is_trained)) continue;
     checkpoint.set_tensor("optimizer.first." + slot.name, slot.first);
     checkpoint.set_tensor("optimizer.second." + slot.name, slot.second);
-    if (slot.mean.defined()) checkpoint.set_tensor("optimizer.mean." + slot.name, slot.mean);
   }
 }
 
-void Adam::load(const Checkpoint& checkpoint) {
+void Adam::load(const Checkpoint& checkpoint, const IsTrained& is_trained) {
   steps_ = checkpoint.integer("optimizer.steps");
   const torch::Tensor steps = checkpoint.tensor("optimizer.slot_steps");
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     Slot& slot = slots_[i];
     slot.steps = steps[static_cast<std::int64_t>(i)].item<std::int64_t>();
+    if (slot.mean.defined()) checkpoint.copy_tensor("optimizer.mean." + slot.name, slot.mean);
+    if (!needs_moments(slot, is_trained)) continue;  // they are 0, or never used
     checkpoint.copy_tensor("optimizer.first." + slot.name, slot.first);
     checkpoint.copy_tensor("optimizer.second." + slot.name, slot.second);
-    if (slot.mean.defined()) checkpoint.copy_tensor("optimizer.mean." + slot.name, slot.mean);
   }
 }
 

@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,10 +60,15 @@ class Adam {
   /// Running mean of the weights by name; empty without `mean_decay`.
   std::vector<std::pair<std::string, torch::Tensor>> mean_weights() const;
 
-  /// Saves moments, means and step count under `optimizer.*`.
-  void save(Checkpoint& checkpoint) const;
-  /// @throws Error when a tensor is missing or has another shape
-  void load(const Checkpoint& checkpoint);
+  /// Whether a parameter of this name can still get a gradient.
+  using IsTrained = std::function<bool(const std::string& parameter)>;
+  /// Saves moments, means and step count under `optimizer.*`. The moments of a parameter that has had no gradient are
+  /// 0, and those of a parameter that gets none any more are not needed; neither are saved.
+  /// @param is_trained empty: every parameter
+  void save(Checkpoint& checkpoint, const IsTrained& is_trained = {}) const;
+  /// Moments that the checkpoint need not hold may be there, as in the checkpoints of earlier versions.
+  /// @param is_trained as for `save` @throws Error when a tensor is missing or has another shape
+  void load(const Checkpoint& checkpoint, const IsTrained& is_trained = {});
 
  private:
   struct Slot {
@@ -77,6 +83,7 @@ class Adam {
     std::int64_t begin, end;
   };
   void add(const Group& group);
+  static bool needs_moments(const Slot& slot, const IsTrained& is_trained);
 
   AdamOptions options_;
   std::vector<Slot> slots_;

@@ -68,4 +68,13 @@ HybridPlan::Place HybridPlan::at(std::int64_t step) const {
   return place;
 }
 
+bool HybridPlan::comes(HybridPhase phase, std::int64_t step) const {
+  std::int64_t end = 0;
+  for (const Part& part : parts()) {
+    end += part.steps;
+    if (part.steps > 0 && end > step && (part.phase == phase || part.phase == HybridPhase::joint)) return true;
+  }
+  return false;
+}
+
 }  // namespace doppel

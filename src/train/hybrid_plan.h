@@ -40,6 +40,9 @@ class HybridPlan {
   };
   /// @param step steps done so far
   Place at(std::int64_t step) const;
+  /// Whether a step at or after `step` trains the field, and whether one trains the mesh.
+  bool trains_field_from(std::int64_t step) const { return comes(HybridPhase::field, step); }
+  bool trains_mesh_from(std::int64_t step) const { return comes(HybridPhase::refine, step); }
 
  private:
   struct Part {
@@ -48,6 +51,8 @@ class HybridPlan {
     double variance;
   };
   std::vector<Part> parts() const;
+  /// Whether a step of this phase, or of the joint one, comes at or after `step`.
+  bool comes(HybridPhase phase, std::int64_t step) const;
 
   std::vector<HybridRound> rounds_;
   std::int64_t joint_ = 0;

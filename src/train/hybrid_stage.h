@@ -68,6 +68,10 @@ class HybridStage : public CaptureStage {
   using CaptureStage::loss;
   LossTerms loss(const Batch& batch, StepContext& context) override;
   std::string identity() const override { return CaptureStage::identity() + ", on " + actor_.digest(); }
+  bool is_trained_from(std::int64_t step, const std::string& parameter) const override {
+    return parameter.rfind("refined.", 0) == 0 ? config_.plan.trains_mesh_from(step)
+                                               : config_.plan.trains_field_from(step);
+  }
   std::vector<ReportImage> images() override;
 
   Hybrid& hybrid() { return model_; }

@@ -72,6 +72,10 @@ class Stage {
   /// Identifies data and character. A run does not resume from a checkpoint with another identity.
   virtual std::string identity() const = 0;
 
+  /// Whether a parameter can get a gradient in a step at or after `step`. A checkpoint holds the optimiser's moments of
+  /// these parameters only. @param parameter its name in `model` @param step steps done so far
+  virtual bool is_trained_from(std::int64_t /*step*/, const std::string& /*parameter*/) const { return true; }
+
   /// Recomputes buffers that depend on the weights. Called just before buffers are saved as `evaluation.*`, with the
   /// evaluation weights (the running mean, if there is one) in the model. Must not use random numbers; its changes to
   /// the model are undone afterwards.

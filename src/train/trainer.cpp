@@ -194,14 +194,14 @@ void Trainer::resume() {
         "{} was trained on other data:\n  then: {}\n  now:  {}\nUse the same capture, another --out, or --overwrite.",
         run_.path().string(), checkpoint.text("identity"), stage_.identity());
   load_module(stage_.model(), "model.", checkpoint);
-  adam_.load(checkpoint);
+  step_ = saved_step_ = checkpoint.integer("step");
+  adam_.load(checkpoint, [this](const std::string& parameter) { return is_trained_later(parameter); });
   generator_.set_state(checkpoint.tensor("generator.run"));
   global_generator().set_state(checkpoint.tensor("generator.global"));
   stage_.restore_data(checkpoint.text("data"));
   window_.restore(checkpoint.text("metrics"));
   earlier_seconds_ = checkpoint.number("seconds");
   last_loss_ = checkpoint.number("loss");
-  step_ = saved_step_ = checkpoint.integer("step");
   // A kill may have come between the checkpoint and its note.
   if (writes()) checkpoints_.note(step_, checkpoint);
   warn_of_other_machine(checkpoint);
@@ -336,7 +336,7 @@ void Trainer::save_checkpoint() {
   checkpoint.set_tensor("generator.run", generator_state(generator_));
   checkpoint.set_tensor("generator.global", generator_state(global_generator()));
   save_module(stage_.model(), "model.", checkpoint);
-  adam_.save(checkpoint);
+  adam_.save(checkpoint, [this](const std::string& parameter) { return is_trained_later(parameter); });
   save_evaluation(checkpoint);
   checkpoints_.save(step_, checkpoint);
   saved_step_ = step_;

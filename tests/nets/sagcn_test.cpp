@@ -7,6 +7,7 @@
 #include <torch/optim/adam.h>
 #include <torch/types.h>
 
+#include <cstdlib>
 #include <sstream>
 
 #include "doppel/core/error.h"
@@ -104,6 +105,114 @@ TEST(SagcnAgrees, WithItsReferenceOnOneSample) {
       EXPECT_TRUE(test::is_near(fast->named_parameters()[item.key()].grad(), item.value().grad(), 1e-4, 1e-4))
           << item.key();
   }
+}
+
+/// Random weights, and statistics that a training might have left.
+void fill_at_random(SagcnImpl& net) {
+  const torch::NoGradGuard no_grad;
+  for (auto& item : net.named_parameters())
+    item.value().uniform_(-0.3, 0.3).add_(item.key().find("norm.weight") == std::string::npos ? 0.0 : 1.0);
+  for (auto& item : net.named_buffers())
+    if (item.key().find("running_var") == std::string::npos)
+      item.value().uniform_(-0.5, 0.5);
+    else
+      item.value().uniform_(0.5, 2.0);
+}
+
+void copy_into(torch::nn::Module& from, torch::nn::Module& to) {
+  const torch::NoGradGuard no_grad;
+  const auto parameters = from.named_parameters(), buffers = from.named_buffers();
+  for (auto& item : to.named_parameters()) item.value().copy_(parameters[item.key()]);
+  for (auto& item : to.named_buffers()) item.value().copy_(buffers[item.key()]);
+}
+
+/// Rounds what a frozen network holds in bfloat16: the kernels between the layers, 16 to 16 features.
+void round_kernels(SagcnImpl& net) {
+  const torch::NoGradGuard no_grad;
+  for (auto& item : net.named_parameters())
+    if (item.key().find("kernels") != std::string::npos && item.key().find("stem") == std::string::npos &&
+        item.key().find("head") == std::string::npos)
+      item.value().copy_(item.value().to(torch::kBFloat16));
+}
+
+TEST(FrozenSagcnAgrees, WithTheReferenceInEveryForm) {
+  torch::manual_seed(1);
+  for (const auto& [nodes, rings, blocks, outputs] :
+       {std::tuple{23, 3, 2, 3}, {211, 4, 4, 16}, {64, 1, 0, 5}, {130, 2, 2, 1}})
+    for (const SagcnNorm norm : {SagcnNorm::node, SagcnNorm::channel, SagcnNorm::none})
+      for (const DenseBlock dense : {DenseBlock::none, DenseBlock::broadcast})
+        for (const WeightFormat format : {WeightFormat::float32, WeightFormat::bfloat16}) {
+          SagcnConfig config = small_config();
+          config.features = 16;
+          config.residual_blocks = blocks;
+          config.norm = norm;
+          config.dense = dense;
+          const RingWeights ring = ring_of(nodes, rings);
+          Sagcn frozen(ring, 9, outputs, config), plain(ring, 9, outputs, config);
+          fill_at_random(*frozen);
+          copy_into(*frozen, *plain);
+          if (format == WeightFormat::bfloat16) round_kernels(*plain);
+          plain->to(torch::kFloat64);
+          plain->eval();
+          frozen->eval();
+          freeze_graph_networks(*frozen, format);
+          const Tensor features = torch::randn({1, nodes, 9});
+          const Tensor found = frozen->forward(features), expected = plain->forward(features.to(torch::kFloat64));
+          EXPECT_FALSE(found.requires_grad());
+          EXPECT_LT(largest(found - expected), 1e-5 * std::max(1.0, largest(expected)));
+        }
+}
+
+TEST(FrozenSagcnAgrees, OnAGraphTooLargeForShortIndices) {
+  SagcnConfig config = small_config();
+  config.features = 16;
+  config.norm = SagcnNorm::none;
+  const int nodes = 66000;
+  const RingWeights ring = ring_of(nodes, 2);
+  Sagcn frozen(ring, 3, 3, config);
+  frozen->eval();
+  const torch::NoGradGuard no_grad;
+  const Tensor features = torch::randn({1, nodes, 3}), expected = frozen->forward(features);
+  frozen->freeze(WeightFormat::float32);
+  EXPECT_LT(largest(frozen->forward(features) - expected), 1e-5);
+}
+
+TEST(FrozenSagcnAgrees, BitForBitAtAnyNumberOfThreadsAndOnlyWhereNothingIsTrained) {
+  SagcnConfig config = small_config();
+  config.features = 16;
+  config.norm = SagcnNorm::none;
+  config.dense = DenseBlock::broadcast;
+  Sagcn net(ring_of(2000, 3), 7, 3, config);
+  net->freeze(WeightFormat::bfloat16);
+  const Tensor one = torch::randn({1, 2000, 7}), two = torch::randn({2, 2000, 7});
+  EXPECT_TRUE(net->forward(one).requires_grad());  // training mode
+  net->eval();
+  EXPECT_TRUE(net->forward(two).requires_grad());
+  EXPECT_TRUE(net->forward(one.clone().requires_grad_()).requires_grad());
+  std::vector<Tensor> results;
+  const int before = at::get_num_threads();
+  for (const int threads : {1, 2, 3}) {
+    at::set_num_threads(threads);
+    results.push_back(net->forward(one));
+  }
+  at::set_num_threads(before);
+  EXPECT_FALSE(results[0].requires_grad());
+  EXPECT_TRUE(torch::equal(results[0], results[1]));
+  EXPECT_TRUE(torch::equal(results[0], results[2]));
+}
+
+TEST(FrozenSagcnRejects, AnUnknownFormat) {
+  setenv("DOPPEL_WEIGHTS", "int8", 1);
+  try {
+    inference_weights();
+    FAIL() << "accepted";
+  } catch (const UsageError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("bfloat16"));
+  }
+  setenv("DOPPEL_WEIGHTS", "bfloat16", 1);
+  EXPECT_EQ(inference_weights(), WeightFormat::bfloat16);
+  unsetenv("DOPPEL_WEIGHTS");
+  EXPECT_EQ(inference_weights(), WeightFormat::float32);
 }
 
 TEST(DenseBroadcastAgrees, WithItsReferenceAtAnyNumberOfThreads) {

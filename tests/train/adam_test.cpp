@@ -81,6 +81,30 @@ TEST(AdamAgrees, WhereGradientsBeginLateAndPause) {
     EXPECT_TRUE(torch::allclose(ours.named_parameters()[item.key()], item.value(), 1e-6, 1e-6)) << item.key();
 }
 
+TEST(AdamAgrees, AcrossACheckpointThatHoldsTheMomentsOfWhatIsTrainedOn) {
+  Model unbroken(1), stopped(1);
+  Adam adam(unbroken, {}), first(stopped, {});
+  const auto step = [](Model& model, Adam& optimiser, int i) {
+    set_gradients(model, 100 + i);
+    if (i >= 5) model.named_parameters()["a"].mutable_grad().reset();
+    optimiser.step(1e-2, optimiser.gradient_norm());
+  };
+  for (int i = 0; i < 5; ++i) step(stopped, first, i);
+  Checkpoint checkpoint;
+  const Adam::IsTrained is_trained = [](const std::string& name) { return name != "a"; };
+  first.save(checkpoint, is_trained);
+  EXPECT_TRUE(checkpoint.has_tensor("optimizer.first.b") && checkpoint.has_tensor("optimizer.second.b"));
+  EXPECT_FALSE(checkpoint.has_tensor("optimizer.first.a") || checkpoint.has_tensor("optimizer.second.a"));
+  EXPECT_FALSE(checkpoint.has_tensor("optimizer.first.unused"));
+  Adam second(stopped, {});
+  EXPECT_THROW(second.load(checkpoint), Error);
+  second.load(checkpoint, is_trained);
+  for (int i = 0; i < 9; ++i) step(unbroken, adam, i);
+  for (int i = 5; i < 9; ++i) step(stopped, second, i);
+  for (const auto& item : unbroken.named_parameters())
+    EXPECT_TRUE(torch::equal(stopped.named_parameters()[item.key()], item.value())) << item.key();
+}
+
 TEST(AdamAgrees, WithTorchAdamAndL2) {
   Model theirs(2), ours(2);
   torch::optim::Adam reference(theirs.parameters(), torch::optim::AdamOptions(1e-2).weight_decay(0.05));

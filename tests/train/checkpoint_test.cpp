@@ -69,6 +69,26 @@ TEST(CheckpointRecovers, ViewsAreStoredAloneAndWithTheirLayout) {
   EXPECT_TRUE(torch::equal(Checkpoint::load(folder / "a.pt").tensor("part"), large.slice(0, 3, 5).t()));
 }
 
+TEST(CheckpointRecovers, EqualTensorsStoredOnce) {
+  const TemporaryFolder folder;
+  const auto values = torch::rand({100, 1000});
+  Checkpoint checkpoint;
+  checkpoint.set_tensor("a", values);
+  checkpoint.set_tensor("b", values.clone());
+  checkpoint.set_tensor("flat", values.flatten().clone());
+  checkpoint.set_tensor("bits", values.view(torch::kInt32).clone());  // of another type
+  auto other = values.clone();
+  other[99][999] += 1.0;
+  checkpoint.set_tensor("other", other);
+  checkpoint.save(folder / "a.pt");
+  EXPECT_LT(fs::file_size(folder / "a.pt"), 3 * values.nbytes() + 20000u);
+  const Checkpoint read = Checkpoint::load(folder / "a.pt");
+  for (const auto& [name, tensor] : checkpoint.tensors()) {
+    EXPECT_EQ(read.tensor(name).scalar_type(), tensor.scalar_type());
+    EXPECT_TRUE(torch::equal(read.tensor(name), tensor)) << name;
+  }
+}
+
 TEST(CheckpointRecovers, ModulesWithBuffers) {
   testing::ToyModelImpl model, other;
   model.train();

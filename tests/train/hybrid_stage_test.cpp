@@ -222,6 +222,45 @@ TEST_F(HybridTraining, ResumedInAnyPhaseEqualsAnUnbrokenRunToTheBit) {
   }
 }
 
+TEST_F(HybridTraining, ACheckpointHoldsTheMomentsOfWhatIsTrainedLater) {
+  const CheckpointFolder kept(*folder_ / "run/radiance/checkpoints");
+  const auto moments = [&](std::int64_t step) {
+    std::set<std::string> of;
+    for (const auto& [name, tensor] : Checkpoint::load(kept.path(step)).tensors())
+      if (name.rfind("optimizer.first.", 0) == 0) of.insert(name.substr(16, name.find('.', 16) - 16));
+    return of;
+  };
+  EXPECT_EQ(moments(54), (std::set<std::string>{"field", "motion"}));  // DeltaNet has had no gradient yet
+  EXPECT_EQ(moments(108), (std::set<std::string>{"field", "motion", "refined"}));
+  EXPECT_EQ(moments(150), std::set<std::string>{});
+  const Checkpoint first = Checkpoint::load(kept.path(54)), last = Checkpoint::load(kept.path(150));
+  std::uintmax_t deltanet = 0;
+  for (const auto& [name, tensor] : first.tensors())
+    if (name.rfind("model.around.", 0) == 0) {
+      EXPECT_TRUE(torch::equal(tensor, first.tensor("model.refined." + name.substr(13)))) << name;
+      deltanet += tensor.nbytes();
+    }
+  const auto size_without = [&](const Checkpoint& checkpoint) {
+    std::uintmax_t size = 0;
+    for (const auto& [name, tensor] : checkpoint.tensors())
+      if (name.rfind("evaluation.", 0) != 0) size += tensor.nbytes();
+    return size;
+  };
+  // Both DeltaNets are equal in the first phase, and stored once.
+  EXPECT_LT(fs::file_size(kept.path(54)), size_without(first) - deltanet / 2);
+  EXPECT_GT(fs::file_size(kept.path(150)), deltanet * 2);
+}
+
+TEST(HybridPlanReference, TheMomentsOfAPhaseThatDoesNotComeAgainAreNotNeeded) {
+  const HybridPlan plan = plan_of("rounds: [{field: 10, refine: 4}, {field: 6, refine: 2}]\n");
+  EXPECT_TRUE(plan.trains_field_from(0) && plan.trains_mesh_from(0));
+  EXPECT_TRUE(plan.trains_field_from(10) && plan.trains_field_from(19));
+  EXPECT_FALSE(plan.trains_field_from(20));
+  EXPECT_TRUE(plan.trains_mesh_from(20) && plan.trains_mesh_from(21));
+  EXPECT_FALSE(plan.trains_mesh_from(22));
+  EXPECT_TRUE(plan_of("rounds: [{field: 10, refine: 4}]\njoint: 1\n").trains_field_from(14));
+}
+
 TEST_F(HybridTraining, ViewsWithoutThePersonCostNothing) {
   TrainedActor actor = TrainedActor::load(*folder_ / "run", std::nullopt, "radiance");
   const Dataset dataset = Dataset::open(prepared_);

@@ -168,16 +168,20 @@ inline Vector<L> aligned_weight(float weight, const float* bone, const Vector<L>
   return cosine < 0.0f ? -w : w;
 }
 
-/// b = sum s w dq.
+constexpr int kKeptWeights = 8;
+
+/// b = sum s w dq. @param kept receives the first kKeptWeights aligned weights s w; null: not wanted
 template <int L>
-inline void blend_dual_quaternion(const SkinningParams& p, int64_t i, Vector<L>* b, Vector<L>* first) {
+inline void blend_dual_quaternion(const SkinningParams& p, int64_t i, Vector<L>* b, Vector<L>* first, Vector<L>* kept) {
   const int32_t begin = p.offsets[i], end = p.offsets[i + 1];
   const float* pivot = p.table + static_cast<int64_t>(p.items[begin]) * 8 * L;
   for (int c = 0; c < 4; ++c) first[c] = load<L>(pivot + c * L);
   for (int c = 0; c < 8; ++c) b[c] = p.weights[begin] * load<L>(pivot + c * L);
+  if (kept) kept[0] = aligned_weight<L>(p.weights[begin], pivot, first);
   for (int32_t e = begin + 1; e < end; ++e) {
     const float* bone = p.table + static_cast<int64_t>(p.items[e]) * 8 * L;
     const Vector<L> w = aligned_weight<L>(p.weights[e], bone, first);
+    if (kept && e - begin < kKeptWeights) kept[e - begin] = w;
     for (int c = 0; c < 8; ++c) b[c] += w * load<L>(bone + c * L);
   }
 }
@@ -290,7 +294,7 @@ void forward(const SkinningParams& p, int64_t begin, int64_t end) {
         blend_linear<L>(p, start + i, &blend);
       } else {
         Vector<L> b[8], first[4];
-        blend_dual_quaternion<L>(p, start + i, b, first);
+        blend_dual_quaternion<L>(p, start + i, b, first, nullptr);
         rigid_of<L>(b, &blend);
       }
       write_result<L>(p, blend, points + 3 * i * L, results + width * i * L);
@@ -322,16 +326,18 @@ inline void result_adjoint(const SkinningParams& p, const Transform<L>& blend, c
 template <int L>
 inline void backward_dual_quaternion(const SkinningParams& p, int64_t i, const float* point, const float* grad,
                                      float* grad_point, float* part) {
-  Vector<L> b[8], first[4], grad_blend[12], grad_b[8];
+  Vector<L> b[8], first[4], kept[kKeptWeights], grad_blend[12], grad_b[8];
   Transform<L> blend;
-  blend_dual_quaternion<L>(p, i, b, first);
+  blend_dual_quaternion<L>(p, i, b, first, kept);
   rigid_of<L>(b, &blend);
   result_adjoint<L>(p, blend, point, grad, grad_blend, grad_point);
   if (!part) return;
   rigid_adjoint<L>(b, grad_blend, grad_b);
-  for (int32_t e = p.offsets[i]; e < p.offsets[i + 1]; ++e) {
+  const int32_t begin = p.offsets[i], end = p.offsets[i + 1];
+  for (int32_t e = begin; e < end; ++e) {
     const int64_t place = static_cast<int64_t>(p.items[e]) * 8 * L;
-    const Vector<L> w = aligned_weight<L>(p.weights[e], p.table + place, first);
+    const Vector<L> w =
+        e - begin < kKeptWeights ? kept[e - begin] : aligned_weight<L>(p.weights[e], p.table + place, first);
     for (int c = 0; c < 8; ++c) store<L>(part + place + c * L, load<L>(part + place + c * L) + w * grad_b[c]);
   }
 }
