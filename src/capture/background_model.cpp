@@ -54,15 +54,26 @@ double common_ratio(const Histogram& votes) {
   return std::exp(mean);
 }
 
+/// The natural logarithms of 0 to 255.
+const std::array<double, 256>& logarithms() {
+  static const std::array<double, 256> table = [] {
+    std::array<double, 256> logs{};
+    for (int i = 0; i < 256; ++i) logs[i] = std::log(static_cast<double>(i));
+    return logs;
+  }();
+  return table;
+}
+
 /// The brightness of an image relative to the empty scene, per channel.
 cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
+  const std::array<double, 256>& logs = logarithms();
   std::array<Histogram, 3> votes{};
   for (int row = 0; row < image.rows; row += kSampleStep)
     for (int column = 0; column < image.cols; column += kSampleStep) {
       const cv::Vec3b &seen = image.at<cv::Vec3b>(row, column), &learnt = empty.at<cv::Vec3b>(row, column);
       for (int k = 0; k < 3; ++k) {
         if (std::min(seen[k], learnt[k]) < kDarkest || std::max(seen[k], learnt[k]) > kBrightest) continue;
-        const double ratio = std::log(static_cast<double>(seen[k]) / learnt[k]);
+        const double ratio = logs[seen[k]] - logs[learnt[k]];
         if (std::abs(ratio) <= kLogRange) ++votes[k][std::lround((ratio + kLogRange) / kLogStep)];
       }
     }
@@ -91,14 +102,97 @@ void fill_small_holes(cv::Mat& mask) {
 
 /// The mask of one person without specks and gaps; empty when the result is too small to be a person.
 cv::Mat clean(const cv::Mat& found, int gap) {
-  cv::Mat mask;
-  cv::medianBlur(found, mask, 3);
+  cv::Mat result = cv::Mat::zeros(found.size(), CV_8U), mask;
+  // Nothing happens far from the pixels found. The margin is wide enough that the background around the person stays
+  // one large region, as in the whole image.
+  cv::Rect box = cv::boundingRect(found);
+  if (box.empty()) return result;
+  const cv::Point margin(2 * gap + 16, 2 * gap + 16);
+  box = cv::Rect(box.tl() - margin, box.br() + margin) & cv::Rect({}, found.size());
+  cv::medianBlur(found(box), mask, 3);
   if (gap > 1) cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc(gap));
   mask = largest_component(mask);
-  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(mask.total())) mask.setTo(0);
+  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(found.total())) return result;
   fill_small_holes(mask);
-  return mask;
+  mask.copyTo(result(box));
+  return result;
 }
+
+// ---- mixtures ----
+
+constexpr int kTile = 64;  ///< pixels
+
+/// Mixtures of Gaussians of all pixels, in tiles. The model of a tile is asked only where the image differs from the
+/// empty scene: a pixel as near to the mean of its learnt colours as the smallest variance allows matches them in any
+/// case, and single pixels beyond this are specks, which `clean` removes anyway.
+class TiledMixtures {
+ public:
+  TiledMixtures() = default;
+  TiledMixtures(const BackgroundOptions& options, cv::Size size) : size_(size) {
+    for (int row = 0; row < size.height; row += kTile)
+      for (int column = 0; column < size.width; column += kTile) {
+        tiles_.push_back({cv::Rect(column, row, kTile, kTile) & cv::Rect({}, size),
+                          cv::createBackgroundSubtractorMOG2(kHistory, options.threshold * options.threshold,
+                                                             options.shadow < 1.0)});
+        tiles_.back().model->setShadowThreshold(options.shadow);
+      }
+    const double nearest = options.threshold * std::sqrt(tiles_.front().model->getVarMin());
+    sure_ = std::pow(std::max(0.0, nearest - kRounding), 2);
+  }
+
+  void learn(const cv::Mat& image, double rate) {
+    cv::Mat ignored;
+    for (const Tile& tile : tiles_) tile.model->apply(image(tile.box), ignored, rate);
+  }
+  /// The mean of the learnt colours.
+  cv::Mat empty_scene() const {
+    cv::Mat scene(size_, CV_8UC3), part;
+    for (const Tile& tile : tiles_) {
+      tile.model->getBackgroundImage(part);
+      part.copyTo(scene(tile.box));
+    }
+    return scene;
+  }
+  /// 0 background, 127 shadow, 255 person. @param empty `empty_scene`
+  cv::Mat classes(const cv::Mat& image, const cv::Mat& empty) const {
+    const cv::Mat changed = far_from(image, empty);
+    cv::Mat found = cv::Mat::zeros(size_, CV_8U), part;
+    for (const Tile& tile : tiles_) {
+      const cv::Rect around = cv::Rect(tile.box.x - 2, tile.box.y - 2, tile.box.width + 4, tile.box.height + 4);
+      if (cv::countNonZero(changed(around & cv::Rect({}, size_))) == 0) continue;
+      tile.model->apply(image(tile.box), part, 0.0);
+      part.copyTo(found(tile.box));
+    }
+    return found;
+  }
+
+ private:
+  struct Tile {
+    cv::Rect box;
+    cv::Ptr<cv::BackgroundSubtractorMOG2> model;
+  };
+  static constexpr double kRounding = 0.9;  ///< of the mean colour, three channels
+
+  /// Pixels that may not match the scene, without specks.
+  cv::Mat far_from(const cv::Mat& image, const cv::Mat& empty) const {
+    cv::Mat far(size_, CV_8U);
+    const int limit = static_cast<int>(sure_);
+    for (int row = 0; row < image.rows; ++row) {
+      const std::uint8_t *a = image.ptr(row), *b = empty.ptr(row);
+      std::uint8_t* out = far.ptr(row);
+      for (int i = 0; i < image.cols; ++i) {
+        const int x = a[3 * i] - b[3 * i], y = a[3 * i + 1] - b[3 * i + 1], z = a[3 * i + 2] - b[3 * i + 2];
+        out[i] = x * x + y * y + z * z > limit ? 255 : 0;
+      }
+    }
+    cv::medianBlur(far, far, 3);
+    return far;
+  }
+
+  cv::Size size_;
+  std::vector<Tile> tiles_;
+  double sure_ = 0.0;  ///< squared distance of a colour that surely matches
+};
 
 /// The pixels that the graph cut may change, and its initial labels. @param changed pixels that differ from the empty
 /// scene, including shadows
@@ -138,7 +232,7 @@ cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& chang
 
 struct BackgroundModel::Impl {
   BackgroundOptions options;
-  cv::Ptr<cv::BackgroundSubtractorMOG2> model;
+  TiledMixtures model;
   std::vector<cv::Mat> few;  ///< the first images, kept to repeat them
   int learnt = 0, shown = 0;
   cv::Size size;
@@ -153,15 +247,14 @@ struct BackgroundModel::Impl {
 
   /// The n-th image changes the model by 1 / n, so that all images have the same weight.
   void show(const cv::Mat& image) {
-    cv::Mat ignored;
-    model->apply(image, ignored, 1.0 / ++shown);
+    model.learn(image, 1.0 / ++shown);
   }
 
   void finish_learning() {
     if (!empty.empty()) return;
     for (int i = 0; shown < kFewest; ++i) show(few[as_size(i) % few.size()]);
     few.clear();
-    model->getBackgroundImage(empty);
+    empty = model.empty_scene();
   }
 };
 
@@ -171,9 +264,6 @@ BackgroundModel::BackgroundModel(const BackgroundOptions& options) : impl_(std::
         "background subtraction with threshold {} and shadow {}: the threshold must be positive, the shadow in (0, 1]",
         options.threshold, options.shadow);
   impl_->options = options;
-  impl_->model =
-      cv::createBackgroundSubtractorMOG2(kHistory, options.threshold * options.threshold, options.shadow < 1.0);
-  impl_->model->setShadowThreshold(options.shadow);
 }
 
 BackgroundModel::~BackgroundModel() = default;
@@ -183,6 +273,7 @@ BackgroundModel& BackgroundModel::operator=(BackgroundModel&&) noexcept = defaul
 void BackgroundModel::learn(const cv::Mat& image) {
   if (!impl_->empty.empty()) fail<UsageError>("background subtraction cannot learn after its first mask");
   impl_->check(image);
+  if (impl_->learnt == 0) impl_->model = TiledMixtures(impl_->options, image.size());
   impl_->size = image.size();
   ++impl_->learnt;
   impl_->show(image);
@@ -195,9 +286,9 @@ cv::Mat BackgroundModel::mask(const cv::Mat& image) {
   if (impl_->learnt == 0) fail<UsageError>("background subtraction has seen no empty image yet");
   impl_->check(image);
   impl_->finish_learning();
-  cv::Mat levelled, found;
+  cv::Mat levelled;
   cv::divide(image, exposure_ratio(image, impl_->empty), levelled);
-  impl_->model->apply(levelled, found, 0.0);  // 0 background, 127 shadow, 255 person
+  const cv::Mat found = impl_->model.classes(levelled, impl_->empty);
   const int gap = gap_size(image.size());
   const cv::Mat person = clean(found == 255, gap);
   if (!impl_->options.refine || cv::countNonZero(person) == 0) return person;

@@ -13,6 +13,8 @@
 
 #include "doppel/fit/livecap/bone_lengths.h"
 #include "doppel/fit/livecap/landmark_roles.h"
+#include "doppel/fit/livecap/motion_filter.h"
+#include "doppel/fit/livecap/pose_prior.h"
 #include "doppel/fit/pose_fit_options.h"
 #include "doppel/fit/pose_history.h"
 #include "doppel/fit/surface/nonrigid_stage.h"
@@ -31,6 +33,16 @@ struct LivecapOptions : PoseFitOptions {
   /// thesis.
   bool remove_depth = true;
   double joint_weight = per_squared_millimetre(28.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
+  double joint_depth = 1.0;                            ///< factor of that weight along the camera's axis
+  MotionOptions motion;
+  /// [F][D] Poses that the person usually takes, for example those of the studio; empty: none are known. Their mean
+  /// replaces the rest pose, in DoFs that are not unknown too.
+  std::vector<std::vector<double>> usual_poses;
+  double usual_weight = 1000.0;  ///< of the squared Mahalanobis distance from them
+  double usual_spread = 0.1;     ///< standard deviation added to them, radians
+  double floor_weight = 0.0;     ///< per squared metre, of the height of standing feet above the floor y = 0
+  double floor_slide = 0.1;      ///< weight of their sliding, relative to that of their height
+  double floor_scale = 0.05;     ///< of the robust kernel, metres
   bool faces = true;                                   ///< landmarks of the face have weight 0.326; false: weight 0
   int start_iterations = 60;                           ///< of a frame without a prediction
 
@@ -66,12 +78,15 @@ class LivecapTracker {
   struct Fit;
   std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected,
                                                double keypoint_weight) const;
+  std::vector<double> predicted_pose() const;
+  Eigen::Matrix3d joint_axes() const;
+  std::unique_ptr<PoseTerm> floor_term(bool follows) const;
   void set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline);
   std::unique_ptr<PoseTerm> silhouette_term(const Evidence& evidence, const std::vector<double>& dofs);
   Fit fit(const Evidence& evidence, std::vector<double> start, const std::vector<double>* expected);
   Fit start_anew(const Evidence& evidence);
-  TrackedFrame track_pose(const Evidence& evidence);
-  void remember(const TrackedFrame& found);
+  Fit track_pose(const Evidence& evidence);
+  void remember(const Fit& found);
   void forget_surface();
   void deform_template(std::vector<Eigen::Vector3d> rest_vertices);
   void track_surface(const LivecapInput& input, FrameResult& frame);
@@ -83,7 +98,11 @@ class LivecapTracker {
   LandmarkRoles roles_;
   LandmarkTree tree_;
   std::vector<double> rigidity_;  ///< [M]
+  std::vector<double> sole_height_;  ///< [M] above the floor in the rest pose, metres
+  std::optional<PosePrior> usual_;
+  std::vector<double> usual_pose_;  ///< [D] the mean of the usual poses, or the rest pose
   PoseHistory history_;
+  MotionFilter motion_;  ///< empty without a history, or if it is switched off
   std::vector<Eigen::Vector3d> rest_vertices_;  ///< [N] the template with the displacements of the last frame
   NonrigidStage surface_;
 };

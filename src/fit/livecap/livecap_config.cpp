@@ -55,6 +55,18 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   fit.faces = root.section("keypoints").get("faces", fit.faces);
   fit.remove_depth = root.section("silhouette").get("remove_depth", fit.remove_depth);
   read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
+  fit.joint_depth = root.section("joints").get("depth", fit.joint_depth, between(0.0, 1e6));
+  const ConfigReader motion = root.section("motion");
+  fit.motion.turn_weight = motion.get("turn", fit.motion.turn_weight, between(0.0, 1e12));
+  fit.motion.shift_weight = motion.get("shift", fit.motion.shift_weight, between(0.0, 1e12));
+  fit.motion.kept_velocity = motion.get("kept_velocity", fit.motion.kept_velocity, between(0.0, 1.0));
+  const ConfigReader usual = root.section("usual");
+  fit.usual_weight = usual.get("weight", fit.usual_weight, between(0.0, 1e12));
+  fit.usual_spread = usual.get("spread", fit.usual_spread, between(1e-3, 10.0));
+  read_weight(root, "floor", fit.floor_weight, per_squared_millimetre);
+  const ConfigReader floor = root.section("floor");
+  fit.floor_slide = floor.get("slide", fit.floor_slide, between(0.0, 1e6));
+  fit.floor_scale = 1e-3 * floor.get("scale", 1e3 * fit.floor_scale, between(0.0, 1e6));
   fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
   read_surface(root.section("surface"), fit);
   config.dofs = DofChoice::read(root);
