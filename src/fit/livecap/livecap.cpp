@@ -14,6 +14,7 @@
 #include "doppel/energy/terms/floor_term.h"
 #include "doppel/energy/terms/gaussian_term.h"
 #include "doppel/energy/terms/keypoint_term.h"
+#include "doppel/energy/terms/level_term.h"
 #include "doppel/energy/terms/limit_term.h"
 #include "doppel/energy/terms/point_term.h"
 #include "doppel/energy/terms/prior_term.h"
@@ -270,8 +271,10 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = options_.silhouette_weight * static_cast<double>(outline.size());
-  return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
-                                                     RobustKernel::geman_mcclure_of(options_.silhouette_scale));
+  auto term = std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
+                                                          RobustKernel::geman_mcclure_of(options_.silhouette_scale));
+  if (!options_.level_silhouette) return term;
+  return std::make_unique<LevelTerm>(std::move(term));
 }
 
 /// @param expected the predicted pose, or null

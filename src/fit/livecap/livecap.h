@@ -32,6 +32,8 @@ struct LivecapOptions : PoseFitOptions {
   /// Fit the pose with displacements that do not move the outline towards the camera or away from it. Not in the
   /// thesis.
   bool remove_depth = true;
+  /// The mean distance between the outlines of template and mask is free (`LevelTerm`). Not in the thesis.
+  bool level_silhouette = false;
   double joint_weight = per_squared_millimetre(28.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
   double joint_depth = 1.0;                            ///< factor of that weight along the camera's axis
   MotionOptions motion;

@@ -34,6 +34,8 @@ void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
   read_weight(reader, "length", surface.length_weight, per_squared_millimetre);
   read_weight(reader, "velocity", surface.velocity_weight, per_squared_millimetre);
   read_weight(reader, "acceleration", surface.acceleration_weight, per_squared_millimetre);
+  surface.carry = reader.get("carry", surface.carry);
+  read_weight(reader, "skinned", surface.skinned_weight, per_squared_millimetre);
   surface.materials = reader.get("materials", surface.materials);
   surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
   surface.warp_displacements = reader.get("warp", surface.warp_displacements);
@@ -54,6 +56,7 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   read_pose_fit(root, fit, kThesisUnits);
   fit.faces = root.section("keypoints").get("faces", fit.faces);
   fit.remove_depth = root.section("silhouette").get("remove_depth", fit.remove_depth);
+  fit.level_silhouette = root.section("silhouette").get("level", fit.level_silhouette);
   read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
   fit.joint_depth = root.section("joints").get("depth", fit.joint_depth, between(0.0, 1e6));
   const ConfigReader motion = root.section("motion");

@@ -38,6 +38,10 @@ struct NonrigidOptions {
   double rigidity = 2.0;  ///< of all vertices, without `materials`
   double velocity_weight = per_squared_millimetre(0.25);     ///< per squared metre
   double acceleration_weight = per_squared_millimetre(0.1);  ///< per squared metre
+  /// Velocity and acceleration are those relative to the skinned template: the last surfaces move with the pose. false:
+  /// those in the world, as in the thesis, which hold back a person who walks towards the camera.
+  bool carry = true;
+  double skinned_weight = per_squared_millimetre(0.0);       ///< per squared metre, of vertices to the skinned template
   bool warp_displacements = true;                            ///< start from the displacements of the last frame
   bool snap = true;  ///< move outline vertices onto the mask's outline at the end (4.6.6)
   SnapOptions snapping;
