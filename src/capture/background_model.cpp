@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/video/background_segm.hpp>
 #include <vector>
 
 #include "doppel/capture/mask.h"
+#include "doppel/capture/tiled_mixtures.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
@@ -15,7 +15,6 @@ namespace doppel {
 
 namespace {
 
-constexpr int kHistory = 500;
 constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
 constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
 constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
@@ -118,82 +117,6 @@ cv::Mat clean(const cv::Mat& found, int gap) {
   return result;
 }
 
-// ---- mixtures ----
-
-constexpr int kTile = 64;  ///< pixels
-
-/// Mixtures of Gaussians of all pixels, in tiles. The model of a tile is asked only where the image differs from the
-/// empty scene: a pixel as near to the mean of its learnt colours as the smallest variance allows matches them in any
-/// case, and single pixels beyond this are specks, which `clean` removes anyway.
-class TiledMixtures {
- public:
-  TiledMixtures() = default;
-  TiledMixtures(const BackgroundOptions& options, cv::Size size) : size_(size) {
-    for (int row = 0; row < size.height; row += kTile)
-      for (int column = 0; column < size.width; column += kTile) {
-        tiles_.push_back({cv::Rect(column, row, kTile, kTile) & cv::Rect({}, size),
-                          cv::createBackgroundSubtractorMOG2(kHistory, options.threshold * options.threshold,
-                                                             options.shadow < 1.0)});
-        tiles_.back().model->setShadowThreshold(options.shadow);
-      }
-    const double nearest = options.threshold * std::sqrt(tiles_.front().model->getVarMin());
-    sure_ = std::pow(std::max(0.0, nearest - kRounding), 2);
-  }
-
-  void learn(const cv::Mat& image, double rate) {
-    cv::Mat ignored;
-    for (const Tile& tile : tiles_) tile.model->apply(image(tile.box), ignored, rate);
-  }
-  /// The mean of the learnt colours.
-  cv::Mat empty_scene() const {
-    cv::Mat scene(size_, CV_8UC3), part;
-    for (const Tile& tile : tiles_) {
-      tile.model->getBackgroundImage(part);
-      part.copyTo(scene(tile.box));
-    }
-    return scene;
-  }
-  /// 0 background, 127 shadow, 255 person. @param empty `empty_scene`
-  cv::Mat classes(const cv::Mat& image, const cv::Mat& empty) const {
-    const cv::Mat changed = far_from(image, empty);
-    cv::Mat found = cv::Mat::zeros(size_, CV_8U), part;
-    for (const Tile& tile : tiles_) {
-      const cv::Rect around = cv::Rect(tile.box.x - 2, tile.box.y - 2, tile.box.width + 4, tile.box.height + 4);
-      if (cv::countNonZero(changed(around & cv::Rect({}, size_))) == 0) continue;
-      tile.model->apply(image(tile.box), part, 0.0);
-      part.copyTo(found(tile.box));
-    }
-    return found;
-  }
-
- private:
-  struct Tile {
-    cv::Rect box;
-    cv::Ptr<cv::BackgroundSubtractorMOG2> model;
-  };
-  static constexpr double kRounding = 0.9;  ///< of the mean colour, three channels
-
-  /// Pixels that may not match the scene, without specks.
-  cv::Mat far_from(const cv::Mat& image, const cv::Mat& empty) const {
-    cv::Mat far(size_, CV_8U);
-    const int limit = static_cast<int>(sure_);
-    for (int row = 0; row < image.rows; ++row) {
-      const std::uint8_t *a = image.ptr(row), *b = empty.ptr(row);
-      std::uint8_t* out = far.ptr(row);
-      for (int i = 0; i < image.cols; ++i) {
-        const int x = a[3 * i] - b[3 * i], y = a[3 * i + 1] - b[3 * i + 1], z = a[3 * i + 2] - b[3 * i + 2];
-        out[i] = x * x + y * y + z * z > limit ? 255 : 0;
-      }
-    }
-    cv::medianBlur(far, far, 3);
-    return far;
-  }
-
-  cv::Size size_;
-  std::vector<Tile> tiles_;
-  double sure_ = 0.0;  ///< squared distance of a colour that surely matches
-};
-
 /// The pixels that the graph cut may change, and its initial labels. @param changed pixels that differ from the empty
 /// scene, including shadows
 cv::Mat cut_labels(const cv::Mat& person, const cv::Mat& changed, int gap) {
@@ -246,9 +169,7 @@ struct BackgroundModel::Impl {
   }
 
   /// The n-th image changes the model by 1 / n, so that all images have the same weight.
-  void show(const cv::Mat& image) {
-    model.learn(image, 1.0 / ++shown);
-  }
+  void show(const cv::Mat& image) { model.learn(image, 1.0 / ++shown); }
 
   void finish_learning() {
     if (!empty.empty()) return;
@@ -273,7 +194,7 @@ BackgroundModel& BackgroundModel::operator=(BackgroundModel&&) noexcept = defaul
 void BackgroundModel::learn(const cv::Mat& image) {
   if (!impl_->empty.empty()) fail<UsageError>("background subtraction cannot learn after its first mask");
   impl_->check(image);
-  if (impl_->learnt == 0) impl_->model = TiledMixtures(impl_->options, image.size());
+  if (impl_->learnt == 0) impl_->model = TiledMixtures(impl_->options.threshold, impl_->options.shadow, image.size());
   impl_->size = image.size();
   ++impl_->learnt;
   impl_->show(image);

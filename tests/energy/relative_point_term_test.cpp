@@ -61,25 +61,6 @@ TEST(RelativePointTerm, JacobianAndWeight) {
                         setting.dofs);
 }
 
-TEST(RelativePointTerm, ItsAxesWeighDirections) {
-  const Setting setting;
-  const auto targets = setting.targets(bent_pose(setting.character, 0.25), {1.0, 2.0, 3.0});
-  const Eigen::Matrix3d turn = rotation_of_vector({0.3, -0.8, 0.5});
-  const PosedBody body = setting.model.pose(setting.dofs, false);
-  const auto cost = [&](const Eigen::Vector3d& scales) {
-    Residuals rows;
-    RelativePointTerm("joints", targets, 2.0, scales.asDiagonal() * turn).evaluate(setting.model, body, false, rows);
-    return rows.cost();
-  };
-  Residuals even;
-  RelativePointTerm("joints", targets, 2.0).evaluate(setting.model, body, false, even);
-  EXPECT_NEAR(cost({1.0, 1.0, 1.0}), even.cost(), 1e-12);
-  EXPECT_NEAR(cost({1.0, 0.0, 0.0}) + cost({0.0, 1.0, 0.0}) + cost({0.0, 0.0, 0.5}),
-              even.cost() - 0.75 * cost({0.0, 0.0, 1.0}), 1e-12);
-  RelativePointTerm term("joints", targets, 2.0, Eigen::Vector3d(1.0, 2.0, 0.3).asDiagonal() * turn);
-  support::check_term(term, setting.model, setting.dofs);
-}
-
 TEST(RelativePointTerm, WithoutPointsThereIsNothing) {
   const Setting setting;
   Residuals rows;

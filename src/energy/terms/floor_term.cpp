@@ -16,7 +16,8 @@ void FloorTerm::evaluate(const PoseModel& model, const PosedBody& body, bool jac
     for (int i = 0; i < 3; ++i) {
       rows.value(first + i) = error[i];
       if (jacobian)
-        model.add_landmark_jacobian(body, sole.landmark, scale_[i] * Eigen::Vector3d::Unit(i), rows.jacobian(first + i));
+        model.add_landmark_jacobian(body, sole.landmark, scale_[i] * Eigen::Vector3d::Unit(i),
+                                    rows.jacobian(first + i));
     }
   }
 }

@@ -7,8 +7,8 @@
 
 namespace doppel {
 
-/// Feet that stand neither sink into the floor nor slide. The residual of a landmark p of a sole with the height h above
-/// the floor y = 0 when the foot stands, and with its position q in the last frame, is
+/// Feet that stand neither sink into the floor nor slide. The residual of a landmark p of a sole with the height h
+/// above the floor y = 0 when the foot stands, and with its position q in the last frame, is
 ///   (p_y - h, s (p_x - q_x), s (p_z - q_z)),   metres, s^2 = `slide`,
 /// under a robust kernel: a foot that is lifted or that moves has no influence.
 class FloorTerm : public PoseTerm {

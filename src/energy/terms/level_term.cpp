@@ -9,9 +9,9 @@ namespace doppel {
 void LevelTerm::weigh(const Residuals& rows) {
   shares_.assign(as_size(rows.num_rows()), 0.0);
   double sum = 0.0;
-  for (Eigen::Index row = 0; row < rows.num_rows(); ++row)
-    sum += shares_[as_size(row)] = std::pow(rows.factor(row), 2);
-  for (double& share : shares_) share /= sum;
+  for (Eigen::Index row = 0; row < rows.num_rows(); ++row) sum += shares_[as_size(row)] = std::pow(rows.factor(row), 2);
+  if (sum > 0.0)
+    for (double& share : shares_) share /= sum;
 }
 
 void LevelTerm::level(Residuals& rows) const {

@@ -2,9 +2,8 @@
 
 namespace doppel {
 
-RelativePointTerm::RelativePointTerm(std::string name, std::vector<PointTerm::Target> targets, double weight,
-                                     const Eigen::Matrix3d& axes)
-    : name_(std::move(name)), targets_(std::move(targets)), weight_(weight), axes_(axes) {
+RelativePointTerm::RelativePointTerm(std::string name, std::vector<PointTerm::Target> targets, double weight)
+    : name_(std::move(name)), targets_(std::move(targets)), weight_(weight) {
   for (const PointTerm::Target& target : targets_) {
     sum_ += target.weight;
     middle_ += target.weight * target.point;
@@ -22,18 +21,17 @@ void RelativePointTerm::evaluate(const PoseModel& model, const PosedBody& body, 
     const double share = target.weight / sum_;
     middle += share * model.landmark(body, target.landmark);
     for (int axis = 0; jacobian && axis < 3; ++axis)
-      model.add_landmark_jacobian(body, target.landmark, share * axes_.row(axis).transpose(),
+      model.add_landmark_jacobian(body, target.landmark, share * Eigen::Vector3d::Unit(axis),
                                   PoseModel::Row(mean.row(axis).data(), mean.cols()));
   }
   for (const PointTerm::Target& target : targets_) {
     const Eigen::Index first = rows.add_group(weight_ * target.weight);
-    const Eigen::Vector3d difference =
-        axes_ * ((model.landmark(body, target.landmark) - middle) - (target.point - middle_));
+    const Eigen::Vector3d difference = (model.landmark(body, target.landmark) - middle) - (target.point - middle_);
     for (int axis = 0; axis < 3; ++axis) {
       rows.value(first + axis) = difference[axis];
       if (!jacobian) continue;
       rows.jacobian(first + axis) = -mean.row(axis);
-      model.add_landmark_jacobian(body, target.landmark, axes_.row(axis).transpose(), rows.jacobian(first + axis));
+      model.add_landmark_jacobian(body, target.landmark, Eigen::Vector3d::Unit(axis), rows.jacobian(first + axis));
     }
   }
 }

@@ -60,12 +60,12 @@ std::vector<double> heights_at_rest(const PoseModel& model) {
 LivecapOptions::LivecapOptions() {
   keypoint_weight = per_squared_thesis_pixel(460.0);  // lambda_2D
   keypoint_scale = thesis_pixels(20.0);
-  silhouette_weight = per_squared_thesis_pixel(200.0);
+  silhouette_weight = per_squared_thesis_pixel(60.0);
   silhouette_scale = thesis_pixels(20.0);
   limit_weight = 1e6;
-  temporal_weight = per_squared_millimetre(1.5);
-  steady_weight = 3000.0;
-  prior_weight = 500.0;  // for DoFs that no other term determines
+  temporal_weight = 0.0;  // the filter of the motion replaces both
+  steady_weight = 0.0;
+  prior_weight = 20000.0;
   outline_vertices = 300;
   solver.iterations = 6;
   solver.initial_damping = 1e-6;
@@ -202,11 +202,6 @@ std::unique_ptr<PoseTerm> LivecapTracker::floor_term(bool follows) const {
                                      RobustKernel::geman_mcclure_of(options_.floor_scale));
 }
 
-/// The camera's axes, the last one scaled by the weight of depth.
-Eigen::Matrix3d LivecapTracker::joint_axes() const {
-  return Eigen::Vector3d(1.0, 1.0, std::sqrt(options_.joint_depth)).asDiagonal() * cameras_.front().R;
-}
-
 Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected,
                             double keypoint_weight) const {
   Terms result;
@@ -218,7 +213,7 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   for (std::size_t m = 0; m < evidence.joints.size(); ++m)
     if (evidence.joints[m]) joints.push_back({static_cast<int>(m), *evidence.joints[m], 1.0});
   if (!joints.empty())
-    result.push_back(std::make_unique<RelativePointTerm>("joints", std::move(joints), o.joint_weight, joint_axes()));
+    result.push_back(std::make_unique<RelativePointTerm>("joints", std::move(joints), o.joint_weight));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
   if (o.prior_weight > 0.0) result.push_back(std::make_unique<PriorTerm>("prior", usual_pose_, o.prior_weight));
   if (usual_)

@@ -31,22 +31,22 @@ struct LivecapOptions : PoseFitOptions {
 
   /// Fit the pose with displacements that do not move the outline towards the camera or away from it. Not in the
   /// thesis.
-  bool remove_depth = true;
+  bool remove_depth = false;
   /// The mean distance between the outlines of template and mask is free (`LevelTerm`). Not in the thesis.
-  bool level_silhouette = false;
-  double joint_weight = per_squared_millimetre(28.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
-  double joint_depth = 1.0;                            ///< factor of that weight along the camera's axis
+  bool level_silhouette = true;
+  double joint_weight = per_squared_millimetre(3.0);  ///< lambda_3D, per squared metre; 0: no 3D joints
   MotionOptions motion;
   /// [F][D] Poses that the person usually takes, for example those of the studio; empty: none are known. Their mean
   /// replaces the rest pose, in DoFs that are not unknown too.
   std::vector<std::vector<double>> usual_poses;
   double usual_weight = 1000.0;  ///< of the squared Mahalanobis distance from them
   double usual_spread = 0.1;     ///< standard deviation added to them, radians
-  double floor_weight = 0.0;     ///< per squared metre, of the height of standing feet above the floor y = 0
-  double floor_slide = 0.1;      ///< weight of their sliding, relative to that of their height
-  double floor_scale = 0.05;     ///< of the robust kernel, metres
-  bool faces = true;                                   ///< landmarks of the face have weight 0.326; false: weight 0
-  int start_iterations = 60;                           ///< of a frame without a prediction
+  double floor_weight =
+      per_squared_millimetre(5.0);  ///< per squared metre, of the height of standing feet above the floor y = 0
+  double floor_slide = 0.2;         ///< weight of their sliding, relative to that of their height
+  double floor_scale = 0.02;        ///< of the robust kernel, metres
+  bool faces = true;                ///< landmarks of the face have weight 0.326; false: weight 0
+  int start_iterations = 60;        ///< of a frame without a prediction
 
   bool surface = true;  ///< run the second stage; false: the surface is the skinned template
   NonrigidOptions nonrigid;
@@ -81,7 +81,6 @@ class LivecapTracker {
   std::vector<std::unique_ptr<PoseTerm>> terms(const Evidence& evidence, const std::vector<double>* expected,
                                                double keypoint_weight) const;
   std::vector<double> predicted_pose() const;
-  Eigen::Matrix3d joint_axes() const;
   std::unique_ptr<PoseTerm> floor_term(bool follows) const;
   void set_depth_aside(const PosedSurface& surface, const std::vector<OutlineVertex>& outline);
   std::unique_ptr<PoseTerm> silhouette_term(const Evidence& evidence, const std::vector<double>& dofs);
@@ -99,12 +98,12 @@ class LivecapTracker {
   SurfaceViewer viewer_;
   LandmarkRoles roles_;
   LandmarkTree tree_;
-  std::vector<double> rigidity_;  ///< [M]
+  std::vector<double> rigidity_;     ///< [M]
   std::vector<double> sole_height_;  ///< [M] above the floor in the rest pose, metres
   std::optional<PosePrior> usual_;
   std::vector<double> usual_pose_;  ///< [D] the mean of the usual poses, or the rest pose
   PoseHistory history_;
-  MotionFilter motion_;  ///< empty without a history, or if it is switched off
+  MotionFilter motion_;                         ///< empty without a history, or if it is switched off
   std::vector<Eigen::Vector3d> rest_vertices_;  ///< [N] the template with the displacements of the last frame
   NonrigidStage surface_;
 };

@@ -58,11 +58,9 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   fit.remove_depth = root.section("silhouette").get("remove_depth", fit.remove_depth);
   fit.level_silhouette = root.section("silhouette").get("level", fit.level_silhouette);
   read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
-  fit.joint_depth = root.section("joints").get("depth", fit.joint_depth, between(0.0, 1e6));
   const ConfigReader motion = root.section("motion");
   fit.motion.turn_weight = motion.get("turn", fit.motion.turn_weight, between(0.0, 1e12));
-  fit.motion.shift_weight = motion.get("shift", fit.motion.shift_weight, between(0.0, 1e12));
-  fit.motion.kept_velocity = motion.get("kept_velocity", fit.motion.kept_velocity, between(0.0, 1.0));
+  fit.motion.shift_weight = motion.get("shift", fit.motion.shift_weight, between(1e-3, 1e12));
   const ConfigReader usual = root.section("usual");
   fit.usual_weight = usual.get("weight", fit.usual_weight, between(0.0, 1e12));
   fit.usual_spread = usual.get("spread", fit.usual_spread, between(1e-3, 10.0));

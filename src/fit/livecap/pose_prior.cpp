@@ -11,8 +11,7 @@ constexpr double kFree = 1e9;  // variance of the root's unknowns
 std::vector<double> mean_pose(const PoseModel& model, const std::vector<std::vector<double>>& poses) {
   std::vector<double> mean(model.character().rest_dofs.size(), 0.0);
   for (const std::vector<double>& pose : poses) {
-    if (pose.size() != mean.size())
-      fail("a pose of the prior has {} DoFs, the skeleton {}", pose.size(), mean.size());
+    if (pose.size() != mean.size()) fail("a pose of the prior has {} DoFs, the skeleton {}", pose.size(), mean.size());
     for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += pose[d] / static_cast<double>(poses.size());
   }
   for (std::size_t d = 0; d < mean.size(); ++d)

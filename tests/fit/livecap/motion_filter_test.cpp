@@ -14,7 +14,7 @@ struct Setting {
   Character character = make_test_character(4);
   std::vector<int> dofs = all_dofs(character);
   PoseModel model{character, tube_landmarks(4), dofs};
-  MotionOptions options{100.0, 100.0, 1.0};
+  MotionOptions options{100.0, 100.0};
 
   std::vector<double> pose(double amount) const {
     std::vector<double> result = character.rest_dofs;
