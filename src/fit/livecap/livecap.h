@@ -2,9 +2,9 @@
 
 /// The one-camera tracker (chapter 4): the pose and then the surface of each frame, from one camera.
 ///
-/// The pose of a frame starts at the prediction from the last two frames. Six Gauss-Newton steps fit keypoints, 3D
-/// joints (where a network predicts them) and the outline (4.1-4.6). The vertices are then fitted to outline and
-/// colours, on top of the pose (4.7-4.15, `NonrigidStage`).
+/// The pose of a frame starts at the prediction of a filter of the motion. Six Gauss-Newton steps fit keypoints, 3D
+/// joints (where a network predicts them), the outline (4.1-4.6), the prediction and the floor. The vertices are then
+/// fitted to outline and colours, on top of the pose (4.7-4.15, `NonrigidStage`).
 
 #include <memory>
 #include <optional>
@@ -24,8 +24,8 @@
 
 namespace doppel {
 
-/// Options of the one-camera tracker. Defaults are the numbers of the thesis (4.8), converted (`thesis_units.h`). The
-/// temporal term pulls landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
+/// Options of the one-camera tracker, in other units than those of the thesis (`thesis_units.h`). The temporal term pulls
+/// landmarks to their positions in the last frame. The silhouette's weight is per outline vertex.
 struct LivecapOptions : PoseFitOptions {
   LivecapOptions();
 
