@@ -20,6 +20,8 @@ MatrixXd inverse_of(const MatrixXd& lower_half) {
   return factor.solve(MatrixXd::Identity(lower_half.rows(), lower_half.cols()));
 }
 
+MatrixXd symmetric(const MatrixXd& matrix) { return 0.5 * (matrix + matrix.transpose()); }
+
 }  // namespace
 
 VectorXd MotionFilter::noise(const PoseModel& model) const {
@@ -51,26 +53,19 @@ void MotionFilter::start(const PoseModel& model, const std::vector<double>& dofs
   if (!of_pose_.allFinite()) clear();
 }
 
-/// Products of triangles and of symmetric matrices only: Eigen does not split these among threads, so that the result
-/// does not depend on their number.
 void MotionFilter::add(const PoseModel& model, const std::vector<double>& dofs, const MatrixXd& hessian) {
   const Prediction before = predicted(model);
   MatrixXd velocity = of_velocity_;
   velocity.diagonal() += noise(model);
   const MatrixXd pose_velocity = of_pose_velocity_ + velocity;  // of x' and v'
-  const Eigen::LLT<MatrixXd> predicted_root(before.covariance);
-  const Eigen::LLT<MatrixXd, Eigen::Lower> found_root(hessian);
-  if (predicted_root.info() != Eigen::Success || found_root.info() != Eigen::Success) return clear();
-  // The regression of the velocity on the pose, transposed.
-  const MatrixXd gain = predicted_root.solve(pose_velocity);
-  velocity_ += gain.transpose() * model.step_between(before.dofs, dofs);
-  // Its variance with the predicted covariance of the pose is replaced by that with the covariance found.
-  const MatrixXd by_prediction = predicted_root.matrixU() * gain, by_fit = found_root.matrixL().solve(gain);
-  velocity.selfadjointView<Eigen::Lower>().rankUpdate(by_prediction.transpose(), -1.0);
-  velocity.selfadjointView<Eigen::Lower>().rankUpdate(by_fit.transpose());
-  of_velocity_ = velocity.selfadjointView<Eigen::Lower>();
-  of_pose_ = inverse_of(hessian);
-  of_pose_velocity_ = of_pose_.selfadjointView<Eigen::Lower>() * gain;
+  // The regression of the velocity on the pose.
+  const MatrixXd gain = Eigen::LLT<MatrixXd>(before.covariance).solve(pose_velocity).transpose();
+  const MatrixXd found = inverse_of(hessian);
+  if (!found.allFinite()) return clear();
+  velocity_ += gain * model.step_between(before.dofs, dofs);
+  of_velocity_ = symmetric(velocity - gain * (before.covariance - found) * gain.transpose());
+  of_pose_velocity_ = found * gain.transpose();
+  of_pose_ = symmetric(found);
   dofs_ = dofs;
   if (!of_velocity_.allFinite()) clear();
 }
