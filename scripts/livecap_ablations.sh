@@ -65,8 +65,9 @@ run_variant full
   variant no-faces "points of the face" keypoints.faces=false
   variant no-3d "joints in space" joints.weight=0
   variant no-silhouette "silhouette of the pose" silhouette.weight=0
-  variant no-temporal "temporal term" temporal.weight=0
-  variant no-steady "steady DoFs" steady.weight=0
+  variant not-level "levelling of the silhouette" silhouette.level=false
+  variant no-motion "filter of the motion; temporal and steady instead" motion.turn=0 temporal.weight=1.5 steady.weight=3000
+  variant no-floor "floor" floor.weight=0
   variant no-prior "prior" prior.weight=0
   variant no-limits "limits" limits.weight=0
   variant keypoints-only "silhouette of the pose, and the surface" silhouette.weight=0 surface.enabled=false
@@ -74,6 +75,8 @@ run_variant full
   variant no-photometric "photometric term" surface.photometric.weight=0
   variant no-outline "silhouette of the surface" surface.silhouette.weight=0
   variant no-velocity "velocity, acceleration" surface.velocity.weight=0 surface.acceleration.weight=0
+  variant no-carry "velocity relative to the pose" surface.carry=false
+  variant no-skinned "skinned template as a target" surface.skinned.weight=0
   variant no-warp "warping" surface.warp=false
   variant no-snap "snapping" surface.snap=false
   variant colours-only "silhouette of the surface, and snapping" surface.silhouette.weight=0 surface.snap=false

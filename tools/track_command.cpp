@@ -13,6 +13,7 @@
 #include "detected_capture.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/character/landmarks.h"
+#include "doppel/character/motion.h"
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
@@ -58,6 +59,7 @@ struct TrackArguments {
   int sheet_frames = TrackOptions().sheet_frames;
   DeepcapOptions deepcap;  ///< options of deepcap alone
   std::string source, preview, texture, send;
+  std::string prior_motion;  ///< file of poses that the person usually takes; empty: none
   SourceOptions playing;
   int empty_frames = 0;
   std::string detect;            ///< a model of BlazePose; empty: evidence as the capture says
@@ -166,6 +168,13 @@ std::function<void(const std::vector<double>&, double, bool)> sending_to(const s
   };
 }
 
+/// With the poses that the person usually takes, if a file of them was given.
+LivecapConfig with_prior_motion(LivecapConfig config, const TrackArguments& arguments, const Character& character) {
+  if (!arguments.prior_motion.empty())
+    config.fit.usual_poses = read_motion(arguments.prior_motion, character.skeleton.num_dofs()).frames;
+  return config;
+}
+
 /// Tracks live images with one of the methods for one camera.
 TrackReport track_source(const TrackArguments& arguments) {
   const bool deepcap = arguments.method == "deepcap";
@@ -183,7 +192,8 @@ TrackReport track_source(const TrackArguments& arguments) {
   if (trained && !deepcap) view.find_joints_by(joints_of_posenet(view, *trained));
   const auto tracker =
       deepcap ? make_deepcap_tracker(*trained, view.character(), view.landmarks(), view.camera(), LostFrames::hold)
-              : make_livecap_tracker(view.character(), view.landmarks(), view.camera(), config);
+              : make_livecap_tracker(view.character(), view.landmarks(), view.camera(),
+                                     with_prior_motion(config, arguments, view.character()));
   const auto preview = preview_of(arguments, view.camera(), view.character(), source->frames_per_second());
   learn_empty_scene(arguments, *source, view);
   LiveRunOptions options;
@@ -196,10 +206,11 @@ TrackReport track_source(const TrackArguments& arguments) {
 }
 
 TrackReport track_with_one_camera(const TrackArguments& arguments) {
-  const LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
-                                      arguments.sheet_frames};
+  LivecapCaptureOptions options{arguments.task, read_livecap_config(config_document(arguments)),
+                                arguments.sheet_frames};
   const auto footage = Footage::open(arguments.capture, options.config.fit.outline_pixels, arguments.camera);
   check_one_camera(*footage);
+  options.config = with_prior_motion(std::move(options.config), arguments, footage->character());
   const auto preview = preview_of(arguments, footage->cameras().front(), footage->character(), footage->capture().fps);
   return track_livecap(*footage, options, preview.get());
 }
@@ -262,7 +273,8 @@ void check_points(const TrackArguments& arguments) {
   const TrackTask& task = arguments.task;
   if (arguments.surface || task.vertices || arguments.looks_at_all_frames_first() || arguments.live() ||
       !arguments.preview.empty() || !arguments.texture.empty() || !arguments.camera.empty() ||
-      !arguments.deepcap.run.empty() || !arguments.config.empty() || !arguments.set.empty())
+      !arguments.deepcap.run.empty() || !arguments.config.empty() || !arguments.set.empty() ||
+      !arguments.prior_motion.empty())
     fail<UsageError>(
         "--method points knows no body and uses all cameras; of the options only --out, --sequences and "
         "--limit-frames belong to it");
@@ -296,6 +308,8 @@ void check(const TrackArguments& arguments) {
   if (!arguments.live() && (arguments.empty_frames > 0 || arguments.playing.live || arguments.playing.repeat > 1 ||
                             !arguments.detect.empty() || !arguments.send.empty()))
     fail<UsageError>("--empty-frames, --live, --repeat, --detect and --send belong to --source");
+  if (!livecap && !arguments.prior_motion.empty())
+    fail<UsageError>("--prior-motion belongs to --method livecap, which one camera leaves uncertain about the pose");
   if (deepcap && !arguments.live() && !arguments.preview.empty())
     fail<UsageError>("deepcap writes SEQUENCE.mp4 instead of a preview; --preview belongs to livecap, or to --source");
   if (!arguments.texture.empty() && arguments.preview.empty() && (livecap || arguments.live()))
@@ -388,6 +402,9 @@ Command add_track(CLI::App& program) {
                   "Configuration of weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
   app->add_option("--camera", arguments->camera,
                   "Name of the camera for livecap and deepcap, if the capture has several");
+  app->add_option("--prior-motion", arguments->prior_motion,
+                  "livecap: a motion of the same character, for example the studio's; the poses usual in it are more "
+                  "probable");
   app->add_option("--set", arguments->set, "Override a key of the configuration: --set silhouette.weight=0");
   app->add_flag("--surface", arguments->surface,
                 "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");

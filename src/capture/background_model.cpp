@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/video/background_segm.hpp>
 #include <vector>
 
 #include "doppel/capture/mask.h"
+#include "doppel/capture/tiled_mixtures.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
@@ -15,7 +15,6 @@ namespace doppel {
 
 namespace {
 
-constexpr int kHistory = 500;
 constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
 constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
 constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
@@ -54,15 +53,26 @@ double common_ratio(const Histogram& votes) {
   return std::exp(mean);
 }
 
+/// The natural logarithms of 0 to 255.
+const std::array<double, 256>& logarithms() {
+  static const std::array<double, 256> table = [] {
+    std::array<double, 256> logs{};
+    for (int i = 0; i < 256; ++i) logs[i] = std::log(static_cast<double>(i));
+    return logs;
+  }();
+  return table;
+}
+
 /// The brightness of an image relative to the empty scene, per channel.
 cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
+  const std::array<double, 256>& logs = logarithms();
   std::array<Histogram, 3> votes{};
   for (int row = 0; row < image.rows; row += kSampleStep)
     for (int column = 0; column < image.cols; column += kSampleStep) {
       const cv::Vec3b &seen = image.at<cv::Vec3b>(row, column), &learnt = empty.at<cv::Vec3b>(row, column);
       for (int k = 0; k < 3; ++k) {
         if (std::min(seen[k], learnt[k]) < kDarkest || std::max(seen[k], learnt[k]) > kBrightest) continue;
-        const double ratio = std::log(static_cast<double>(seen[k]) / learnt[k]);
+        const double ratio = logs[seen[k]] - logs[learnt[k]];
         if (std::abs(ratio) <= kLogRange) ++votes[k][std::lround((ratio + kLogRange) / kLogStep)];
       }
     }
@@ -91,13 +101,20 @@ void fill_small_holes(cv::Mat& mask) {
 
 /// The mask of one person without specks and gaps; empty when the result is too small to be a person.
 cv::Mat clean(const cv::Mat& found, int gap) {
-  cv::Mat mask;
-  cv::medianBlur(found, mask, 3);
+  cv::Mat result = cv::Mat::zeros(found.size(), CV_8U), mask;
+  // Nothing happens far from the pixels found. The margin is wide enough that the background around the person stays
+  // one large region, as in the whole image.
+  cv::Rect box = cv::boundingRect(found);
+  if (box.empty()) return result;
+  const cv::Point margin(2 * gap + 16, 2 * gap + 16);
+  box = cv::Rect(box.tl() - margin, box.br() + margin) & cv::Rect({}, found.size());
+  cv::medianBlur(found(box), mask, 3);
   if (gap > 1) cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc(gap));
   mask = largest_component(mask);
-  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(mask.total())) mask.setTo(0);
+  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(found.total())) return result;
   fill_small_holes(mask);
-  return mask;
+  mask.copyTo(result(box));
+  return result;
 }
 
 /// The pixels that the graph cut may change, and its initial labels. @param changed pixels that differ from the empty
@@ -138,7 +155,7 @@ cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& chang
 
 struct BackgroundModel::Impl {
   BackgroundOptions options;
-  cv::Ptr<cv::BackgroundSubtractorMOG2> model;
+  TiledMixtures model;
   std::vector<cv::Mat> few;  ///< the first images, kept to repeat them
   int learnt = 0, shown = 0;
   cv::Size size;
@@ -152,16 +169,13 @@ struct BackgroundModel::Impl {
   }
 
   /// The n-th image changes the model by 1 / n, so that all images have the same weight.
-  void show(const cv::Mat& image) {
-    cv::Mat ignored;
-    model->apply(image, ignored, 1.0 / ++shown);
-  }
+  void show(const cv::Mat& image) { model.learn(image, 1.0 / ++shown); }
 
   void finish_learning() {
     if (!empty.empty()) return;
     for (int i = 0; shown < kFewest; ++i) show(few[as_size(i) % few.size()]);
     few.clear();
-    model->getBackgroundImage(empty);
+    empty = model.empty_scene();
   }
 };
 
@@ -171,9 +185,6 @@ BackgroundModel::BackgroundModel(const BackgroundOptions& options) : impl_(std::
         "background subtraction with threshold {} and shadow {}: the threshold must be positive, the shadow in (0, 1]",
         options.threshold, options.shadow);
   impl_->options = options;
-  impl_->model =
-      cv::createBackgroundSubtractorMOG2(kHistory, options.threshold * options.threshold, options.shadow < 1.0);
-  impl_->model->setShadowThreshold(options.shadow);
 }
 
 BackgroundModel::~BackgroundModel() = default;
@@ -183,6 +194,7 @@ BackgroundModel& BackgroundModel::operator=(BackgroundModel&&) noexcept = defaul
 void BackgroundModel::learn(const cv::Mat& image) {
   if (!impl_->empty.empty()) fail<UsageError>("background subtraction cannot learn after its first mask");
   impl_->check(image);
+  if (impl_->learnt == 0) impl_->model = TiledMixtures(impl_->options.threshold, impl_->options.shadow, image.size());
   impl_->size = image.size();
   ++impl_->learnt;
   impl_->show(image);
@@ -195,9 +207,9 @@ cv::Mat BackgroundModel::mask(const cv::Mat& image) {
   if (impl_->learnt == 0) fail<UsageError>("background subtraction has seen no empty image yet");
   impl_->check(image);
   impl_->finish_learning();
-  cv::Mat levelled, found;
+  cv::Mat levelled;
   cv::divide(image, exposure_ratio(image, impl_->empty), levelled);
-  impl_->model->apply(levelled, found, 0.0);  // 0 background, 127 shadow, 255 person
+  const cv::Mat found = impl_->model.classes(levelled, impl_->empty);
   const int gap = gap_size(image.size());
   const cv::Mat person = clean(found == 255, gap);
   if (!impl_->options.refine || cv::countNonZero(person) == 0) return person;

@@ -160,6 +160,17 @@ std::vector<double> PoseModel::moved(const std::vector<double>& dofs, const Eige
   return result;
 }
 
+Eigen::VectorXd PoseModel::step_between(const std::vector<double>& from, const std::vector<double>& to) const {
+  Eigen::VectorXd step(num_unknowns());
+  const Vector3d turn =
+      root_ ? vector_of_rotation(root_->matrix(to) * root_->matrix(from).transpose()) : Vector3d(Vector3d::Zero());
+  for (int u = 0; u < num_unknowns(); ++u) {
+    const Unknown& unknown = unknowns_[as_size(u)];
+    step[u] = unknown.dof >= 0 ? to[as_size(unknown.dof)] - from[as_size(unknown.dof)] : turn[unknown.root_axis];
+  }
+  return step;
+}
+
 Vector3d PoseModel::landmark(const PosedBody& body, int landmark) const {
   const Marker& marker = landmarks_[as_size(landmark)];
   return body.world_from_joint[as_size(marker.joint)] * marker.position;

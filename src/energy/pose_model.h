@@ -67,6 +67,9 @@ class PoseModel {
   PosedBody pose(const std::vector<double>& dofs, bool jacobian) const;
   /// The DoFs after a step of the unknowns.
   std::vector<double> moved(const std::vector<double>& dofs, const Eigen::VectorXd& step) const;
+  /// [n] The step of the unknowns from one pose to another: the inverse of `moved`. The root's turn is the rotation
+  /// vector of R_to R_from^T. DoFs that are not unknown are ignored.
+  Eigen::VectorXd step_between(const std::vector<double>& from, const std::vector<double>& to) const;
 
   Eigen::Vector3d landmark(const PosedBody& body, int landmark) const;
   /// World position of a vertex, as in `CharacterSurface::skinned`.

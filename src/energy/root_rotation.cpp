@@ -42,6 +42,21 @@ Eigen::Matrix3d rotation_of_vector(const Eigen::Vector3d& turn) {
   return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
 }
 
+Eigen::Vector3d vector_of_rotation(const Eigen::Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d step_derivative(const Eigen::Vector3d& turn) {
+  constexpr double kSmall = 1e-4;  // below, the factor of the square is 1/12 to all digits
+  const double angle = turn.norm();
+  Eigen::Matrix3d cross;
+  cross << 0.0, -turn.z(), turn.y(), turn.z(), 0.0, -turn.x(), -turn.y(), turn.x(), 0.0;
+  const double square =
+      angle < kSmall ? 1.0 / 12.0 : 1.0 / (angle * angle) - (1.0 + std::cos(angle)) / (2.0 * angle * std::sin(angle));
+  return Eigen::Matrix3d::Identity() - 0.5 * cross + square * cross * cross;
+}
+
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();

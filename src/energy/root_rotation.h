@@ -36,6 +36,12 @@ class RootRotation {
 
 /// The rotation matrix of the rotation vector `turn`, radians (exponential map).
 Eigen::Matrix3d rotation_of_vector(const Eigen::Vector3d& turn);
+/// The rotation vector of a rotation matrix, at most pi long (logarithm): the inverse of `rotation_of_vector`.
+Eigen::Vector3d vector_of_rotation(const Eigen::Matrix3d& rotation);
+/// d log(exp(omega) exp(turn)) / d omega at omega = 0: how the rotation vector `turn` changes with a further rotation
+/// omega after it,
+///   1 - [t]/2 + (1/|t|^2 - (1 + cos|t|) / (2 |t| sin|t|)) [t]^2.
+Eigen::Matrix3d step_derivative(const Eigen::Vector3d& turn);
 /// The rotation nearest to a sum of rotations (least squares of the entries).
 Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
 

@@ -19,6 +19,7 @@ LandmarkRoles landmark_roles(const std::vector<Marker>& landmarks) {
     const bool middle = holds_any(name, {"knee", "elbow"});
     roles.steadiness.push_back(shoulder ? 2.0 : trunk ? 2.5 : middle ? 1.5 : 1.0);
     const bool end = holds_any(name, {"wrist", "hand", "finger", "thumb", "ankle", "foot", "toe", "heel"});
+    if (holds_any(name, {"heel", "toe"})) roles.soles.push_back(static_cast<int>(roles.detection.size()) - 1);
     if (!shoulder && !trunk && !middle && !end) unknown.push_back(landmark.name);
   }
   if (!unknown.empty())

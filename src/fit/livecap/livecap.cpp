@@ -11,7 +11,10 @@
 #include "doppel/energy/fit_problem.h"
 #include "doppel/energy/inliers.h"
 #include "doppel/energy/outline.h"
+#include "doppel/energy/terms/floor_term.h"
+#include "doppel/energy/terms/gaussian_term.h"
 #include "doppel/energy/terms/keypoint_term.h"
+#include "doppel/energy/terms/level_term.h"
 #include "doppel/energy/terms/limit_term.h"
 #include "doppel/energy/terms/point_term.h"
 #include "doppel/energy/terms/prior_term.h"
@@ -41,17 +44,28 @@ std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBod
   return points;
 }
 
+/// [M] The heights of landmarks above the lowest vertex of the rest pose.
+std::vector<double> heights_at_rest(const PoseModel& model) {
+  const Character& character = model.character();
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3d& vertex : character.mesh.vertices) lowest = std::min(lowest, vertex.y());
+  std::vector<double> heights;
+  for (const Eigen::Vector3d& landmark : landmarks_of(model, model.pose(character.rest_dofs, false)))
+    heights.push_back(landmark.y() - lowest);
+  return heights;
+}
+
 }  // namespace
 
 LivecapOptions::LivecapOptions() {
   keypoint_weight = per_squared_thesis_pixel(460.0);  // lambda_2D
   keypoint_scale = thesis_pixels(20.0);
-  silhouette_weight = per_squared_thesis_pixel(200.0);
+  silhouette_weight = per_squared_thesis_pixel(60.0);
   silhouette_scale = thesis_pixels(20.0);
   limit_weight = 1e6;
-  temporal_weight = per_squared_millimetre(1.5);
-  steady_weight = 3000.0;
-  prior_weight = 500.0;  // for DoFs that no other term determines
+  temporal_weight = 0.0;  // the filter of the motion replaces both
+  steady_weight = 0.0;
+  prior_weight = 20000.0;
   outline_vertices = 300;
   solver.iterations = 6;
   solver.initial_damping = 1e-6;
@@ -67,6 +81,7 @@ struct LivecapTracker::Evidence {
 struct LivecapTracker::Fit {
   TrackedFrame frame;
   double cost = std::numeric_limits<double>::infinity();  ///< of all terms
+  Eigen::MatrixXd hessian;                                ///< [n,n] of half the cost, lower half
 };
 
 LivecapTracker::LivecapTracker(const Character& character, const std::vector<Marker>& landmarks,
@@ -78,7 +93,13 @@ LivecapTracker::LivecapTracker(const Character& character, const std::vector<Mar
       roles_(landmark_roles(landmarks)),
       tree_(character.skeleton, landmarks, character.rest_dofs),
       rigidity_(rigidity_of_landmarks(model_)),
-      history_(character.rest_dofs),
+      sole_height_(heights_at_rest(model_)),
+      usual_(options.usual_poses.empty() || options.usual_weight == 0.0
+                 ? std::nullopt
+                 : std::optional(learn_pose_prior(model_, options.usual_poses, options.usual_spread))),
+      usual_pose_(usual_ ? usual_->mean : character.rest_dofs),
+      history_(usual_pose_),
+      motion_(options.motion),
       rest_vertices_(character.mesh.vertices),
       surface_(character, cameras_.front(), options.nonrigid) {
   check(options);
@@ -100,6 +121,7 @@ void LivecapTracker::cut() {
 
 void LivecapTracker::pause() {
   history_.clear();
+  motion_.clear();
   forget_surface();
 }
 
@@ -125,39 +147,59 @@ FrameResult LivecapTracker::track(const LivecapInput& input) {
         tree_.with_lengths_of(std::move(evidence.joints), landmarks_of(model_, model_.pose(history_.last(), false)));
   evidence.joints.resize(as_size(model_.num_landmarks()));
   FrameResult frame;
-  frame.pose = track_pose(evidence);
-  remember(frame.pose);
+  Fit found = track_pose(evidence);
+  remember(found);
+  frame.pose = std::move(found.frame);
   frame.pose_seconds = seconds_since(start);
   track_surface(input, frame);
   frame.surface_seconds = seconds_since(start) - frame.pose_seconds;
   return frame;
 }
 
-TrackedFrame LivecapTracker::track_pose(const Evidence& evidence) {
+LivecapTracker::Fit LivecapTracker::track_pose(const Evidence& evidence) {
   Fit best;
   best.frame.dofs = history_.last();
   const Inliers inliers =
       count_inliers(model_, model_.pose(best.frame.dofs, false), cameras_, evidence.frame, options_.inlier_threshold);
   best.frame.keypoints = inliers.keypoints;
-  if (inliers.keypoints < options_.min_keypoints) return best.frame;
+  if (inliers.keypoints < options_.min_keypoints) return best;
   if (!history_.empty()) {
-    const std::vector<double> expected = history_.predicted(model_.root());
+    const std::vector<double> expected = predicted_pose();
     best = fit(evidence, expected, &expected);
   }
-  if (best.frame.found()) return best.frame;
+  if (best.frame.found()) return best;
   Fit anew = start_anew(evidence);
   anew.frame.iterations += best.frame.iterations;
   if (!anew.frame.found()) {
     best.frame.dofs = history_.last();
-    return best.frame;
+    return best;
   }
   anew.frame.state = history_.state_of_restart();
-  return anew.frame;
+  return anew;
 }
 
-void LivecapTracker::remember(const TrackedFrame& found) {
-  if (found.state != FrameState::tracked) forget_surface();
-  history_.remember(found);
+std::vector<double> LivecapTracker::predicted_pose() const {
+  return motion_.empty() ? history_.predicted(model_.root()) : motion_.predicted(model_).dofs;
+}
+
+void LivecapTracker::remember(const Fit& found) {
+  const bool follows = found.frame.state == FrameState::tracked;
+  if (!follows) forget_surface();
+  history_.remember(found.frame);
+  if (!found.frame.found() || options_.motion.turn_weight == 0.0)
+    motion_.clear();
+  else if (follows && !motion_.empty())
+    motion_.add(model_, found.frame.dofs, found.hessian);
+  else
+    motion_.start(model_, found.frame.dofs, found.hessian);
+}
+
+std::unique_ptr<PoseTerm> LivecapTracker::floor_term(bool follows) const {
+  const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
+  std::vector<FloorTerm::Sole> soles;
+  for (const int m : roles_.soles) soles.push_back({m, sole_height_[as_size(m)], last[as_size(m)]});
+  return std::make_unique<FloorTerm>(std::move(soles), options_.floor_weight, follows ? options_.floor_slide : 0.0,
+                                     RobustKernel::geman_mcclure_of(options_.floor_scale));
 }
 
 Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>* expected,
@@ -173,9 +215,15 @@ Terms LivecapTracker::terms(const Evidence& evidence, const std::vector<double>*
   if (!joints.empty())
     result.push_back(std::make_unique<RelativePointTerm>("joints", std::move(joints), o.joint_weight));
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
-  if (o.prior_weight > 0.0)
-    result.push_back(std::make_unique<PriorTerm>("prior", model_.character().rest_dofs, o.prior_weight));
+  if (o.prior_weight > 0.0) result.push_back(std::make_unique<PriorTerm>("prior", usual_pose_, o.prior_weight));
+  if (usual_)
+    result.push_back(std::make_unique<GaussianTerm>("usual", usual_->mean, usual_->covariance / o.usual_weight));
+  if (o.floor_weight > 0.0 && !roles_.soles.empty()) result.push_back(floor_term(expected != nullptr));
   if (!expected) return result;
+  if (!motion_.empty()) {
+    MotionFilter::Prediction next = motion_.predicted(model_);
+    result.push_back(std::make_unique<GaussianTerm>("motion", std::move(next.dofs), next.covariance));
+  }
   if (o.steady_weight > 0.0) result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));
   if (o.temporal_weight == 0.0) return result;
   const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
@@ -218,8 +266,10 @@ std::unique_ptr<PoseTerm> LivecapTracker::silhouette_term(const Evidence& eviden
   thin_out(outline, 0, options_.outline_vertices);
   // The thesis's weight is that of one vertex; the vertices of the term share its weight.
   const double weight = options_.silhouette_weight * static_cast<double>(outline.size());
-  return std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
-                                                     RobustKernel::geman_mcclure_of(options_.silhouette_scale));
+  auto term = std::make_unique<SilhouetteTerm<PoseModel>>(cameras_, evidence.frame, std::move(outline), weight, 1.0,
+                                                          RobustKernel::geman_mcclure_of(options_.silhouette_scale));
+  if (!options_.level_silhouette) return term;
+  return std::make_unique<LevelTerm>(std::move(term));
 }
 
 /// @param expected the predicted pose, or null
@@ -228,8 +278,12 @@ LivecapTracker::Fit LivecapTracker::fit(const Evidence& evidence, std::vector<do
   Terms all = terms(evidence, expected, options_.keypoint_weight);
   if (options_.silhouette_weight > 0.0 && !evidence.frame.front().outline.empty())
     all.push_back(silhouette_term(evidence, start));
-  const SolverSummary summary = doppel::fit(model_, std::move(all), start, options_.solver);
+  FitProblem<PoseModel> problem(model_, std::move(all));
+  Eigen::VectorXd state = problem.to_eigen(start);
+  const SolverSummary summary = minimise(problem, state, options_.solver);
+  start = problem.to_vector(state);
   Fit result;
+  result.hessian = problem.system().hessian();
   result.frame.iterations = summary.iterations;
   result.frame.terms = summary.terms;
   result.frame.reason = summary.reason;
@@ -257,7 +311,7 @@ LivecapTracker::Fit LivecapTracker::start_anew(const Evidence& evidence) {
   solver.iterations = options_.start_iterations;
   const double led = options_.keypoint_weight > 0.0 ? options_.keypoint_weight : LivecapOptions().keypoint_weight;
   auto starts = single_view_starts(model_, cameras_.front(), evidence.frame.front().keypoints, evidence.joints,
-                                   rigidity_, model_.character().rest_dofs);
+                                   rigidity_, usual_pose_);
   if (!history_.segment_begins()) starts.push_back(history_.last());
   for (std::vector<double>& start : starts) {
     steps += doppel::fit(model_, terms(evidence, nullptr, led), start, solver).iterations;

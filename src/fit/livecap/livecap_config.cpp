@@ -34,6 +34,8 @@ void read_surface(const ConfigReader& reader, LivecapOptions& fit) {
   read_weight(reader, "length", surface.length_weight, per_squared_millimetre);
   read_weight(reader, "velocity", surface.velocity_weight, per_squared_millimetre);
   read_weight(reader, "acceleration", surface.acceleration_weight, per_squared_millimetre);
+  surface.carry = reader.get("carry", surface.carry);
+  read_weight(reader, "skinned", surface.skinned_weight, per_squared_millimetre);
   surface.materials = reader.get("materials", surface.materials);
   surface.rigidity = reader.get("rigidity", surface.rigidity, between(0.0, 1e6));
   surface.warp_displacements = reader.get("warp", surface.warp_displacements);
@@ -54,7 +56,18 @@ LivecapConfig read_livecap_config(const ConfigDocument& document) {
   read_pose_fit(root, fit, kThesisUnits);
   fit.faces = root.section("keypoints").get("faces", fit.faces);
   fit.remove_depth = root.section("silhouette").get("remove_depth", fit.remove_depth);
+  fit.level_silhouette = root.section("silhouette").get("level", fit.level_silhouette);
   read_weight(root, "joints", fit.joint_weight, per_squared_millimetre);
+  const ConfigReader motion = root.section("motion");
+  fit.motion.turn_weight = motion.get("turn", fit.motion.turn_weight, between(0.0, 1e12));
+  fit.motion.shift_weight = motion.get("shift", fit.motion.shift_weight, between(1e-3, 1e12));
+  const ConfigReader usual = root.section("usual");
+  fit.usual_weight = usual.get("weight", fit.usual_weight, between(0.0, 1e12));
+  fit.usual_spread = usual.get("spread", fit.usual_spread, between(1e-3, 10.0));
+  read_weight(root, "floor", fit.floor_weight, per_squared_millimetre);
+  const ConfigReader floor = root.section("floor");
+  fit.floor_slide = floor.get("slide", fit.floor_slide, between(0.0, 1e6));
+  fit.floor_scale = 1e-3 * floor.get("scale", 1e3 * fit.floor_scale, between(0.0, 1e6));
   fit.start_iterations = root.section("start").get("iterations", fit.start_iterations, between(1, 10000));
   read_surface(root.section("surface"), fit);
   config.dofs = DofChoice::read(root);

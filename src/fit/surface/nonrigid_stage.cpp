@@ -40,6 +40,7 @@ void check(const NonrigidOptions& o) {
                                                     {"rigidity", o.rigidity},
                                                     {"velocity weight", o.velocity_weight},
                                                     {"acceleration weight", o.acceleration_weight},
+                                                    {"skinned weight", o.skinned_weight},
                                                     {"largest isolated motion", o.max_isolated_motion}};
   for (const auto& [name, value] : numbers)
     if (!(value >= 0.0) || !std::isfinite(value))
@@ -68,6 +69,7 @@ struct FrameEnergy {
   SurfaceView view;
   ColourPyramid pyramid;
   Matrix3Xd colours, expected;
+  std::vector<Matrix3Xd> last;  ///< up to two surfaces, newest first
   std::vector<std::unique_ptr<SurfaceTerm>> terms;
   PhotometricTerm* photometric = nullptr;  ///< one of the terms, or null
 
@@ -128,7 +130,8 @@ struct NonrigidStage::State {
   Matrix3Xd colours;                             // [3,N], or none
   SurfaceViewer viewer;
   SurfaceProblem problem;
-  std::vector<Matrix3Xd> history;              // up to two surfaces, newest first
+  // Up to two surfaces, newest first; with `carry` their displacements in the rest pose.
+  std::vector<Matrix3Xd> history;
   std::vector<Eigen::Vector3d> displacements;  // [N] of the last frame, in the rest pose
   std::vector<char> was_outline;               // [N] in the last frame; empty without a last frame
 
@@ -152,13 +155,24 @@ struct NonrigidStage::State {
     return surface;
   }
 
+  std::vector<Matrix3Xd> last_surfaces(const PosedSurface& posed) const {
+    std::vector<Matrix3Xd> last = history;
+    for (Matrix3Xd& surface : last)
+      for (Eigen::Index i = 0; options.carry && i < surface.cols(); ++i)
+        surface.col(i) = posed.vertices.col(i) + posed.turns[as_size(i)] * surface.col(i);
+    return last;
+  }
+
   void add_regularisers(FrameEnergy& energy, const PosedSurface& posed) const {
     const NonrigidOptions& o = options;
     energy.add<SmoothnessTerm>(o.smoothness_weight, posed.vertices, topology.edges(), edge_weight, o.smoothness_weight);
     energy.add<LengthTerm>(o.length_weight, topology.edges(), edge_weight, rest_length, o.length_weight);
-    if (!history.empty()) energy.add<TargetTerm>(o.velocity_weight, "velocity", history[0], o.velocity_weight);
-    if (history.size() < 2) return;
-    energy.expected = 2.0 * history[0] - history[1];
+    energy.add<TargetTerm>(o.skinned_weight, "skinned", posed.vertices, o.skinned_weight);
+    energy.last = last_surfaces(posed);
+    const std::vector<Matrix3Xd>& last = energy.last;
+    if (!last.empty()) energy.add<TargetTerm>(o.velocity_weight, "velocity", last[0], o.velocity_weight);
+    if (last.size() < 2) return;
+    energy.expected = 2.0 * last[0] - last[1];
     energy.add<TargetTerm>(o.acceleration_weight, "acceleration", energy.expected, o.acceleration_weight);
   }
 
@@ -212,16 +226,17 @@ struct NonrigidStage::State {
       was_outline.assign(rigidity.size(), 0);
       for (const OutlineVertex& vertex : energy.view.outline) was_outline[as_size(vertex.vertex)] = 1;
     }
-    if (options.max_isolated_motion > 0.0 && !history.empty())
-      clamp_isolated_motion(surface.vertices, history[0], topology, options.max_isolated_motion);
+    if (options.max_isolated_motion > 0.0 && !energy.last.empty())
+      clamp_isolated_motion(surface.vertices, energy.last[0], topology, options.max_isolated_motion);
   }
 
   void remember(const PosedSurface& posed, const Matrix3Xd& vertices) {
-    for (std::size_t i = 0; options.warp_displacements && i < displacements.size(); ++i) {
-      const auto column = static_cast<Eigen::Index>(i);
-      displacements[i] = posed.turns[i].transpose() * (vertices.col(column) - posed.vertices.col(column));
-    }
-    history.insert(history.begin(), vertices);
+    Matrix3Xd moved(3, vertices.cols());
+    for (Eigen::Index i = 0; i < vertices.cols(); ++i)
+      moved.col(i) = posed.turns[as_size(i)].transpose() * (vertices.col(i) - posed.vertices.col(i));
+    for (std::size_t i = 0; options.warp_displacements && i < displacements.size(); ++i)
+      displacements[i] = moved.col(static_cast<Eigen::Index>(i));
+    history.insert(history.begin(), options.carry ? std::move(moved) : vertices);
     if (history.size() > 2) history.pop_back();
   }
 };

@@ -23,10 +23,10 @@ namespace doppel {
 /// Options of the second stage. Defaults are the numbers of the thesis (4.8), converted (`thesis_units.h`): pixels are
 /// reference pixels (image 1024 wide), colours are 0..1. A weight of 0 switches a term off.
 struct NonrigidOptions {
-  double photometric_weight = 10000.0;      ///< per squared colour difference
-  double colour_threshold = 0.25;           ///< sigma_c: a vertex with a larger colour difference is ignored
-  std::vector<int> blur_kernels{15, 9, 3};  ///< pixels of the image, odd; one Gauss-Newton step each
-  bool halve_levels = false;   ///< halve the image with each coarser level, before the blur; false: blur alone
+  double photometric_weight = 10000.0;     ///< per squared colour difference
+  double colour_threshold = 0.25;          ///< sigma_c: a vertex with a larger colour difference is ignored
+  std::vector<int> blur_kernels{3, 3, 3};  ///< pixels of the image, odd; one Gauss-Newton step each
+  bool halve_levels = true;    ///< halve the image with each coarser level, before the blur; false: blur alone
   bool match_exposure = true;  ///< scale the template's colours to the image's brightness first
   double silhouette_weight = per_squared_thesis_pixel(600.0);  ///< per squared pixel, each outline vertex
   double silhouette_scale = thesis_pixels(15.0);               ///< of the Geman-McClure kernel, pixels; 0: no kernel
@@ -38,7 +38,11 @@ struct NonrigidOptions {
   double rigidity = 2.0;  ///< of all vertices, without `materials`
   double velocity_weight = per_squared_millimetre(0.25);     ///< per squared metre
   double acceleration_weight = per_squared_millimetre(0.1);  ///< per squared metre
-  bool warp_displacements = true;                            ///< start from the displacements of the last frame
+  /// Velocity and acceleration are those relative to the skinned template: the last surfaces move with the pose. false:
+  /// those in the world, as in the thesis, which hold back a person who walks towards the camera.
+  bool carry = true;
+  double skinned_weight = per_squared_millimetre(0.03);  ///< per squared metre, of vertices to the skinned template
+  bool warp_displacements = true;                        ///< start from the displacements of the last frame
   bool snap = true;  ///< move outline vertices onto the mask's outline at the end (4.6.6)
   SnapOptions snapping;
   double max_isolated_motion = 5.0;  ///< largest ratio of a vertex's motion to its neighbours' mean motion; 0: no limit

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <memory>
 #include <optional>
 
 #include "doppel/core/atomic_file.h"
@@ -75,7 +76,7 @@ class LiveRun {
         preview_(preview),
         images_([this] { return take(); }, 1, source.live() ? WhenFull::drop_oldest : WhenFull::wait),
         preprocessed_([this] { return preprocess(); }, 1),
-        detected_([this] { return detect(); }, 1),
+        detected_(view.detects_at_once() ? nullptr : new Prefetch<SeenImage>([this] { return detect(); }, 1)),
         solved_([this] { return solve(); }, 1,
                 preview && !preview->wants_all() ? WhenFull::drop_oldest : WhenFull::wait) {}
 
@@ -148,7 +149,7 @@ class LiveRun {
   }
 
   std::optional<Shown> solve() {
-    std::optional<SeenImage> image = detected_.next();
+    std::optional<SeenImage> image = detected_ ? detected_->next() : detect();
     if (!image) return std::nullopt;
     if (paused_before(image->source)) tracker_.pause();
     FrameResult found = tracker_.track(image->seen);
@@ -248,7 +249,9 @@ class LiveRun {
   // Last, so that all other members exist when the threads begin. In this order, so that each stage ends before the
   // stage that feeds it.
   Prefetch<SourceImage> images_;
-  Prefetch<SeenImage> preprocessed_, detected_;
+  Prefetch<SeenImage> preprocessed_;
+  // Null where keypoints come from files: a stage of its own would only add an image that waits.
+  std::unique_ptr<Prefetch<SeenImage>> detected_;
   Prefetch<Shown> solved_;
 };
 

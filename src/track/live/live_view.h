@@ -61,6 +61,8 @@ class LiveView {
   FootageFrame preprocess(const SourceImage& image);
   /// The second stage: keypoints, and 3D joints where the capture or a finder supplies them.
   void detect(const SourceImage& image, FootageFrame& seen) const;
+  /// Whether `detect` runs no network: it only reads keypoints and joints from files.
+  bool detects_at_once() const { return people_ && !joint_finder_ && !masks_by_network(); }
 
  private:
   void open_masks(long frame);
