@@ -29,7 +29,8 @@ VectorXd MotionFilter::noise(const PoseModel& model) const {
   for (int u = 0; u < model.num_unknowns(); ++u) {
     const std::optional<int> dof = model.dof_of(u);
     const bool shifts = dof && model.moves_root(*dof);
-    const double reach = dof ? model.reach(*dof) : 1.0;
+    // A DoF that drives no joint does not matter.
+    const double reach = dof && model.reach(*dof) > 0.0 ? model.reach(*dof) : 1.0;
     variances[u] = 1.0 / ((shifts ? options_.shift_weight : options_.turn_weight) * reach * reach);
   }
   return variances;

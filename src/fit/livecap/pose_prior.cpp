@@ -35,7 +35,7 @@ PosePrior learn_pose_prior(const PoseModel& model, const std::vector<std::vector
   }
   for (Eigen::Index u = 0; u < n; ++u) {
     const std::optional<int> dof = model.dof_of(static_cast<int>(u));
-    const bool free = !dof || model.moves_root(*dof);
+    const bool free = !dof || model.moves_root(*dof) || model.reach(*dof) == 0.0;
     prior.covariance(u, u) += free ? kFree : std::pow(spread / model.reach(*dof), 2);
   }
   return prior;

@@ -90,7 +90,7 @@ TEST(NonrigidStage, FindsABulgeFromTheOutline) {
   EXPECT_GT(found.outline_vertices, 20);
   EXPECT_GT(found.coloured_vertices, 20);
   EXPECT_LT(bulge.error(found.vertices), 0.5 * bulge.error(bulge.posed.vertices));
-  ASSERT_EQ(found.terms.size(), 6u) << "with velocity and acceleration after two frames";
+  ASSERT_EQ(found.terms.size(), 7u) << "with velocity and acceleration after two frames";
   for (const TermCost& term : found.terms) EXPECT_TRUE(std::isfinite(term.cost)) << term.name;
 }
 
@@ -135,7 +135,7 @@ TEST(NonrigidStage, TermsOfWeightZeroAreOff) {
   const Bulge bulge;
   NonrigidOptions options;
   options.silhouette_weight = options.photometric_weight = options.velocity_weight = options.acceleration_weight = 0.0;
-  options.length_weight = 0.0;
+  options.length_weight = options.skinned_weight = 0.0;
   options.snap = false;
   NonrigidStage stage(bulge.character, bulge.camera, options);
   const NonrigidSurface found = stage.fit(bulge.posed, bulge.outline, bulge.image);
