@@ -5,5 +5,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/install_dependencies.sh packages
 cmake --preset quickstart >/dev/null
-cmake --build --preset quickstart --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(nproc)}"
+cmake --build build/release --parallel "${CMAKE_BUILD_PARALLEL_LEVEL:-$(nproc)}"
 cpack --config build/release/CPackConfig.cmake -B build/release

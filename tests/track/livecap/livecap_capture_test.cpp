@@ -39,6 +39,7 @@ TEST_F(LivecapCapture, FindsMotionAndSurfaceWithOneCamera) {
   EXPECT_EQ(walk["lost_frames"].dump(), "[3]");
   EXPECT_EQ(walk["initialised"], 2) << "at the beginning and at the cut";
   EXPECT_EQ(walk["recovered"], 1) << "after the frame in which nobody was detected";
+  // Not .93: outlines weigh less than they did, so that clothes do not pull the body.
   EXPECT_GT(walk["livecap"]["IoU"].get<double>(), 0.92);
   int masked = 0;
   for (const auto& frame : walk["per_frame"]) masked += frame.contains("IoU_of_surface");
