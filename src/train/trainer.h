@@ -100,10 +100,8 @@ class Trainer {
   [[noreturn]] void fail_not_finite(const std::string& what) const;
   void log_metrics();
   void save_checkpoint();
-  /// Whether a parameter can still be trained in this run.
-  bool is_trained_later(const std::string& parameter) const {
-    return step_ < options_.iterations && stage_.is_trained_from(step_, parameter);
-  }
+  /// Whether a parameter can still be trained after this step.
+  bool is_trained_later(const std::string& parameter) const { return stage_.is_trained_from(step_, parameter); }
   /// Adds the buffers of the evaluation, and measures the validation loss with them.
   void save_evaluation(Checkpoint& checkpoint);
   void log_validation(double loss);
