@@ -226,7 +226,8 @@ TEST_F(HybridTraining, ACheckpointHoldsTheMomentsOfWhatIsTrainedLater) {
   const CheckpointFolder kept(*folder_ / "run/radiance/checkpoints");
   const auto moments = [&](std::int64_t step) {
     std::set<std::string> of;
-    for (const auto& [name, tensor] : Checkpoint::load(kept.path(step)).tensors())
+    const Checkpoint checkpoint = Checkpoint::load(kept.path(step));
+    for (const auto& [name, tensor] : checkpoint.tensors())
       if (name.rfind("optimizer.first.", 0) == 0) of.insert(name.substr(16, name.find('.', 16) - 16));
     return of;
   };
