@@ -53,19 +53,13 @@ double common_ratio(const Histogram& votes) {
   return std::exp(mean);
 }
 
-/// The natural logarithms of 0 to 255.
-const std::array<double, 256>& logarithms() {
-  static const std::array<double, 256> table = [] {
-    std::array<double, 256> logs{};
-    for (int i = 0; i < 256; ++i) logs[i] = std::log(static_cast<double>(i));
-    return logs;
-  }();
-  return table;
-}
-
 /// The brightness of an image relative to the empty scene, per channel.
 cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
-  const std::array<double, 256>& logs = logarithms();
+  static const std::array<double, 256> logs = [] {
+    std::array<double, 256> table{};
+    for (int i = 0; i < 256; ++i) table[as_size(i)] = std::log(static_cast<double>(i));
+    return table;
+  }();
   std::array<Histogram, 3> votes{};
   for (int row = 0; row < image.rows; row += kSampleStep)
     for (int column = 0; column < image.cols; column += kSampleStep) {

@@ -22,8 +22,8 @@
 #include <vector>
 
 #include "doppel/core/config.h"
-#include "doppel/layers/graph_convolution/graph_chain.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
+#include "doppel/nets/graph_chain.h"
 #include "doppel/nets/graph_network.h"
 #include "doppel/nets/shared_norm.h"
 

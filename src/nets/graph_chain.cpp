@@ -1,4 +1,4 @@
-#include "doppel/layers/graph_convolution/graph_chain.h"
+#include "doppel/nets/graph_chain.h"
 
 #include <ATen/Parallel.h>
 
