@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <opencv2/core.hpp>
 
-#include "doppel/capture/mask.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/layers/closest_point/closest_point.h"
@@ -17,6 +16,7 @@
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/losses/silhouette.h"
+#include "doppel/masks/mask.h"
 #include "doppel/render/boundary.h"
 #include "doppel/render/shading/shading.h"
 

@@ -7,14 +7,14 @@
 #include <vector>
 
 #include "doppel/calibration/calibration.h"
-#include "doppel/capture/background_model.h"
 #include "doppel/capture/camera_paths.h"
-#include "doppel/capture/chroma_key.h"
 #include "doppel/capture/frame_clock.h"
 #include "doppel/core/config.h"
 #include "doppel/dnn/network_options.h"
 #include "doppel/keypoints/keypoint_filter.h"
 #include "doppel/keypoints/person_choice.h"
+#include "doppel/masks/background_model.h"
+#include "doppel/masks/chroma_key.h"
 
 namespace doppel {
 

@@ -5,11 +5,11 @@
 
 #include "doppel/capture/capture_cameras.h"
 #include "doppel/capture/fractional_frames.h"
-#include "doppel/capture/mask.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/dnn/network_config.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/keypoints/guess_layout.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"

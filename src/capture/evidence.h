@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "doppel/capture/capture.h"
-#include "doppel/capture/mask.h"
 #include "doppel/capture/pose_detector.h"
 #include "doppel/character/character.h"
 #include "doppel/geometry/camera.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/keypoints/keypoint_map.h"
 
 namespace doppel {

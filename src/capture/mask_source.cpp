@@ -7,6 +7,8 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/masks/components.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

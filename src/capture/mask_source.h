@@ -4,10 +4,10 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "doppel/capture/background_model.h"
 #include "doppel/capture/capture.h"
-#include "doppel/capture/mask.h"
 #include "doppel/capture/video.h"
+#include "doppel/geometry/undistorter.h"
+#include "doppel/masks/background_model.h"
 
 namespace doppel {
 

@@ -5,9 +5,9 @@
 #include <map>
 #include <memory>
 
-#include "doppel/capture/mask.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
+#include "doppel/geometry/undistorter.h"
 
 namespace doppel {
 

@@ -28,6 +28,7 @@
 #include "doppel/core/progress.h"
 #include "doppel/core/statistics.h"
 #include "doppel/core/temporary_name.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/keypoints/keypoint_source.h"
 #include "doppel/keypoints/keypoint_table.h"
 

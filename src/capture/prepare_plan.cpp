@@ -5,12 +5,12 @@
 #include <limits>
 
 #include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/mask.h"
 #include "doppel/capture/template_check.h"
 #include "doppel/capture/video.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/dnn/network_config.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/keypoints/joint_detections.h"
 
 namespace doppel {

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "doppel/capture/mask.h"
 #include "doppel/keypoints/keypoints.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

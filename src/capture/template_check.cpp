@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/mask.h"
 #include "doppel/layers/surface.h"
 #include "doppel/render/face_tensor.h"
 #include "doppel/render/rasterizer.h"

@@ -12,6 +12,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/geometry/undistorter.h"
 
 namespace doppel {
 

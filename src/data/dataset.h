@@ -11,13 +11,13 @@
 #include <vector>
 
 #include "doppel/capture/capture.h"
-#include "doppel/capture/mask.h"
 #include "doppel/capture/store.h"
 #include "doppel/character/motion.h"
 #include "doppel/character/skeleton.h"
 #include "doppel/data/batch.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/keypoints/keypoints.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

@@ -5,12 +5,13 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/mask.h"
 #include "doppel/capture/mask_source.h"
 #include "doppel/capture/video.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/doctor/statistics.h"
+#include "doppel/masks/components.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

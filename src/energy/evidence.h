@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "doppel/capture/mask.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/keypoints/keypoints.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

@@ -11,7 +11,6 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "doppel/capture/mask.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
@@ -19,6 +18,7 @@
 #include "doppel/data/loader.h"
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/whole_frames.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "doppel/capture/capture.h"
-#include "doppel/capture/mask.h"
 #include "doppel/capture/video.h"
 #include "doppel/geometry/camera.h"
+#include "doppel/geometry/undistorter.h"
 
 namespace doppel {
 

@@ -58,7 +58,7 @@ struct Camera {
 class PinholeCamera : public Camera {
  public:
   PinholeCamera() = default;
-  /// @throws Error for a camera with distortion; capture/mask.h makes a pinhole camera and its images
+  /// @throws Error for a camera with distortion; `Undistorter` makes a pinhole camera and its images
   explicit PinholeCamera(Camera camera);
 
   /// As Camera::cropped. @return a pinhole camera again

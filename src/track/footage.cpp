@@ -14,6 +14,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/dataset.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/keypoints/keypoint_source.h"
 
 namespace doppel {

@@ -8,6 +8,7 @@
 #include "doppel/capture/filmed_sequence.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/undistorter.h"
 
 namespace doppel {
 namespace {

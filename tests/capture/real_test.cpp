@@ -4,13 +4,15 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/background_model.h"
 #include "doppel/capture/capture_layouts.h"
 #include "doppel/capture/prepare.h"
 #include "doppel/capture/video.h"
 #include "doppel/data/batch_builder.h"
 #include "doppel/data/dataset.h"
 #include "doppel/data/loader.h"
+#include "doppel/masks/background_model.h"
+#include "doppel/masks/components.h"
+#include "doppel/masks/mask.h"
 #include "support/hostile_files.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"

@@ -10,6 +10,7 @@
 #include "doppel/capture/video_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset.h"
+#include "doppel/geometry/undistorter.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"

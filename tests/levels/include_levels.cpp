@@ -13,13 +13,13 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::map<std::string, int> kLevels = {
-    {"core", 0},          {"distributed", 1},   {"fetch", 1},         {"geometry", 1},    {"solver", 1},  {"html", 1},    {"dnn", 1},
-    {"character", 2},     {"onnx_writer", 1},   {"calibration", 2}, {"scene", 2},   {"scan", 2},    {"rig_import", 3},
-    {"figure_export", 3}, {"keypoints", 3},     {"rig", 3},         {"rigging", 3}, {"layers", 3},  {"render", 3},
-    {"body", 4},          {"motion_import", 4}, {"vmc", 4},         {"detect", 4},  {"capture", 4}, {"losses", 4},
-    {"nets", 4},          {"autorig", 5},       {"energy", 5},      {"synth", 5},   {"doctor", 5},  {"data", 5},
-    {"fit", 6},           {"actor", 6},         {"eval", 7},        {"train", 8},   {"track", 8},   {"export", 8},
-    {"view", 9},          {"tools", 10}};
+    {"core", 0},    {"distributed", 1}, {"fetch", 1},         {"geometry", 1},      {"solver", 1}, {"html", 1},
+    {"dnn", 1},     {"character", 2},   {"onnx_writer", 1},   {"calibration", 2},   {"scene", 2},  {"scan", 2},
+    {"masks", 2},   {"rig_import", 3},  {"figure_export", 3}, {"keypoints", 3},     {"rig", 3},    {"rigging", 3},
+    {"layers", 3},  {"render", 3},      {"body", 4},          {"motion_import", 4}, {"vmc", 4},    {"detect", 4},
+    {"capture", 4}, {"losses", 4},      {"nets", 4},          {"autorig", 5},       {"energy", 5}, {"synth", 5},
+    {"doctor", 5},  {"data", 5},        {"fit", 6},           {"actor", 6},         {"eval", 7},   {"train", 8},
+    {"track", 8},   {"export", 8},      {"view", 9},          {"tools", 10}};
 
 constexpr int kMaxFiles = 70;
 constexpr long kMaxLines = 7000;

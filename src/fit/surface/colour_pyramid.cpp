@@ -1,5 +1,6 @@
 #include "doppel/fit/surface/colour_pyramid.h"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -10,20 +11,26 @@ namespace doppel {
 ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const std::vector<int>& kernels, bool halve)
     : window_(window & cv::Rect({}, image.size())) {
   if (window_.width < 2 || window_.height < 2) return;
+  if (halve && !kernels.empty()) {  // even sides, which OpenCV halves several times as fast as others
+    const int multiple = 1 << (std::min<std::size_t>(kernels.size(), 4) - 1);
+    if (window_.width >= multiple) window_.width -= window_.width % multiple;
+    if (window_.height >= multiple) window_.height -= window_.height % multiple;
+  }
   cv::Mat colours;
   cv::cvtColor(image(window_), colours, cv::COLOR_BGR2RGB);
   colours.convertTo(colours, CV_32FC3, 1.0 / 255.0);
-  for (std::size_t level = 0; level < kernels.size(); ++level) {
-    cv::Mat reduced = colours;
-    for (std::size_t i = level + 1; halve && i < kernels.size() && reduced.cols >= 4 && reduced.rows >= 4; ++i) {
-      cv::Mat half;
-      cv::resize(reduced, half, {(reduced.cols + 1) / 2, (reduced.rows + 1) / 2}, 0.0, 0.0, cv::INTER_AREA);
-      reduced = half;
-    }
-    levels_.push_back(
-        {{}, static_cast<double>(colours.cols) / reduced.cols, static_cast<double>(colours.rows) / reduced.rows});
+  cv::Mat reduced = colours;
+  levels_.resize(kernels.size());
+  for (std::size_t level = kernels.size(); level-- > 0;) {
+    Level& made = levels_[level];
+    made.shrink_x = static_cast<double>(colours.cols) / reduced.cols;
+    made.shrink_y = static_cast<double>(colours.rows) / reduced.rows;
     const int size = kernels[level];
-    cv::GaussianBlur(reduced, levels_.back().image, {size, size}, 0.0, 0.0, cv::BORDER_REPLICATE);
+    cv::GaussianBlur(reduced, made.image, {size, size}, 0.0, 0.0, cv::BORDER_REPLICATE);
+    if (!halve || level == 0 || reduced.cols < 4 || reduced.rows < 4) continue;
+    cv::Mat half;
+    cv::resize(reduced, half, {(reduced.cols + 1) / 2, (reduced.rows + 1) / 2}, 0.0, 0.0, cv::INTER_AREA);
+    reduced = half;
   }
 }
 

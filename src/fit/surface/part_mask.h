@@ -4,8 +4,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/capture/mask.h"
 #include "doppel/character/skinning_weights.h"
+#include "doppel/masks/mask.h"
 
 namespace doppel {
 

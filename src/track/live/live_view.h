@@ -13,6 +13,7 @@
 #include "doppel/capture/evidence.h"
 #include "doppel/capture/mask_source.h"
 #include "doppel/character/character.h"
+#include "doppel/geometry/undistorter.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/live/frame_source.h"
 #include "doppel/track/live/network_finder.h"

@@ -4,8 +4,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/capture/chroma_key.h"
 #include "doppel/geometry/camera.h"
+#include "doppel/masks/chroma_key.h"
 
 namespace doppel {
 
@@ -13,8 +13,6 @@ namespace doppel {
 
 /// Pixels >= threshold become 255.
 cv::Mat threshold_mask(const cv::Mat& grey, int threshold);
-/// Only the largest 8-connected part.
-cv::Mat largest_component(const cv::Mat& mask);
 /// The mask of the person by colour. @param background image of the empty studio, BGR; empty unless
 /// key.against_background
 cv::Mat chroma_key_mask(const cv::Mat& image, const ChromaKey& key, const cv::Mat& background);
@@ -59,23 +57,5 @@ struct ContourPixel {
 /// The contour pixels of a mask, in row order: mask pixels with a neighbour (of four) outside the mask. Only those are
 /// kept that have at least four such pixels, themselves included, in the 5x5 window around them; this drops specks.
 std::vector<ContourPixel> contour_pixels(const cv::Mat& mask);
-
-/// Removes the lens distortion from a camera's images.
-class Undistorter {
- public:
-  explicit Undistorter(const Camera& camera);
-  /// The image as `pinhole()` would see it; the input itself when the camera has no distortion.
-  cv::Mat apply(const cv::Mat& image) const;
-  /// The position in the image of `pinhole()` that corresponds to a pixel of the distorted camera. Finite for finite
-  /// pixels.
-  Eigen::Vector2d apply(const Eigen::Vector2d& pixel) const;
-  /// The camera without distortion: same K, size and pose.
-  const PinholeCamera& pinhole() const { return pinhole_; }
-
- private:
-  Camera camera_;
-  PinholeCamera pinhole_;
-  cv::Mat map1_, map2_;
-};
 
 }  // namespace doppel

@@ -1,12 +1,13 @@
-#include "doppel/capture/mask.h"
+#include "doppel/masks/mask.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "capture/capture_fixture.h"
 #include "doppel/core/error.h"
+#include "doppel/masks/components.h"
+#include "support/ring_of_cameras.h"
 
 namespace doppel::mask_test {
 namespace {
@@ -37,7 +38,7 @@ TEST(CropReference, BoxIsShiftedIntoTheImageOrCentredOverIt) {
 }
 
 TEST(CropReference, ProjectingIntoTheCropEqualsMappingThePixel) {
-  const PinholeCamera camera(test_capture::ring_camera(1, 3));
+  const PinholeCamera camera = ring_of_cameras(3, 120, {0.2, 1.4, 0.1}).at(1);
   const CropBox box{13, -7, 90};
   const Camera crop = crop_camera(camera, box, 64);
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.2, 1.0, 0.1), Eigen::Vector3d(-0.3, 1.7, 0.4)}) {
@@ -160,33 +161,6 @@ TEST(ChromaKeyRejects, ABackgroundOfAnotherSize) {
   ChromaKey key;
   key.against_background = true;
   EXPECT_THROW(chroma_key_mask(cv::Mat::zeros(4, 4, CV_8UC3), key, cv::Mat::zeros(4, 5, CV_8UC3)), Error);
-}
-
-// A grid of discs drawn where the distorted camera sees the points must land, undistorted, where the pinhole sees them.
-TEST(UndistorterReference, MovesPointsToThePinholesPixels) {
-  Camera camera = test_capture::ring_camera(0, 3);
-  camera.width = 400;
-  camera.height = 300;
-  camera.K << 300.0, 0.0, 203.3, 0.0, 310.0, 148.6, 0.0, 0.0, 1.0;
-  camera.distortion = {-0.25, 0.07, 0.002, -0.001, 0.0, 0.0, 0.0, 0.0};
-  const Undistorter undistorter(camera);
-  EXPECT_FALSE(undistorter.pinhole().has_distortion());
-  for (const Eigen::Vector3d& offset : {Eigen::Vector3d(-0.9, 0.5, 0.0), Eigen::Vector3d(0.7, -0.6, 0.2)}) {
-    const Eigen::Vector3d point = camera.R.transpose() * (offset + Eigen::Vector3d(0, 0, 2.5) - camera.t);
-    const Eigen::Vector2d distorted = camera.project(point), expected = undistorter.pinhole().project(point);
-    cv::Mat image = cv::Mat::zeros(300, 400, CV_8U);
-    // A soft dot: its centroid is the place to a fraction of a pixel. Pixel (c, r) has its centre at (c+0.5, r+0.5).
-    for (int row = 0; row < 300; ++row)
-      for (int column = 0; column < 400; ++column) {
-        const double dx = column + 0.5 - distorted.x(), dy = row + 0.5 - distorted.y();
-        image.at<std::uint8_t>(row, column) =
-            static_cast<std::uint8_t>(std::lround(250 * std::exp(-(dx * dx + dy * dy) / 8)));
-      }
-    const cv::Moments moments = cv::moments(undistorter.apply(image));
-    EXPECT_GT((distorted - expected).norm(), 3.0);
-    EXPECT_NEAR(moments.m10 / moments.m00 + 0.5, expected.x(), 0.15);
-    EXPECT_NEAR(moments.m01 / moments.m00 + 0.5, expected.y(), 0.15);
-  }
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "doppel/capture/background_model.h"
+#include "doppel/masks/background_model.h"
 
 #include <algorithm>
 #include <array>
@@ -6,10 +6,10 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "doppel/capture/mask.h"
-#include "doppel/capture/tiled_mixtures.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/masks/components.h"
+#include "doppel/masks/tiled_mixtures.h"
 
 namespace doppel {
 
@@ -82,16 +82,7 @@ int gap_size(cv::Size image) {
   return 2 * (static_cast<int>(kSizeOfGaps * std::max(image.width, image.height)) / 2) + 1;
 }
 
-void fill_small_holes(cv::Mat& mask) {
-  cv::Mat labels, statistics, centroids;
-  const int count = cv::connectedComponentsWithStats(~mask, labels, statistics, centroids, 4, CV_32S);
-  const double largest = kHoleShare * cv::countNonZero(mask);
-  for (int label = 1; label < count; ++label) {
-    const cv::Rect box(statistics.at<int>(label, cv::CC_STAT_LEFT), statistics.at<int>(label, cv::CC_STAT_TOP),
-                       statistics.at<int>(label, cv::CC_STAT_WIDTH), statistics.at<int>(label, cv::CC_STAT_HEIGHT));
-    if (statistics.at<int>(label, cv::CC_STAT_AREA) <= largest) mask(box).setTo(255, labels(box) == label);
-  }
-}
+void fill_small_holes(cv::Mat& mask) { fill_holes(mask, static_cast<int>(kHoleShare * cv::countNonZero(mask))); }
 
 /// The mask of one person without specks and gaps; empty when the result is too small to be a person.
 cv::Mat clean(const cv::Mat& found, int gap) {

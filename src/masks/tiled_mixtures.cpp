@@ -1,4 +1,4 @@
-#include "doppel/capture/tiled_mixtures.h"
+#include "doppel/masks/tiled_mixtures.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "doppel/capture/background_model.h"
+#include "doppel/masks/background_model.h"
 
 #include <gmock/gmock.h>
 

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+
+namespace doppel {
+
+/// Connected components of masks (8-bit, 0 or 255).
+
+/// Only the largest 8-connected component of a mask.
+cv::Mat largest_component(const cv::Mat& mask);
+/// Fills the 4-connected holes of a mask that have at most `largest` pixels.
+void fill_holes(cv::Mat& mask, int largest);
+
+}  // namespace doppel
