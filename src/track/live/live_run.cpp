@@ -63,6 +63,7 @@ struct LiveTimings {
   long behind = 0;                                  ///< largest number of images that arrived during one frame
   std::vector<std::pair<long, LiveState>> changes;  ///< image, and the state from this image on
   double settled_megabytes = 0.0;                   ///< main memory after the first hundred frames
+  double final_megabytes = 0.0;                     ///< main memory after the last frame, before files are written
   Clock::time_point first, last;                    ///< times of the first and the last result
 };
 
@@ -90,6 +91,7 @@ class LiveRun {
       log::warn("{}; the images before it are kept", e.what());
     }
     images_.finish();
+    timings_.final_megabytes = private_megabytes();
     if (preview_) preview_->close();
   }
 
@@ -273,7 +275,7 @@ LiveFigures figures_of(const FrameSource& source, LiveRun& run) {
   figures.pose_ms = timings.pose.mean_ms();
   figures.surface_ms = timings.surface.mean_ms();
   figures.settled_megabytes = timings.settled_megabytes;
-  figures.final_megabytes = private_megabytes();
+  figures.final_megabytes = timings.final_megabytes;
   for (const auto& [number, state] : timings.changes) figures.changes.emplace_back(number, to_string(state));
   return figures;
 }
