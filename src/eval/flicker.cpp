@@ -63,13 +63,13 @@ struct PairImages {
 /// Draws and reads pairs of frames of one camera.
 class PairReader {
  public:
-  PairReader(const Dataset& dataset, const torch::Tensor& faces, const SurfaceFunction& surface,
-             const ImageFunction& render)
-      : dataset_(dataset), faces_(faces), surface_(surface), render_(render) {}
+  PairReader(const Dataset& dataset, const torch::Tensor& faces, const ImageFunction& render)
+      : dataset_(dataset), faces_(faces), render_(render) {}
 
+  /// @param samples the earlier frame and the later one @param vertices [2,N,3] of both
   /// @return nothing where a frame does not show the person
-  std::optional<PairImages> read(const SampleId& later, int camera) const {
-    const std::vector<SampleId> samples{{later.sequence, later.frame - 1}, later};
+  std::optional<PairImages> read(const std::vector<SampleId>& samples, const torch::Tensor& vertices,
+                                 int camera) const {
     std::vector<int> sides;
     for (const SampleId& sample : samples) sides.push_back(dataset_.crop_box(sample, camera).side);
     if (sides[0] == 0 || sides[1] == 0) return std::nullopt;
@@ -81,13 +81,11 @@ class PairReader {
     const std::int64_t S = dataset_.image_size();
     const torch::Tensor colour = eight_bit_colours(images.colour).view({2, S, S, 3});
     const torch::Tensor covered = images.covered.ne(0).to(torch::kUInt8).contiguous().view({2, S, S});
-    PairImages result{
-        {}, {}, {}, {faces_, surface_(samples), batch.image_projection.select(1, 0), static_cast<int>(S)}};
+    PairImages result{{}, {}, {}, {faces_, vertices, batch.image_projection.select(1, 0), static_cast<int>(S)}};
     for (int i = 0; i < 2; ++i) {
-      result.drawn[as_size(i)] = (image_of(colour[i], CV_8UC3).clone());
-      result.filmed[as_size(i)] = (image_of(batch.image[i][0], CV_8UC3).clone());
-      result.inside[as_size(i)] =
-          (well_inside(image_of(batch.image_mask[i][0], CV_8UC1), image_of(covered[i], CV_8UC1)));
+      result.drawn[as_size(i)] = image_of(colour[i], CV_8UC3).clone();
+      result.filmed[as_size(i)] = image_of(batch.image[i][0], CV_8UC3).clone();
+      result.inside[as_size(i)] = well_inside(image_of(batch.image_mask[i][0], CV_8UC1), image_of(covered[i], CV_8UC1));
     }
     return result;
   }
@@ -95,7 +93,6 @@ class PairReader {
  private:
   const Dataset& dataset_;
   torch::Tensor faces_;
-  const SurfaceFunction& surface_;
   const ImageFunction& render_;
 };
 
@@ -154,29 +151,38 @@ nlohmann::ordered_json FlickerResult::to_json() const {
   return {{"flicker", drawn.root_mean_square()}, {"filmed_flicker", filmed.root_mean_square()}};
 }
 
+namespace {
+
+void add_flicker(const PairImages& seen, FlickerResult& result) {
+  const SurfaceFlow flow = surface_flow(seen.pair);
+  cv::Mat where;  // inside in the later frame, and the four pixels of the earlier one that are read
+  cv::remap(seen.inside[0], where, flow.map, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_CONSTANT);
+  where = (where == 255) & seen.inside[1];
+  result.drawn += colour_change(flow, seen.drawn[0], seen.drawn[1], where);
+  result.filmed += colour_change(flow, seen.filmed[0], seen.filmed[1], where);
+}
+
+}  // namespace
+
 FlickerResult evaluate_flicker(const Dataset& dataset, Split split, const torch::Tensor& faces,
                                const SurfaceFunction& surface, const ImageFunction& render,
                                const EvaluationOptions& options, const std::string& title) {
   torch::NoGradGuard no_grad;
   const std::vector<int> cameras = dataset.camera_indices(options.cameras);
   const std::vector<SampleId> samples = evaluated_samples(dataset, split, options);
-  const PairReader reader(dataset, faces, surface, render);
+  const PairReader reader(dataset, faces, render);
   FlickerResult result;
   Progress progress(title, static_cast<std::int64_t>(samples.size() * cameras.size()));
   for (const SampleId& later : samples) {
     const DatasetSequence& sequence = dataset.sequences().at(as_size(later.sequence));
     const bool follows = later.frame > std::max(sequence.first_frame, sequence.segment_start(later.frame));
-    for (const int camera : cameras) {
-      progress.advance(1);
-      const auto seen = follows ? reader.read(later, camera) : std::nullopt;
-      if (!seen) continue;
-      const SurfaceFlow flow = surface_flow(seen->pair);
-      cv::Mat where;  // inside in the later frame, and the four pixels of the earlier one that are read
-      cv::remap(seen->inside[0], where, flow.map, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_CONSTANT);
-      where = (where == 255) & seen->inside[1];
-      result.drawn += colour_change(flow, seen->drawn[0], seen->drawn[1], where);
-      result.filmed += colour_change(flow, seen->filmed[0], seen->filmed[1], where);
+    if (follows) {
+      const std::vector<SampleId> both{{later.sequence, later.frame - 1}, later};
+      const torch::Tensor vertices = surface(both);
+      for (const int camera : cameras)
+        if (const auto seen = reader.read(both, vertices, camera)) add_flicker(*seen, result);
     }
+    progress.advance(static_cast<std::int64_t>(cameras.size()));
   }
   if (result.drawn.pixels == 0)
     fail("flicker: no two consecutive frames of the {} split show the person in the compared cameras",

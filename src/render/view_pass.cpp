@@ -95,7 +95,16 @@ void ViewPass::bound(Chunk& chunk) {
 
 namespace {
 
-bool in_one_tile(const FaceTiles& f) { return f.x0 == f.x1 && f.y0 == f.y1; }
+/// Calls `visit` with the index of each tile that a face touches. Most faces touch one tile.
+template <typename Visit>
+void visit_tiles(const FaceTiles& f, int tiles_x, const Visit& visit) {
+  if (f.x0 == f.x1 && f.y0 == f.y1) {
+    visit(f.y0 * tiles_x + f.x0);
+    return;
+  }
+  for (int y = f.y0; y <= f.y1; ++y)
+    for (int x = f.x0; x <= f.x1; ++x) visit(y * tiles_x + x);
+}
 
 }  // namespace
 
@@ -104,15 +113,7 @@ void ViewPass::sort(Chunk& chunk) {
   std::vector<std::int32_t>& offsets = chunk.offsets;
   offsets.assign(as_size(num_tiles() + 2), 0);
   std::int32_t* counts = offsets.data() + 2;
-  for (const FaceTiles& f : chunk.bounds) {
-    if (in_one_tile(f)) {
-      ++counts[f.y0 * tiles_x_ + f.x0];
-      continue;
-    }
-    for (int y = f.y0; y <= f.y1; ++y) {
-      for (int x = f.x0; x <= f.x1; ++x) ++counts[y * tiles_x_ + x];
-    }
-  }
+  for (const FaceTiles& f : chunk.bounds) visit_tiles(f, tiles_x_, [counts](int tile) { ++counts[tile]; });
   for (std::size_t i = 2; i < offsets.size(); ++i) offsets[i] += offsets[i - 1];
   chunk.entries.resize(as_size(offsets.back()));
   const bool coded = !chunk.codes.empty();
@@ -121,13 +122,7 @@ void ViewPass::sort(Chunk& chunk) {
   for (std::size_t i = 0; i < chunk.bounds.size(); ++i) {
     const FaceTiles& f = chunk.bounds[i];
     const std::int32_t code = coded ? chunk.codes[i] : f.face;
-    if (in_one_tile(f)) {
-      entries[next[f.y0 * tiles_x_ + f.x0]++] = code;
-      continue;
-    }
-    for (int y = f.y0; y <= f.y1; ++y) {
-      for (int x = f.x0; x <= f.x1; ++x) entries[next[y * tiles_x_ + x]++] = code;
-    }
+    visit_tiles(f, tiles_x_, [=](int tile) { entries[next[tile]++] = code; });
   }
 }
 

@@ -1,7 +1,7 @@
 // A graph network on one sample, step by step (graph_chain_kernel.h).
 //
-// What a node needs beside its row of sums stays in registers. The kernels are read once, in the order of memory; they
-// do not fit the cache, so their reading is what a step cannot do without.
+// The features of a node stay in registers. The kernels are read once, in the order of memory. They do not fit into the
+// cache, so a step takes at least the time of reading them.
 
 #include "doppel/layers/graph_convolution/graph_chain_kernel.h"
 
@@ -16,7 +16,7 @@ namespace {
 
 constexpr int64_t kLanes = kVectorBytes / sizeof(float);
 constexpr int64_t kParts = kChainFeatures / kLanes;  // vectors of a row
-// Independent sums, because one would wait for each addition.
+// Several independent sums: one sum would wait for the latency of each addition.
 constexpr int64_t kSums = kParts >= 4 ? 1 : 4 / kParts;
 
 typedef float Part __attribute__((vector_size(kVectorBytes)));
@@ -135,7 +135,8 @@ inline int64_t block_end(int64_t nodes, int64_t block) {
   return end < nodes ? end : nodes;
 }
 
-// Kernels are prefetched some nodes ahead, half of a node's at a time: the cache takes few requests at once.
+// Kernels are prefetched some nodes ahead, half of a node's kernel at a time, because the cache has few requests in
+// flight.
 constexpr int64_t kBytesAhead = 4096, kLineBytes = 64;
 
 void sum_alone(const GraphChainStep& p, int64_t begin, int64_t end) {
@@ -143,7 +144,7 @@ void sum_alone(const GraphChainStep& p, int64_t begin, int64_t end) {
     store_row(p.features + place * kChainFeatures, features_of(p, place));
 }
 
-// Nodes that are computed side by side: what one waits for, others hide.
+// Nodes that are computed side by side, so that their latencies overlap.
 constexpr int64_t kSide = 2;
 
 template <int64_t kBytes>
