@@ -32,6 +32,7 @@ DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
   c.chroma_weight = loss.get("chroma", c.chroma_weight, at_least(0.0));
   c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
   c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
+  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
   c.chroma.smoothing = loss.get("smoothing", c.chroma.smoothing, at_least(0.0));
   c.chroma.half_size = loss.get("smoothing_half_size", c.chroma.half_size, between(1, 8));
   c.silhouette = read_silhouette_options(loss);
@@ -91,6 +92,8 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   terms.push_back({"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views});
   ProfileScope scope(profile, "laplacian");
   terms.push_back({"laplacian", laplacian_loss(fine, coarse, laplacian_graph_), config_.laplacian_weight});
+  if (config_.anchor_weight > 0.0)
+    terms.push_back({"anchor", (fine - coarse).square().sum(2).mean(), config_.anchor_weight});
   return terms;
 }
 

@@ -24,6 +24,7 @@ struct DeltaNetRunConfig {
   double chroma_weight = 0.03775;    ///< per squared level of 255, thesis A.2
   double silhouette_weight = 500.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
   double laplacian_weight = 1e5;     ///< per squared metre, thesis A.2
+  double anchor_weight = 0.0;        ///< per squared metre of the mean squared distance from EGNet's surface
   ChromaOptions chroma;
   SilhouetteOptions silhouette;
   bool lit = true;              ///< draw with the trained lighting (false: an ablation)
@@ -35,7 +36,8 @@ struct DeltaNetRunConfig {
 };
 
 /// Trains DeltaNet (6.7): displacements on top of EGNet's surface. Losses: silhouettes, chroma of the images, and a
-/// Laplacian that keeps the displacements smooth (6.15).
+/// Laplacian that keeps the displacements smooth (6.15). Not in the thesis: `anchor`, which keeps vertices at their
+/// place on EGNet's surface where the images do not move them.
 class DeltaNetStage : public CaptureStage {
  public:
   /// @param dataset, actor must outlive the stage

@@ -241,6 +241,24 @@ TEST_F(StageChainReference, AStageCanComeFromAnotherRun) {
   EXPECT_EQ(TrainedActor::load(*folder_ / "borrower").steps.at("egnet"), 12);
 }
 
+TEST_F(StageChainRecovers, AnAnchorKeepsVerticesNearEgNetsSurface) {
+  const std::string run = (*folder_ / "run").string();
+  const auto squared_distance = [&](const std::string& anchor) {
+    const fs::path out = *folder_ / ("anchor-" + anchor);
+    ChainOptions options;
+    options.stages = {"deltanet"};
+    train_stages(chain({"egnet={run: " + run + "}", "lighting={run: " + run + "}", "deltanet.train.iterations=30",
+                        "deltanet.loss={anchor: " + anchor + "}"}),
+                 out, options);
+    TrainedActor actor = TrainedActor::load(out, std::nullopt, "texnet");
+    const Dataset dataset = Dataset::open(prepared_);
+    const torch::Tensor window =
+        dataset.dof_window(dataset.samples(Split::train).front(), actor.past_frames()).unsqueeze(0);
+    return (actor.fine(window) - actor.coarse(window)).square().sum(2).mean().item<double>();
+  };
+  EXPECT_LT(squared_distance("1e7"), 0.5 * squared_distance("0"));
+}
+
 TEST_F(StageChainRejects, ALaterStageOnOtherWeightsThanItWasTrainedOn) {
   const fs::path run = *folder_ / "changed";
   fs::copy(*folder_ / "run", run, fs::copy_options::recursive);
