@@ -42,8 +42,9 @@ cv::Mat largest_component(const cv::Mat& mask) {
   return labels == best;
 }
 
-// The component of the background at the first corner that is not covered is flooded first: often there is no other.
+// The background at the corners is flooded first: often there is no other component.
 void fill_holes(cv::Mat& mask, int largest) {
+  if (mask.empty()) return;
   cv::Mat rest = ~mask;
   for (const cv::Point corner : {cv::Point(0, 0), cv::Point(mask.cols - 1, 0), cv::Point(0, mask.rows - 1),
                                  cv::Point(mask.cols - 1, mask.rows - 1)}) {

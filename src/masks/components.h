@@ -8,7 +8,8 @@ namespace doppel {
 
 /// Only the largest 8-connected component of a mask.
 cv::Mat largest_component(const cv::Mat& mask);
-/// Fills the 4-connected holes of a mask that have at most `largest` pixels.
+/// Fills the 4-connected components of the background that have at most `largest` pixels, those at the border of the
+/// image too.
 void fill_holes(cv::Mat& mask, int largest);
 
 }  // namespace doppel

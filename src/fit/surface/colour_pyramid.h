@@ -14,7 +14,8 @@ class ColourPyramid {
   ColourPyramid() = default;
   /// @param image 8-bit BGR @param window the part of the image that `at` covers
   /// @param kernels sizes of the Gaussian kernels in pixels, odd, coarse to fine (thesis: 15, 9, 3)
-  /// @param halve each level has half the sides of the next one; the last has those of the image
+  /// @param halve each level has half the sides of the next one; the last has those of the image. The window then loses
+  /// up to seven pixels on the right and below.
   ColourPyramid(const cv::Mat& image, const cv::Rect& window, const std::vector<int>& kernels, bool halve = false);
 
   int num_levels() const { return static_cast<int>(levels_.size()); }
