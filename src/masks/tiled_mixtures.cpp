@@ -10,6 +10,7 @@ namespace {
 constexpr int kHistory = 500;
 constexpr int kTile = 64;          // pixels
 constexpr double kRounding = 0.9;  // of the mean colour to 8 bits, in three channels
+constexpr int kMedian = 3;         // side of the window in which a single pixel counts as noise
 
 }  // namespace
 
@@ -56,12 +57,13 @@ cv::Mat TiledMixtures::far_from(const cv::Mat& image, const cv::Mat& empty) cons
   cv::Mat far(size_, CV_8U);
   for (int row = 0; row < image.rows; ++row) {
     const std::uint8_t *a = image.ptr(row), *b = empty.ptr(row);
+    std::uint8_t* out = far.ptr(row);
     for (int i = 0; i < image.cols; ++i) {
       const int x = a[3 * i] - b[3 * i], y = a[3 * i + 1] - b[3 * i + 1], z = a[3 * i + 2] - b[3 * i + 2];
-      far.at<std::uint8_t>(row, i) = x * x + y * y + z * z > sure_ ? 255 : 0;
+      out[i] = x * x + y * y + z * z > sure_ ? 255 : 0;
     }
   }
-  cv::medianBlur(far, far, 3);
+  cv::medianBlur(far, far, kMedian);
   return far;
 }
 

@@ -4,6 +4,7 @@
 
 #include "doppel/actor/draw.h"
 #include "doppel/core/error.h"
+#include "doppel/losses/anchor.h"
 #include "doppel/losses/images.h"
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/image_sheet.h"
@@ -92,8 +93,7 @@ LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {
   terms.push_back({"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views});
   ProfileScope scope(profile, "laplacian");
   terms.push_back({"laplacian", laplacian_loss(fine, coarse, laplacian_graph_), config_.laplacian_weight});
-  if (config_.anchor_weight > 0.0)
-    terms.push_back({"anchor", (fine - coarse).square().sum(2).mean(), config_.anchor_weight});
+  if (config_.anchor_weight > 0.0) terms.push_back({"anchor", anchor_loss(fine, coarse), config_.anchor_weight});
   return terms;
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/losses/anchor.h"
 #include "doppel/losses/images.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/seen_vertices.h"
@@ -249,7 +250,7 @@ void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, St
   terms.laplacian = laplacian_loss(vertices, actor_.coarse(batch.dofs), laplacian_graph_);
   terms.isometry = isometry_loss(vertices, edges_);
   if (config_.anchor_weight > 0.0)
-    terms.anchor = (vertices - actor_.displaced(model_->around, batch.dofs).detach()).square().sum(2).mean();
+    terms.anchor = anchor_loss(vertices, actor_.displaced(model_->around, batch.dofs).detach());
 }
 
 std::vector<ReportImage> HybridStage::images() {

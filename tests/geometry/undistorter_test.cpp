@@ -9,7 +9,7 @@
 namespace doppel::undistorter_test {
 namespace {
 
-// A grid of discs drawn where the distorted camera sees the points must land, undistorted, where the pinhole sees them.
+// A dot at the pixel where the distorted camera sees a point is moved to the pixel where the pinhole sees the point.
 TEST(UndistorterReference, MovesPointsToThePinholesPixels) {
   Camera camera;
   camera.R = Eigen::AngleAxisd(0.4, Eigen::Vector3d(0.6, 0.8, 0.0)).toRotationMatrix();

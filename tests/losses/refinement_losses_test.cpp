@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/losses/anchor.h"
 #include "doppel/losses/chamfer.h"
 #include "doppel/losses/isometry.h"
 #include "support/gradient_check.h"
@@ -37,6 +38,12 @@ double chamfer_by_hand(const Tensor& vertices, const Tensor& cloud, const Tensor
   };
   const Tensor shown = squared.index_select(0, visible.nonzero().squeeze(1));
   return mean(shown.amin(1)) + mean(shown.amin(0));
+}
+
+TEST(AnchorLoss, ByHand) {
+  const Tensor anchors = random_points(6, 7).view({2, 3, 3});
+  const Tensor offsets = torch::tensor({{1.0, 2.0, 2.0}, {0.0, 0.0, 3.0}, {0.0, 0.0, 0.0}}, torch::kFloat64);
+  EXPECT_NEAR(anchor_loss(anchors + offsets, anchors).item<double>(), (9.0 + 9.0 + 0.0) / 3.0, 1e-12);
 }
 
 TEST(ChamferLoss, EqualsAllPairs) {
