@@ -99,13 +99,19 @@ Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
   return hidden;
 }
 
-DenseLayers RadianceFieldImpl::trunk_layers() const {
-  std::vector<std::pair<Tensor, Tensor>> layers;
+RadianceFieldImpl::ImageLayers RadianceFieldImpl::image_layers() const {
+  const torch::NoGradGuard no_grad;
+  std::vector<std::pair<Tensor, Tensor>> trunk;
   for (const auto& module : *trunk_) {
     const auto* layer = module->as<torch::nn::Linear>();
-    layers.emplace_back(layer->weight, layer->bias);
+    trunk.emplace_back(layer->weight, layer->bias);
   }
-  return DenseLayers(layers);
+  Tensor view = view_of_hidden_->weight;
+  if (view_of_direction_) view = torch::cat({view, view_of_direction_->weight}, 1);
+  const Tensor density = density_->weight.to(torch::kFloat32).contiguous();
+  const float* weights = density.data_ptr<float>();
+  return {DenseLayers(trunk), std::vector<float>(weights, weights + density.numel()), density_->bias.item<float>(),
+          DenseLayers({{view, view_of_hidden_->bias}, {colour_->weight, colour_->bias}}, LastLayer::linear)};
 }
 
 Tensor RadianceFieldImpl::density(const Tensor& hidden) {

@@ -75,12 +75,20 @@ class RadianceFieldImpl : public torch::nn::Module {
 
   // The steps of `forward`, for callers that do not need all of them for every point.
   torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
-  DenseLayers trunk_layers() const;                  ///< `trunk` for images, with the weights as they are now
   torch::Tensor density(const torch::Tensor& hidden);
   /// The contribution of directions [...,3] to the view branch, added to that of the hidden values; 0 if colours do not
   /// depend on the direction. @return [..., view_width]
   torch::Tensor view_term(const torch::Tensor& direction);
   torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& view_term);
+
+  /// The same steps without tensors, for images, with the weights as they are now.
+  struct ImageLayers {
+    DenseLayers trunk;           ///< [num_inputs] to hidden [width]
+    std::vector<float> density;  ///< [width] weights
+    float density_bias;
+    DenseLayers colour;  ///< hidden, followed by the encoded direction if there is one, to the colour's logits
+  };
+  ImageLayers image_layers() const;
 
   const RadianceFieldConfig& config() const { return config_; }
   /// The number of inputs: features, the encoded rest position if there is one, and the encoded distance.
@@ -107,12 +115,13 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
 
 struct FieldImageOptions {
   int64_t samples = 64;
-  int64_t rays_at_once = 2048;  ///< 2048 rays of 64 samples take about 150 MB, for any size of the image
+  int64_t rays_at_once = 48;  ///< of a thread; 48 rays of 64 samples take at most 8 MB
   /// Colours are not computed for samples with a lower weight. The error of a ray's colour is less than K times this
   /// value.
   double least_weight = 1e-5;
-  /// One of this many samples is evaluated first. The others are evaluated only between two of which one is not empty,
-  /// and only until the ray is opaque; elsewhere the density is 0. 1: all samples are evaluated.
+  /// One of this many samples is evaluated first, from the camera on until the ray is opaque. The others are evaluated
+  /// only between two of which one is not empty, and only until the ray is opaque; elsewhere the density is 0. 1: all
+  /// samples are evaluated.
   int64_t first_pass = 4;
   double empty = 1e-3;   ///< alpha of `first_pass` cells below which a sample is empty
   double opaque = 1e-4;  ///< transmittance below which a ray has ended
@@ -124,10 +133,10 @@ struct FieldPixels {
   torch::Tensor opacity, depth;  ///< [R]
 };
 
-/// The same without gradients, for images. Rays are processed in chunks of bounded memory. Features are gathered and
-/// encoded in one pass. Samples outside the shell around the mesh skip the network, as do those in empty space and
-/// behind opaque ones (FieldImageOptions). Samples that are not visible skip the view branch. float32 on the CPU; the
-/// result does not depend on the size of the chunks beyond rounding.
+/// The same without gradients, for images. Each thread draws a few rays at a time, whose values stay in its cache.
+/// Samples outside the shell around the mesh skip the network, as do those in empty space and behind opaque ones
+/// (FieldImageOptions). Samples that are not visible skip the colours. float32 on the CPU; the result has the same bits
+/// for any number of threads and any `rays_at_once`.
 /// @param near, far [R] as RaySamples; samples are at the centres of their intervals
 /// @throws UsageError naming the argument, with the shape found
 FieldPixels draw_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,

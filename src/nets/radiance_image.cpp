@@ -1,6 +1,8 @@
 #include <ATen/Parallel.h>
 
+#include <Eigen/Core>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <vector>
 
@@ -15,134 +17,177 @@ using torch::Tensor;
 
 namespace {
 
-/// The state of one call: the surface, and one chunk of rays after the other.
-class FieldPainter {
- public:
-  FieldPainter(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
-               const FieldImageOptions& options)
-      : field_(field),
-        trunk_(field->trunk_layers()),
-        options_(options),
-        surface_(closest->surface()),
-        values_(surface.values.contiguous()) {
-    surface_.move(positions_of(surface.vertices));
+/// What all threads read.
+struct Painted {
+  RadianceFieldConfig config;
+  RadianceFieldImpl::ImageLayers layers;
+  ClosedSurface surface;
+  Tensor values;  ///< [N,H] of the vertices
+  FieldImageOptions options;
+  double transparent;  ///< optical depth up to which a ray goes on
+
+  Painted(const RadianceField& field, const ClosestPoint& closest, const FieldSurface& at,
+          const FieldImageOptions& image)
+      : config(field->config()),
+        layers(field->image_layers()),
+        surface(closest->surface()),
+        values(at.values.contiguous()),
+        options(image),
+        transparent(-std::log(image.opaque)) {
+    surface.move(positions_of(at.vertices));
   }
 
-  /// @param samples of the chunk's rays
-  RenderedRays draw(const Tensor& origin, const Tensor& direction, const RaySamples& samples) {
-    const int64_t R = samples.t.size(0), K = samples.t.size(1);
-    points_ = samples.points(origin, direction).contiguous();
-    hits_.assign(as_size(R * K), ClosedSurface::Hit{});
-    Tensor density = torch::zeros({R * K});
-    const Evaluated first = evaluate(first_samples(R, K), density);
-    const Evaluated second = evaluate(second_samples(density, samples), density);
-    const Tensor rows = torch::cat({first.rows, second.rows}), hidden = torch::cat({first.hidden, second.hidden});
-    const Tensor weights = volume_weights(density.view({R, K}), samples).flatten();
-    const Tensor seen = (weights.index_select(0, rows) > options_.least_weight).nonzero().squeeze(1);
-    const Tensor seen_rows = rows.index_select(0, seen);
-    const Tensor view = field_->view_term(direction).index_select(0, torch::div(seen_rows, K, "floor"));
-    const Tensor colour = torch::zeros({R * K, 3});
-    colour.index_copy_(0, seen_rows, field_->colour(hidden.index_select(0, seen), view));
-    return render_volume(density.view({R, K}), colour.view({R, K, 3}), samples);
+  int64_t encoded_direction() const { return layers.colour.inputs() - config.width; }
+};
+
+/// A few rays that one thread draws together.
+struct RayGroup {
+  Tensor origin;                     ///< [3]
+  Tensor direction, near, far;       ///< [R,3], [R], [R]
+  Tensor t;                          ///< [R,K]
+  Tensor encoded = torch::Tensor();  ///< [R,E] directions, undefined if colours do not depend on them
+
+  int64_t rays() const { return t.size(0); }
+  int64_t samples() const { return t.size(1); }
+
+  /// @param index ray * K + sample
+  Eigen::Vector3d point(int64_t index) const {
+    const float *o = origin.data_ptr<float>(), *d = direction.data_ptr<float>() + 3 * (index / samples());
+    const float along = t.data_ptr<float>()[index];
+    return {o[0] + along * d[0], o[1] + along * d[1], o[2] + along * d[2]};
+  }
+};
+
+/// Writes `channels` interleaved numbers of positional_encoding for one number; octaves double the angle.
+void encode(double x, int octaves, int channels, float* row) {
+  row[0] = static_cast<float>(x);
+  double sine = std::sin(M_PI * x), cosine = std::cos(M_PI * x);
+  for (int k = 0; k < octaves; ++k) {
+    row[channels * (1 + 2 * k)] = static_cast<float>(sine);
+    row[channels * (2 + 2 * k)] = static_cast<float>(cosine);
+    const double twice = 2.0 * sine * cosine;
+    cosine = cosine * cosine - sine * sine;
+    sine = twice;
+  }
+}
+
+/// The working memory of one thread.
+class RayPainter {
+ public:
+  explicit RayPainter(const Painted& painted) : painted_(painted) {}
+
+  /// @param out the group's pixels
+  void draw(const RayGroup& group, const FieldPixels& out) {
+    evaluated_.clear();
+    density_.assign(as_size(group.rays() * group.samples()), 0.0f);
+    evaluate_first(group);
+    evaluate_between(group);
+    weights_.resize(density_.size());
+    const int64_t K = group.samples();
+    for (int64_t ray = 0; ray < group.rays(); ++ray) {
+      const RaySums sums =
+          render_ray(&density_[as_size(ray * K)], group.t.data_ptr<float>() + ray * K, K,
+                     group.near.data_ptr<float>()[ray], group.far.data_ptr<float>()[ray], &weights_[as_size(ray * K)]);
+      out.opacity.data_ptr<float>()[ray] = sums.opacity;
+      out.depth.data_ptr<float>()[ray] = sums.depth;
+    }
+    add_colours(group, out.colour.data_ptr<float>());
   }
 
  private:
-  /// Samples that went through the network.
-  struct Evaluated {
-    Tensor rows;    ///< int64 [S] of [R*K]
-    Tensor hidden;  ///< [S,width]
-  };
-
-  bool in_first_pass(int64_t k) const { return k % options_.first_pass == options_.first_pass / 2; }
-
-  /// The samples of the first pass, ray by ray.
-  std::vector<int64_t> first_samples(int64_t R, int64_t K) const {
-    std::vector<int64_t> chosen;
-    for (int64_t i = 0; i < R * K; ++i)
-      if (in_first_pass(i % K)) chosen.push_back(i);
-    return chosen;
+  /// The optical depth of the cells that a sample of the first pass stands for; 0 for samples outside of [0,K).
+  double absorbed(const RayGroup& group, int64_t ray, int64_t k) const {
+    const int64_t K = group.samples();
+    if (k < 0 || k >= K) return 0.0;
+    const float length = group.far.data_ptr<float>()[ray] - group.near.data_ptr<float>()[ray];
+    return static_cast<double>(density_[as_size(ray * K + k)] * std::max(length, 0.0f)) / static_cast<double>(K) *
+           static_cast<double>(painted_.options.first_pass);
   }
 
-  /// The other samples that are neither in empty space nor behind opaque samples.
-  /// @param density [R*K] of the first pass
-  std::vector<int64_t> second_samples(const Tensor& density, const RaySamples& samples) const {
-    const int64_t R = samples.t.size(0), K = samples.t.size(1), step = options_.first_pass;
-    const Tensor lengths = samples.step().expand({R, K}).contiguous();
-    std::vector<int64_t> chosen;
-    for (int64_t ray = 0; ray < R; ++ray) {
-      const float *sigma = density.data_ptr<float>() + ray * K, *length = lengths.data_ptr<float>() + ray * K;
-      const auto absorbed = [&](int64_t k) {  // sigma times the length of the cells that a first sample stands for
-        return k >= 0 && k < K ? static_cast<double>(sigma[k] * length[k]) * static_cast<double>(step) : 0.0;
-      };
+  /// Evaluates one of `first_pass` samples of each ray, a few at a time, until the ray is opaque.
+  void evaluate_first(const RayGroup& group) {
+    const int64_t step = painted_.options.first_pass, K = group.samples();
+    constexpr int64_t kAtOnce = 3;
+    std::vector<double> passed(as_size(group.rays()), 0.0);  // optical depth so far
+    for (int64_t begin = step / 2; begin < K; begin += kAtOnce * step) {
+      const int64_t end = std::min(begin + kAtOnce * step, K);
+      chosen_.clear();
+      for (int64_t ray = 0; ray < group.rays(); ++ray)
+        for (int64_t k = begin; k < end && passed[as_size(ray)] <= painted_.transparent; k += step)
+          chosen_.push_back(ray * K + k);
+      evaluate(group);
+      for (const int64_t index : chosen_) passed[as_size(index / K)] += absorbed(group, index / K, index % K);
+    }
+  }
+
+  /// Evaluates the other samples that are neither in empty space nor behind opaque samples.
+  void evaluate_between(const RayGroup& group) {
+    const int64_t step = painted_.options.first_pass, K = group.samples();
+    chosen_.clear();
+    for (int64_t ray = 0; ray < group.rays(); ++ray) {
       double before = 0.0;  // absorbed by the first samples before the left neighbour
-      for (int64_t left = step / 2 - step; left < K; left += step) {
-        if (before > -std::log(options_.opaque)) break;
-        const bool empty = absorbed(left) < options_.empty && absorbed(left + step) < options_.empty;
+      for (int64_t left = step / 2 - step; left < K && before <= painted_.transparent; left += step) {
+        const double here = absorbed(group, ray, left), next = absorbed(group, ray, left + step);
+        const bool empty = here < painted_.options.empty && next < painted_.options.empty;
         for (int64_t k = std::max<int64_t>(left + 1, 0); k < std::min(left + step, K) && !empty; ++k)
-          chosen.push_back(ray * K + k);
-        before += absorbed(left);
+          chosen_.push_back(ray * K + k);
+        before += here;
       }
     }
-    return chosen;
+    evaluate(group);
   }
 
-  /// Evaluates the chosen samples within the shell and writes their densities.
-  Evaluated evaluate(const std::vector<int64_t>& chosen, Tensor& density) {
-    search(chosen);
-    const Tensor rows = torch::tensor(near_, torch::kInt64);
-    Evaluated result{rows, trunk_.forward(inputs())};
-    density.index_copy_(0, rows, field_->density(result.hidden));
-    return result;
+  /// Hidden values and densities of the chosen samples within the shell. Appends them to `evaluated_`.
+  void evaluate(const RayGroup& group) {
+    const RadianceFieldConfig& config = painted_.config;
+    const int64_t width = config.width, columns = painted_.layers.trunk.inputs();
+    const std::size_t first = evaluated_.size();
+    grow(inputs_, as_size(columns) * chosen_.size());
+    int near_face = -1;
+    for (const int64_t index : chosen_) {
+      const ClosedSurface::Hit hit = painted_.surface.closest(group.point(index), near_face);
+      near_face = hit.face;
+      if (hit.distance > config.t_ma + config.margin || hit.distance < -config.t_mi - config.margin) continue;
+      write_inputs(hit, &inputs_[as_size(columns) * (evaluated_.size() - first)]);
+      evaluated_.push_back(index);
+    }
+    const std::size_t count = evaluated_.size() - first;
+    grow(hidden_, as_size(width) * evaluated_.size());
+    float* hidden = hidden_.data() + as_size(width) * first;
+    painted_.layers.trunk.run(inputs_.data(), static_cast<int64_t>(count), hidden);
+    const Eigen::Map<const Eigen::VectorXf> weights(painted_.layers.density.data(), width);
+    for (std::size_t i = 0; i < count; ++i) {
+      const float logit = painted_.layers.density_bias +
+                          weights.dot(Eigen::Map<const Eigen::VectorXf>(hidden + as_size(width) * i, width));
+      density_[as_size(evaluated_[first + i])] = static_cast<float>(softplus(logit) / config.density_unit);
+    }
   }
 
-  /// Closest points of the chosen samples; `near_` lists those within the shell.
-  void search(const std::vector<int64_t>& chosen) {
-    const auto count = static_cast<int64_t>(chosen.size());
-    at::parallel_for(0, count, 64, [&](int64_t begin, int64_t end) {
-      int near_face = -1;
-      for (int64_t i = begin; i < end; ++i) {
-        const float* p = points_.data_ptr<float>() + 3 * chosen[as_size(i)];
-        ClosedSurface::Hit& hit = hits_[as_size(chosen[as_size(i)])];
-        hit = surface_.closest({p[0], p[1], p[2]}, near_face);
-        near_face = hit.face;
-      }
-    });
-    const RadianceFieldConfig& config = field_->config();
-    near_.clear();
-    for (const int64_t i : chosen)
-      if (hits_[as_size(i)].distance <= config.t_ma + config.margin &&
-          hits_[as_size(i)].distance >= -config.t_mi - config.margin)
-        near_.push_back(i);
+  static double softplus(float x) { return x > 20.0f ? x : std::log1p(std::exp(static_cast<double>(x))); }
+
+  static void grow(std::vector<float>& values, std::size_t count) {
+    if (values.size() < count) values.resize(count);
   }
 
-  /// The network's inputs for the samples in `near_`.
-  Tensor inputs() const {
-    const RadianceFieldConfig& config = field_->config();
-    const int64_t count = static_cast<int64_t>(near_.size()), width = field_->num_inputs();
-    Tensor result = torch::empty({count, width});
-    at::parallel_for(0, count, 256, [&](int64_t begin, int64_t end) {
-      for (int64_t i = begin; i < end; ++i) {
-        const ClosedSurface::Hit& hit = hits_[near_[i]];
-        float* row = result.data_ptr<float>() + i * width;
-        row = interpolate(hit, 0, config.features, row);
-        if (config.place_octaves > 0) {
-          float place[3];
-          interpolate(hit, config.features, 3, place);
-          for (int axis = 0; axis < 3; ++axis) encode(place[axis], config.place_octaves, 3, row + axis);
-          row += 3 * (1 + 2 * config.place_octaves);
-        }
-        const double unit = hit.distance < 0 ? config.t_mi : config.t_ma;
-        encode(std::clamp(hit.distance / unit, -1.0, 1.0), config.distance_octaves, 1, row);
-      }
-    });
-    return result;
+  /// The network's inputs for a closest point.
+  void write_inputs(const ClosedSurface::Hit& hit, float* row) const {
+    const RadianceFieldConfig& config = painted_.config;
+    row = interpolate(hit, 0, config.features, row);
+    if (config.place_octaves > 0) {
+      float place[3];
+      interpolate(hit, config.features, 3, place);
+      for (int axis = 0; axis < 3; ++axis) encode(place[axis], config.place_octaves, 3, row + axis);
+      row += 3 * (1 + 2 * config.place_octaves);
+    }
+    const double unit = hit.distance < 0 ? config.t_mi : config.t_ma;
+    encode(std::clamp(hit.distance / unit, -1.0, 1.0), config.distance_octaves, 1, row);
   }
 
   /// Writes `count` interpolated vertex values, starting at value `first`. @return end of the written values
   float* interpolate(const ClosedSurface::Hit& hit, int64_t first, int64_t count, float* row) const {
-    const int64_t H = values_.size(1);
-    const Triangle& face = surface_.faces()[hit.face];
-    const float* from = values_.data_ptr<float>() + first;
+    const int64_t H = painted_.values.size(1);
+    const Triangle& face = painted_.surface.faces()[as_size(hit.face)];
+    const float* from = painted_.values.data_ptr<float>() + first;
     const float *a = from + H * face[0], *b = from + H * face[1], *c = from + H * face[2];
     const auto u = static_cast<float>(hit.weights[0]), v = static_cast<float>(hit.weights[1]),
                w = static_cast<float>(hit.weights[2]);
@@ -150,27 +195,35 @@ class FieldPainter {
     return row + count;
   }
 
-  /// positional_encoding of one of `channels` interleaved numbers; octaves are computed by doubling the angle.
-  static void encode(double x, int octaves, int channels, float* row) {
-    row[0] = static_cast<float>(x);
-    double sine = std::sin(M_PI * x), cosine = std::cos(M_PI * x);
-    for (int k = 0; k < octaves; ++k) {
-      row[channels * (1 + 2 * k)] = static_cast<float>(sine);
-      row[channels * (2 + 2 * k)] = static_cast<float>(cosine);
-      const double twice = 2.0 * sine * cosine;
-      cosine = cosine * cosine - sine * sine;
-      sine = twice;
+  /// The colours of the evaluated samples that the camera sees, summed along the rays. @param out [R,3]
+  void add_colours(const RayGroup& group, float* out) {
+    std::fill(out, out + 3 * group.rays(), 0.0f);
+    const int64_t width = painted_.config.width, columns = painted_.layers.colour.inputs();
+    const int64_t encoded = painted_.encoded_direction();
+    grow(inputs_, as_size(columns) * evaluated_.size());
+    chosen_.clear();
+    for (std::size_t i = 0; i < evaluated_.size(); ++i) {
+      const int64_t index = evaluated_[i];
+      if (weights_[as_size(index)] <= static_cast<float>(painted_.options.least_weight)) continue;
+      float* row = &inputs_[as_size(columns) * chosen_.size()];
+      row = std::copy_n(&hidden_[as_size(width) * i], width, row);
+      if (encoded > 0) std::copy_n(group.encoded.data_ptr<float>() + encoded * (index / group.samples()), encoded, row);
+      chosen_.push_back(index);
+    }
+    logits_.resize(3 * chosen_.size());
+    painted_.layers.colour.run(inputs_.data(), static_cast<int64_t>(chosen_.size()), logits_.data());
+    for (std::size_t i = 0; i < chosen_.size(); ++i) {
+      const float weight = weights_[as_size(chosen_[i])];
+      float* pixel = out + 3 * (chosen_[i] / group.samples());
+      for (std::size_t c = 0; c < 3; ++c) pixel[c] += weight / (1.0f + std::exp(-logits_[3 * i + c]));
     }
   }
 
-  RadianceField field_;
-  DenseLayers trunk_;
-  FieldImageOptions options_;
-  ClosedSurface surface_;
-  Tensor values_;                         ///< [N,H]
-  Tensor points_;                         ///< [R,K,3] of the chunk
-  std::vector<ClosedSurface::Hit> hits_;  ///< [R*K]
-  std::vector<int64_t> near_;
+  const Painted& painted_;
+  std::vector<int64_t> chosen_;                  ///< samples to evaluate: ray * K + sample
+  std::vector<int64_t> evaluated_;               ///< samples within the shell that went through the trunk
+  std::vector<float> density_, weights_;         ///< [R*K]
+  std::vector<float> inputs_, hidden_, logits_;  ///< rows of samples
 };
 
 void check_arguments(const RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,
@@ -203,18 +256,23 @@ FieldPixels draw_field(RadianceField& field, const ClosestPoint& closest, const 
                        const FieldImageOptions& options) {
   const torch::NoGradGuard no_grad;
   check_arguments(field, closest, surface, origin, direction, near, far, options);
-  const int64_t R = direction.size(0);
-  FieldPixels image{torch::empty({R, 3}), torch::empty({R}), torch::empty({R})};
-  FieldPainter painter(field, closest, surface, options);
-  for (int64_t first = 0; first < R; first += options.rays_at_once) {
-    const int64_t count = std::min(options.rays_at_once, R - first);
-    const auto part = [&](const Tensor& of) { return of.narrow(0, first, count); };
-    const RaySamples samples = sample_cells(part(near), part(far), options.samples);
-    const RenderedRays seen = painter.draw(origin, part(direction), samples);
-    part(image.colour).copy_(seen.colour);
-    part(image.opacity).copy_(seen.opacity);
-    part(image.depth).copy_(seen.depth);
-  }
+  const int64_t R = direction.size(0), size = options.rays_at_once;
+  const FieldPixels image{torch::empty({R, 3}), torch::empty({R}), torch::empty({R})};
+  const Painted painted(field, closest, surface, options);
+  const Tensor eye = origin.contiguous(), towards = direction.contiguous();
+  std::atomic<int64_t> next{0};
+  at::parallel_for(0, at::get_num_threads(), 1, [&](int64_t, int64_t) {
+    const torch::NoGradGuard no_grad_in_thread;
+    RayPainter painter(painted);
+    for (int64_t first = size * next++; first < R; first = size * next++) {
+      const auto part = [&](const Tensor& of) { return of.narrow(0, first, std::min(size, R - first)); };
+      const RaySamples samples = sample_cells(part(near), part(far), options.samples);
+      RayGroup group{eye, part(towards), samples.near.contiguous(), samples.far.contiguous(), samples.t};
+      if (painted.encoded_direction() > 0)
+        group.encoded = positional_encoding(group.direction, painted.config.direction_octaves);
+      painter.draw(group, {part(image.colour), part(image.opacity), part(image.depth)});
+    }
+  });
   return image;
 }
 

@@ -23,10 +23,12 @@ Layers random_layers(const std::vector<int64_t>& widths) {
   return layers;
 }
 
-Tensor expected_of(const Layers& layers, const Tensor& points) {
+Tensor expected_of(const Layers& layers, LastLayer last, const Tensor& points) {
   Tensor x = points.to(torch::kFloat64);
-  for (const auto& [weight, bias] : layers)
-    x = (x.matmul(weight.to(torch::kFloat64).t()) + bias.to(torch::kFloat64)).relu();
+  for (const auto& [weight, bias] : layers) {
+    x = x.matmul(weight.to(torch::kFloat64).t()) + bias.to(torch::kFloat64);
+    if (last == LastLayer::rectified || weight.data_ptr() != layers.back().first.data_ptr()) x = x.relu();
+  }
   return x;
 }
 
@@ -34,16 +36,17 @@ TEST(DenseLayersAgrees, WithProductsInDoubleForAllWidthsAndThreads) {
   const int before = at::get_num_threads();
   for (const std::vector<int64_t>& widths :
        {std::vector<int64_t>{80, 128, 128, 128, 128}, {3, 1}, {17, 70, 5}, {64, 256, 64}})
-    for (const int64_t points : {0, 1, 7, 1000}) {
-      const Layers layers = random_layers(widths);
-      const Tensor x = torch::randn({points, widths[0]}, at::detail::createCPUGenerator(1));
-      const DenseLayers network(layers);
-      at::set_num_threads(1);
-      const Tensor found = network.forward(x);
-      EXPECT_TRUE(test::is_near(found, expected_of(layers, x), 1e-5)) << points;
-      at::set_num_threads(3);
-      EXPECT_TRUE(torch::equal(found, network.forward(x)));
-    }
+    for (const int64_t points : {0, 1, 7, 1000})
+      for (const LastLayer last : {LastLayer::rectified, LastLayer::linear}) {
+        const Layers layers = random_layers(widths);
+        const Tensor x = torch::randn({points, widths[0]}, at::detail::createCPUGenerator(1));
+        const DenseLayers network(layers, last);
+        at::set_num_threads(1);
+        const Tensor found = network.forward(x);
+        EXPECT_TRUE(test::is_near(found, expected_of(layers, last, x), 1e-5)) << points;
+        at::set_num_threads(3);
+        EXPECT_TRUE(torch::equal(found, network.forward(x)));
+      }
   at::set_num_threads(before);
 }
 

@@ -79,6 +79,28 @@ TEST(SampleCells, OneInEveryCellBySeed) {
   EXPECT_FALSE(torch::equal(t, draw(2)));
 }
 
+// The loop that images take, on rays that are empty, opaque, faint and without meaning.
+TEST(RenderRay, EqualsRenderVolume) {
+  auto generator = at::detail::createCPUGenerator(4);
+  constexpr int64_t R = 40, K = 9;
+  const Tensor near = torch::rand({R}, generator) + 1.0, far = near + torch::rand({R}, generator) - 0.2;
+  const RaySamples samples = sample_cells(near, far, K);
+  Tensor density = torch::pow(10.0, 8.0 * torch::rand({R, K}, generator) - 3.0) *
+                   (torch::rand({R, K}, generator) > 0.5).to(torch::kFloat32);
+  density[3][2] = kInfinity;
+  density[4][0] = std::numeric_limits<float>::quiet_NaN();
+  density[5][1] = -3.0;
+  const RenderedRays expected = render_volume(density, torch::zeros({R, K, 3}), samples);
+  Tensor weights = torch::empty({K});
+  for (int64_t r = 0; r < R; ++r) {
+    const RaySums seen = render_ray(density[r].data_ptr<float>(), samples.t[r].data_ptr<float>(), K,
+                                    near[r].item<float>(), far[r].item<float>(), weights.data_ptr<float>());
+    EXPECT_TRUE(is_near(weights, expected.weights[r], 1e-6)) << r;
+    EXPECT_NEAR(seen.opacity, expected.opacity[r].item<float>(), 1e-6) << r;
+    EXPECT_NEAR(seen.depth, expected.depth[r].item<float>(), 1e-5) << r;
+  }
+}
+
 // A slab of constant density and colour: opacity 1 - exp(-sigma L), whatever the number of samples.
 TEST(VolumeRendering, ConstantSlab) {
   for (int64_t samples : {1, 7, 64})

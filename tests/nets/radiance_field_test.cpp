@@ -154,15 +154,23 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
   FieldImageOptions options;
   options.samples = 32;
   options.first_pass = 1;  // all samples
-  for (int64_t chunk : {1000, 77}) {
-    options.rays_at_once = chunk;
-    const FieldPixels image =
-        draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far, options);
-    EXPECT_TRUE(is_near(image.colour, expected.colour, 5e-4));
-    EXPECT_TRUE(is_near(image.opacity, expected.opacity, 2e-4));
-    EXPECT_TRUE(is_near(image.depth, expected.depth, 1e-3));
-    EXPECT_FALSE(image.colour.requires_grad());
-  }
+  const auto draw = [&] {
+    return draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far,
+                      options);
+  };
+  const FieldPixels image = draw();
+  EXPECT_TRUE(is_near(image.colour, expected.colour, 5e-4));
+  EXPECT_TRUE(is_near(image.opacity, expected.opacity, 2e-4));
+  EXPECT_TRUE(is_near(image.depth, expected.depth, 1e-3));
+  EXPECT_FALSE(image.colour.requires_grad());
+  options.rays_at_once = 77;
+  const int threads = at::get_num_threads();
+  at::set_num_threads(3);
+  const FieldPixels other = draw();
+  at::set_num_threads(threads);
+  EXPECT_TRUE(torch::equal(image.colour, other.colour));
+  EXPECT_TRUE(torch::equal(image.opacity, other.opacity));
+  EXPECT_TRUE(torch::equal(image.depth, other.depth));
   EXPECT_EQ(expected.opacity[0].item<float>(), 0.0f);
   EXPECT_GT(expected.opacity.max().item<float>(), 0.5f);
 }
@@ -170,6 +178,9 @@ void expect_drawn_as_rendered(const RadianceFieldConfig& config) {
 TEST(DrawField, EqualsRenderField) {
   expect_drawn_as_rendered({});
   expect_drawn_as_rendered(with_place({}));
+  RadianceFieldConfig same_from_everywhere;
+  same_from_everywhere.view_dependent = false;
+  expect_drawn_as_rendered(same_from_everywhere);
 }
 
 /// As a trained field: empty outside of the surface and opaque inside.

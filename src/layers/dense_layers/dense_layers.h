@@ -1,34 +1,47 @@
 #pragma once
 
-/// The layers of a small network at many points, x' = max(W x + b, 0), without gradients.
+/// The layers of a small network at many points, x' = max(W x + b, 0), without gradients. The last layer may be linear,
+/// x' = W x + b.
 ///
-/// A block of points passes through all layers while its values stay in the cache. With LibTorch's layers, the values of
-/// all points are written and read again between two layers. Letters: P points.
+/// A block of points passes through all layers while its values stay in the cache. With LibTorch's layers, the values
+/// of all points are written and read again between two layers. Letters: P points.
 
 #include <torch/types.h>
 
 #include <utility>
 #include <vector>
 
+#include "doppel/layers/dense_layers/dense_layers_kernel.h"
+
 namespace doppel {
+
+enum class LastLayer { rectified, linear };
 
 class DenseLayers {
  public:
   /// @param layers weight [out,in] and bias [out] of each layer, float32 on the CPU; copied
   /// @throws UsageError for shapes that do not follow each other
-  explicit DenseLayers(const std::vector<std::pair<torch::Tensor, torch::Tensor>>& layers);
+  explicit DenseLayers(const std::vector<std::pair<torch::Tensor, torch::Tensor>>& layers,
+                       LastLayer last = LastLayer::rectified);
 
   /// @param points float32 [P,in] @return [P,out]
   /// @throws UsageError for another shape
   torch::Tensor forward(const torch::Tensor& points) const;
 
+  /// The same on the calling thread, without tensors. @param points [count,in] @param out [count,out]
+  void run(const float* points, int64_t count, float* out) const;
+
+  int64_t inputs() const { return layers_.front().inputs; }
+  int64_t outputs() const { return layers_.back().outputs; }
+
  private:
-  struct Layer {
-    int64_t inputs, outputs;
+  /// The weights in panels of neighbouring outputs.
+  struct Packed {
     torch::Tensor weight;  ///< [panels,inputs,panel width], rows beyond `outputs` are 0
     torch::Tensor bias;    ///< [panels * panel width]
   };
-  std::vector<Layer> layers_;
+  std::vector<Packed> packed_;
+  std::vector<DenseLayerParams> layers_;  ///< pointers to `packed_`
 };
 
 }  // namespace doppel

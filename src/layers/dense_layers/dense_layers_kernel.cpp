@@ -27,7 +27,7 @@ inline void store_dense(float* p, DenseVec v) { *reinterpret_cast<LooseDenseVec*
 
 template <int N>
 inline void multiply_points(const float* from, int64_t stride, const float* weight, const float* bias, int64_t inputs,
-                            float* to, int64_t to_stride) {
+                            float lowest, float* to, int64_t to_stride) {
   DenseVec sum[N][kPanelVectors];
   for (int v = 0; v < kPanelVectors; ++v)
     for (int i = 0; i < N; ++i) sum[i][v] = load_dense(bias + v * kDenseLanes);
@@ -41,20 +41,22 @@ inline void multiply_points(const float* from, int64_t stride, const float* weig
   }
   for (int i = 0; i < N; ++i)
     for (int v = 0; v < kPanelVectors; ++v)
-      store_dense(to + i * to_stride + v * kDenseLanes, sum[i][v] > 0.0f ? sum[i][v] : DenseVec{});
+      store_dense(to + i * to_stride + v * kDenseLanes, sum[i][v] > lowest ? sum[i][v] : lowest - DenseVec{});
 }
 
 inline void run_layer(const DenseLayerParams& layer, const float* from, int64_t stride, int64_t points, float* to) {
   const int64_t to_stride = layer.panels * kPanel;
+  const float lowest = layer.rectified ? 0.0f : -__builtin_inff();
   for (int64_t panel = 0; panel < layer.panels; ++panel) {
     const float *weight = layer.weight + panel * layer.inputs * kPanel, *bias = layer.bias + panel * kPanel;
     float* column = to + panel * kPanel;
     int64_t i = 0;
     for (; i + kPoints <= points; i += kPoints)
-      multiply_points<kPoints>(from + i * stride, stride, weight, bias, layer.inputs, column + i * to_stride,
+      multiply_points<kPoints>(from + i * stride, stride, weight, bias, layer.inputs, lowest, column + i * to_stride,
                                to_stride);
     for (; i < points; ++i)
-      multiply_points<1>(from + i * stride, stride, weight, bias, layer.inputs, column + i * to_stride, to_stride);
+      multiply_points<1>(from + i * stride, stride, weight, bias, layer.inputs, lowest, column + i * to_stride,
+                         to_stride);
   }
 }
 

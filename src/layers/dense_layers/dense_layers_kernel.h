@@ -11,6 +11,7 @@ struct DenseLayerParams {
   int64_t inputs, outputs, panels;
   const float* weight;  ///< [panels,inputs,dense_panel()]
   const float* bias;    ///< [panels * dense_panel()]
+  bool rectified;       ///< negative outputs become 0
 };
 
 namespace kernels {

@@ -1,5 +1,8 @@
 #include "doppel/layers/volume_rendering/volume_rendering.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "doppel/layers/op_support.h"
 
 namespace doppel {
@@ -90,6 +93,21 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
 }
 
 Tensor volume_weights(const Tensor& density, const RaySamples& samples) { return absorb(density, samples).weights; }
+
+RaySums render_ray(const float* density, const float* t, int64_t samples, float near, float far, float* weights) {
+  const double length = std::max(0.0, static_cast<double>(far) - near), cell = length / static_cast<double>(samples);
+  double before = 0.0, sum = 0.0, place = 0.0;
+  for (int64_t k = 0; k < samples; ++k) {
+    const double bounded = density[k] > 0.0f ? std::min<double>(density[k], kLargestDensity) : 0.0;  // NaN is 0
+    const double optical = std::min(bounded * cell, kOpaque);
+    const double weight = optical > 0.0 ? std::exp(-before) * -std::expm1(-optical) : 0.0;
+    weights[k] = static_cast<float>(weight);
+    before += optical;
+    sum += weight;
+    place += weight * (t[k] - near);
+  }
+  return {static_cast<float>(-std::expm1(-before)), sum > kFaint ? static_cast<float>(near + place / sum) : near};
+}
 
 RenderedRays render_volume(const Tensor& density, const Tensor& colour, const RaySamples& samples) {
   const Absorption seen = absorb(density, samples);

@@ -8,9 +8,9 @@
 /// delta is the length of a sample's cell, also for the last sample. Letters: R rays, K samples of a ray. Metres along
 /// unit directions, from the camera.
 ///
-/// Plain tensor operations, any device and float type. There is no kernel, because the cost is small beside the network
-/// of the radiance field: at R = 1000 and K = 64 some 20 passes over 64,000 numbers, against 0.25 million products for
-/// each of these numbers.
+/// Plain tensor operations, any device and float type. Training needs no kernel, because the cost is small beside the
+/// network of the radiance field: at R = 1000 and K = 64 some 20 passes over 64,000 numbers, against 0.25 million
+/// products for each of these numbers. Images evaluate few of the samples and take `render_ray`.
 
 #include <torch/types.h>
 
@@ -72,5 +72,14 @@ RenderedRays render_volume(const torch::Tensor& density, const torch::Tensor& co
 
 /// The weights w [R,K] alone, for use before the colours are known.
 torch::Tensor volume_weights(const torch::Tensor& density, const RaySamples& samples);
+
+/// Opacity and depth of one ray as in RenderedRays.
+struct RaySums {
+  float opacity, depth;
+};
+
+/// `render_volume` of one ray with equal cells, without tensors and gradients. @param density, t [K] as above
+/// @param weights [K] receives w; the caller sums w c
+RaySums render_ray(const float* density, const float* t, int64_t samples, float near, float far, float* weights);
 
 }  // namespace doppel
