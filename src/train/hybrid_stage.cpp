@@ -21,6 +21,9 @@ constexpr std::size_t kHybridStatisticsFrames = 512;
 constexpr int kImagesOfSplit = 3;
 /// Each cloud has at most `cloud_rays` points of 24 bytes; with the default all clouds need less than 600 MB.
 constexpr std::size_t kMostClouds = 500;
+/// A pixel of GuideImages takes 9 bytes, so all kept views need less than 600 MB.
+constexpr std::int64_t kMostPixels = 64'000'000;
+constexpr std::size_t kMostMeshes = 2000;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
   if (!actor.deltanet)
@@ -100,16 +103,21 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
 
 LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
   const HybridPlan::Place place = config_.plan.at(context.step);
-  if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) model_->follow();
+  if (place.phase == HybridPhase::joint || (place.phase == HybridPhase::field && place.first)) {
+    model_->follow();
+    forget_meshes();
+  }
   if (place.first) clouds_.clear();
   const Tensor zero = torch::zeros({});
   Terms terms{no_radiance_loss(), {zero, zero}, zero, zero, zero, zero};
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
-  if (views.size(0) > 0 && place.phase == HybridPhase::field)
-    terms.field = field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0].detach(), context);
+  if (views.size(0) > 0 && place.phase == HybridPhase::field) {
+    FixedMesh& mesh = fixed_mesh(batch);
+    terms.field = field_loss(batch, views, mesh.vertices, &mesh, context);
+  }
   if (views.size(0) > 0 && place.phase != HybridPhase::field) {
     const Tensor vertices = actor_.displaced(model_->refined, batch.dofs);
-    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], context);
+    if (place.phase == HybridPhase::joint) terms.field = field_loss(batch, views, vertices[0], nullptr, context);
     if (place.phase == HybridPhase::refine && config_.chamfer_weight > 0.0)
       terms.chamfer = cloud_loss(batch, views, vertices, context);
     compare_surface(batch, vertices, context, terms);
@@ -129,23 +137,52 @@ LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
 LossTerms HybridStage::validation_terms(const Batch& batch, StepContext& context) {
   const Tensor views = batch.valid[0].nonzero().squeeze(1);
   if (views.size(0) == 0) return {};
-  return {{"colour", field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0], context).colour}};
+  return {
+      {"colour", field_loss(batch, views, actor_.displaced(model_->around, batch.dofs)[0], nullptr, context).colour}};
+}
+
+HybridStage::FixedMesh& HybridStage::fixed_mesh(const Batch& batch) {
+  if (meshes_.size() >= kMostMeshes) forget_meshes();
+  FixedMesh& mesh = meshes_[{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>()}];
+  if (!mesh.vertices.defined()) {
+    const torch::NoGradGuard no_grad;
+    mesh.vertices = actor_.displaced(model_->around, batch.dofs)[0];
+  }
+  return mesh;
+}
+
+void HybridStage::forget_meshes() {
+  meshes_.clear();
+  kept_pixels_ = 0;
+}
+
+GuideImages HybridStage::guide(const Batch& batch, std::int64_t view, const Tensor& vertices, FixedMesh* mesh) {
+  const std::int64_t camera = batch.cameras[0][view].item<std::int64_t>();
+  if (mesh)
+    if (const auto kept = mesh->views.find(camera); kept != mesh->views.end()) return kept->second;
+  const std::int64_t height = batch.image.size(2), width = batch.image.size(3);
+  const GuideImages drawn =
+      viewer_.guide(vertices, batch.image_projection[0][view].unsqueeze(0), height, width, guide_);
+  if (mesh && kept_pixels_ + height * width <= kMostPixels) {
+    mesh->views[camera] = drawn;
+    kept_pixels_ += height * width;
+  }
+  return drawn;
 }
 
 HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& views, const Tensor& vertices,
-                                              StepContext& context) {
-  const std::int64_t size = batch.image.size(2), V = views.size(0);
-  const std::int64_t share = std::max<std::int64_t>(1, config_.rays / V);
-  const Tensor projections = batch.image_projection[0].index_select(0, views);
-  const GuideImages guide = viewer_.guide(vertices, projections, size, size, guide_);
+                                              FixedMesh* mesh, StepContext& context) {
+  const std::int64_t V = views.size(0), share = std::max<std::int64_t>(1, config_.rays / V);
   std::vector<Tensor> origin, direction, near, far, colour, mask;
   for (std::int64_t v = 0; v < V; ++v) {
-    if (!guide.reached[v].any().item<bool>()) continue;
-    const Tensor image = batch.image[0][views[v].item<std::int64_t>()];
-    const Tensor foreground = batch.image_mask[0][views[v].item<std::int64_t>()].to(torch::kFloat32);
-    const Tensor pixels = draw_pixels(guide, v, foreground, share, context.generator);
-    const PixelRays rays = pixel_rays(projections[v], pixels);
-    const RayInterval interval = guided_interval(guide, v, pixels, viewer_.faces(), vertices, projections[v], guide_);
+    const std::int64_t view = views[v].item<std::int64_t>();
+    const GuideImages seen = guide(batch, view, vertices, mesh);
+    if (!seen.reached.any().item<bool>()) continue;
+    const Tensor image = batch.image[0][view], projection = batch.image_projection[0][view];
+    const Tensor foreground = batch.image_mask[0][view].to(torch::kFloat32);
+    const Tensor pixels = draw_pixels(seen, 0, foreground, share, context.generator);
+    const PixelRays rays = pixel_rays(projection, pixels);
+    const RayInterval interval = guided_interval(seen, 0, pixels, viewer_.faces(), vertices, projection, guide_);
     origin.push_back(rays.origin.expand({pixels.size(0), 3}));
     direction.push_back(rays.direction);
     near.push_back(interval.near);
@@ -161,12 +198,12 @@ HybridStage::ImageRays HybridStage::draw_rays(const Batch& batch, const Tensor& 
   return {rows(origin), part.rows(all), rows(near), rows(far), rows(colour), rows(mask), part};
 }
 
-RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices,
+RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, const Tensor& vertices, FixedMesh* mesh,
                                      StepContext& context) {
   ImageRays rays;
   {
     ProfileScope scope(*context.profile, "rays");
-    rays = draw_rays(batch, views, vertices, context);
+    rays = draw_rays(batch, views, vertices, mesh, context);
   }
   if (!rays.origin.defined()) return no_radiance_loss();
   Tensor carried;
@@ -192,10 +229,10 @@ const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
   if (clouds_.size() >= kMostClouds) clouds_.clear();
   const torch::NoGradGuard no_grad;
   const Tensor projection = batch.image_projection[0][view];
-  const FieldSurface around{actor_.displaced(model_->around, batch.dofs)[0], model_->vertex_values(batch.dofs)};
-  const GuideImages guide =
-      viewer_.guide(around.vertices, projection.unsqueeze(0), batch.image.size(2), batch.image.size(3), guide_);
-  Tensor pixels = guide.pixels(0);
+  FixedMesh& mesh = fixed_mesh(batch);
+  const FieldSurface around{mesh.vertices, model_->vertex_values(batch.dofs)};
+  const GuideImages drawn = guide(batch, view, mesh.vertices, &mesh);
+  Tensor pixels = drawn.pixels(0);
   if (pixels.size(0) > config_.cloud_rays) {
     // The same each time the cloud is computed.
     at::Generator generator = at::detail::createCPUGenerator(static_cast<std::uint64_t>(config_.subject.seed));
@@ -203,7 +240,7 @@ const PointCloud& HybridStage::cloud(const Batch& batch, std::int64_t view) {
     pixels = pixels.index_select(0, order.narrow(0, 0, config_.cloud_rays));
   }
   const PixelRays rays = pixel_rays(projection, pixels);
-  const RayInterval interval = guided_interval(guide, 0, pixels, viewer_.faces(), around.vertices, projection, guide_);
+  const RayInterval interval = guided_interval(drawn, 0, pixels, viewer_.faces(), around.vertices, projection, guide_);
   FieldImageOptions options;
   options.samples = config_.field_rays.samples;
   const FieldPixels seen = draw_field(model_->field, viewer_.closest(), around, rays.origin, rays.direction,

@@ -10,6 +10,7 @@
 #include "doppel/losses/radiance.h"
 #include "doppel/nets/field_view.h"
 #include "doppel/nets/hybrid.h"
+#include "doppel/render/guided_sampling.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/hybrid_plan.h"
 #include "doppel/train/run_config.h"
@@ -94,11 +95,21 @@ class HybridStage : public CaptureStage {
     torch::Tensor colour, mask;                  ///< [R,3], [R]
     BatchShare share;                            ///< of all R rays
   };
-  /// @param views int64 [V] into the batch's cameras @param vertices [N,3]
-  ImageRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
+  /// The mesh of a frame that the field surrounds, and its views by camera. Both are kept while the mesh is fixed.
+  struct FixedMesh {
+    torch::Tensor vertices;  ///< [N,3], no gradient
+    std::map<std::int64_t, GuideImages> views;
+  };
+  FixedMesh& fixed_mesh(const Batch& batch);
+  void forget_meshes();
+
+  /// One view of a mesh. @param mesh of the frame, or null for `vertices` that move with each step
+  GuideImages guide(const Batch& batch, std::int64_t view, const torch::Tensor& vertices, FixedMesh* mesh);
+  /// @param views int64 [V] into the batch's cameras @param vertices [N,3] @param mesh as `guide`
+  ImageRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices, FixedMesh* mesh,
                       StepContext& context);
   RadianceLoss field_loss(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices,
-                          StepContext& context);
+                          FixedMesh* mesh, StepContext& context);
   /// The point cloud of the batch's frame in one view, kept until the radiance field is trained again.
   const PointCloud& cloud(const Batch& batch, std::int64_t view);
   /// Points with the normals of the nearest surface, without points that `eye` [3] sees at a grazing angle.
@@ -115,6 +126,8 @@ class HybridStage : public CaptureStage {
   LaplacianGraph laplacian_graph_;
   EdgeLengths edges_;
   std::map<std::array<std::int64_t, 3>, PointCloud> clouds_;  ///< by sequence, frame and camera
+  std::map<std::array<std::int64_t, 2>, FixedMesh> meshes_;   ///< by sequence and frame
+  std::int64_t kept_pixels_ = 0;                              ///< of all views in `meshes_`
 };
 
 /// The stage `radiance` in the table of stages.
