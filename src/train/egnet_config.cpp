@@ -19,6 +19,7 @@ EgNetRunConfig EgNetRunConfig::read(const ConfigDocument& document) {
   const ConfigReader loss = root.section("loss");
   c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
   c.arap_weight = loss.get("arap", c.arap_weight, at_least(0.0));
+  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
   c.silhouette = read_silhouette_options(loss);
   c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
   root.finish();

@@ -22,6 +22,9 @@ struct EgNetRunConfig {
 
   double silhouette_weight = 100.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
   double arap_weight = 1500.0;       ///< per metre, thesis A.2
+  /// Weight of the mean squared distance from the skinned surface, per square metre (anchor.h). Masks do not show how
+  /// vertices slide along the surface; this term keeps the smallest deformation that explains the masks.
+  double anchor_weight = 0.0;
   SilhouetteOptions silhouette;
 
   TrainerOptions trainer;

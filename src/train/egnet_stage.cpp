@@ -43,9 +43,14 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   ProfileScope scope(profile, "arap");
   const torch::Tensor arap = arap_loss(A, T, arap_graph_);
   const auto views = [batch] { return silhouette_views(batch); };
-  return {{"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views},
-          {"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views},
-          {"arap", arap, config_.arap_weight}};
+  LossTerms terms{{"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views},
+                  {"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views},
+                  {"arap", arap, config_.arap_weight}};
+  if (config_.anchor_weight > 0.0) {
+    const torch::Tensor skinned = surface_->skinned(batch.dofs.select(1, -1).contiguous());
+    terms.push_back({"anchor", anchor_loss(vertices, skinned), config_.anchor_weight});
+  }
+  return terms;
 }
 
 void EgNetStage::prepare_evaluation() {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "doppel/layers/surface.h"
+#include "doppel/losses/anchor.h"
 #include "doppel/losses/arap.h"
 #include "doppel/nets/egnet.h"
 #include "doppel/train/capture_stage.h"

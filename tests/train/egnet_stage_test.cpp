@@ -115,6 +115,26 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   EXPECT_GT(terms[0].value.item<double>(), 0.0);
 }
 
+TEST_F(EgNetStageReference, TheAnchorMeasuresTheDistanceFromTheSkinnedTemplate) {
+  const EgNetRunConfig c = config({"data.input_noise=0", "data.pose_noise=0", "loss.anchor=1e4"});
+  const Dataset dataset = Dataset::open(c.subject.capture);
+  const Character character = load_character(dataset.character_path(), c.subject.character);
+  EgNetStage stage(dataset, character, c);
+  Profile profile;
+  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
+  const std::vector<SampleId> samples = dataset.samples(Split::train);
+  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.past_frames);
+  const LossTerms terms = stage.loss(batch, context);
+  CharacterSurface surface(character);
+  const auto dofs = batch.dofs.select(1, -1).contiguous();
+  const auto [A, T] = stage.network()->forward(batch.dofs);
+  const auto moved = surface->deformed(dofs, A, T) - surface->skinned(dofs);
+  ASSERT_EQ(terms.back().name, "anchor");
+  EXPECT_EQ(terms.back().weight, 1e4);
+  EXPECT_GT(terms.back().value.item<double>(), 0.0);
+  EXPECT_NEAR(terms.back().value.item<double>() / moved.square().sum(-1).mean().item<double>(), 1.0, 1e-4);
+}
+
 TEST_F(EgNetStageReference, ValidationFramesAreSetAsideByShareOrByName) {
   const EgNetRunConfig c = config({"validation.share=0.25"});
   const Dataset dataset = c.subject.open_dataset(), all = Dataset::open(c.subject.capture);
