@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Chooses `inset` and `chroma` of configs/small/ddc.yaml on training frames: trains on one take of the training sequence
+# Chooses `inset` and `chroma`, without anchors, on training frames: trains on one take of the training sequence
 # and judges on the other, in both directions. The test split is not read.
 #   scripts/choose_surface.sh CAPTURE [FOLDER]     default: the folder choose-surface; resumes after an interruption
 # CAMERAS=0,1,2,3,4,5 (the default) are trained on. JOBS=2 (the default) runs are trained side by side, with one thread
@@ -17,7 +17,7 @@ chromas=(0.03775 20) insets=(-0.2 -0.4)
 stages() {
   local run="$1-$2" stage sets=() options
   for stage in ${3//,/ }; do sets+=("$stage.data.cameras=[$cameras]"); done
-  as_options capture="$folder/prepared" validation.takes="[$2]" "${sets[@]}" "${@:4}"
+  as_options capture="$folder/prepared" validation.takes="[$2]" "${sets[@]}" egnet.loss.anchor=0 deltanet.loss.anchor=0 "${@:4}"
   train "$run" configs/small/ddc.yaml "${options[@]}" --stages "$3"
   evaluate "$run" "$run" --split validation --every 4
 }

@@ -29,7 +29,7 @@ struct FieldRays {
   static FieldRays read(const ConfigReader& rays);
 };
 
-/// Draws radiance fields around the surfaces of one character. Memory: the image and one chunk of rays
+/// Draws radiance fields around the surfaces of one character. Memory: the image and a group of rays for each thread
 /// (FieldImageOptions).
 class FieldViewer {
  public:

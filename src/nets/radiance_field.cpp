@@ -93,12 +93,6 @@ int64_t RadianceFieldImpl::num_inputs() const {
   return config_.features + place + encoded(1, config_.distance_octaves);
 }
 
-Tensor RadianceFieldImpl::trunk(const Tensor& inputs) {
-  Tensor hidden = inputs;
-  for (const auto& layer : *trunk_) hidden = layer->as<torch::nn::Linear>()->forward(hidden).relu_();
-  return hidden;
-}
-
 RadianceFieldImpl::ImageLayers RadianceFieldImpl::image_layers() const {
   const torch::NoGradGuard no_grad;
   std::vector<std::pair<Tensor, Tensor>> trunk;
@@ -118,15 +112,11 @@ Tensor RadianceFieldImpl::density(const Tensor& hidden) {
   return torch::softplus(density_->forward(hidden).squeeze(-1)) / config_.density_unit;
 }
 
-Tensor RadianceFieldImpl::view_term(const Tensor& direction) {
-  if (view_of_direction_) return view_of_direction_->forward(positional_encoding(direction, config_.direction_octaves));
-  std::vector<int64_t> shape = direction.sizes().vec();
-  shape.back() = config_.view_width;
-  return torch::zeros(shape, direction.options());
-}
-
-Tensor RadianceFieldImpl::colour(const Tensor& hidden, const Tensor& view_term) {
-  return colour_->forward((view_of_hidden_->forward(hidden) + view_term).relu_()).sigmoid();
+Tensor RadianceFieldImpl::colour(const Tensor& hidden, const Tensor& direction) {
+  Tensor view = view_of_hidden_->forward(hidden);
+  if (view_of_direction_)
+    view = view + view_of_direction_->forward(positional_encoding(direction, config_.direction_octaves));
+  return colour_->forward(view.relu_()).sigmoid();
 }
 
 FieldValues RadianceFieldImpl::forward(const Tensor& values, const Tensor& distance, const Tensor& direction) {
@@ -137,8 +127,9 @@ FieldValues RadianceFieldImpl::forward(const Tensor& values, const Tensor& dista
   if (config_.place_octaves > 0)
     inputs.push_back(positional_encoding(values.narrow(1, config_.features, 3), config_.place_octaves));
   inputs.push_back(positional_encoding(distance.unsqueeze(1), config_.distance_octaves));
-  const Tensor hidden = trunk(torch::cat(inputs, 1));
-  return {density(hidden), colour(hidden, view_term(direction))};
+  Tensor hidden = torch::cat(inputs, 1);
+  for (const auto& layer : *trunk_) hidden = layer->as<torch::nn::Linear>()->forward(hidden).relu_();
+  return {density(hidden), colour(hidden, direction)};
 }
 
 RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, const FieldSurface& surface,

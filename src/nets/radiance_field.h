@@ -73,15 +73,7 @@ class RadianceFieldImpl : public torch::nn::Module {
   /// @throws UsageError naming the argument, with the shape found
   FieldValues forward(const torch::Tensor& values, const torch::Tensor& distance, const torch::Tensor& direction);
 
-  // The steps of `forward`, for callers that do not need all of them for every point.
-  torch::Tensor trunk(const torch::Tensor& inputs);  ///< [P,num_inputs] to hidden [P,width]
-  torch::Tensor density(const torch::Tensor& hidden);
-  /// The contribution of directions [...,3] to the view branch, added to that of the hidden values; 0 if colours do not
-  /// depend on the direction. @return [..., view_width]
-  torch::Tensor view_term(const torch::Tensor& direction);
-  torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& view_term);
-
-  /// The same steps without tensors, for images, with the weights as they are now.
+  /// The layers of `forward` for images, without tensors, with the weights as they are now.
   struct ImageLayers {
     DenseLayers trunk;           ///< [num_inputs] to hidden [width]
     std::vector<float> density;  ///< [width] weights
@@ -95,6 +87,9 @@ class RadianceFieldImpl : public torch::nn::Module {
   int64_t num_inputs() const;
 
  private:
+  torch::Tensor density(const torch::Tensor& hidden);
+  torch::Tensor colour(const torch::Tensor& hidden, const torch::Tensor& direction);
+
   RadianceFieldConfig config_;
   torch::nn::ModuleList trunk_{nullptr};
   torch::nn::Linear density_{nullptr}, view_of_hidden_{nullptr}, view_of_direction_{nullptr}, colour_{nullptr};
@@ -115,26 +110,27 @@ RenderedRays render_field(RadianceField& field, const ClosestPoint& closest, con
 
 struct FieldImageOptions {
   int64_t samples = 64;
-  int64_t rays_at_once = 48;  ///< of a thread; 48 rays of 64 samples take at most 8 MB
+  int64_t rays_at_once = 48;  ///< of a thread; with the default widths, 48 rays of 64 samples use 7 MB
   /// Colours are not computed for samples with a lower weight. The error of a ray's colour is less than K times this
   /// value.
   double least_weight = 1e-5;
   /// One of this many samples is evaluated first, from the camera on until the ray is opaque. The others are evaluated
   /// only between two of which one is not empty, and only until the ray is opaque; elsewhere the density is 0. 1: all
-  /// samples are evaluated.
+  /// samples are evaluated, as they are when there are fewer than four of these.
   int64_t first_pass = 4;
-  double empty = 1e-3;   ///< alpha of `first_pass` cells below which a sample is empty
+  double empty = 1e-3;   ///< optical depth (about alpha) of `first_pass` cells below which a sample is empty
   double opaque = 1e-4;  ///< transmittance below which a ray has ended
 };
 
 /// The results of rays, without the weights of the samples.
 struct FieldPixels {
-  torch::Tensor colour;          ///< [R,3] over black
-  torch::Tensor opacity, depth;  ///< [R]
+  torch::Tensor colour;   ///< [R,3] RGB 0..1 over black
+  torch::Tensor opacity;  ///< [R] 0..1
+  torch::Tensor depth;    ///< [R] metres along the ray; `near` where the opacity is below 1e-6
 };
 
-/// The same without gradients, for images. Each thread draws a few rays at a time, whose values stay in its cache.
-/// Samples outside the shell around the mesh skip the network, as do those in empty space and behind opaque ones
+/// The same without gradients, for images. Each thread draws a few rays at a time, so that their values stay in the
+/// cache. Samples outside the shell around the mesh skip the network, as do those in empty space and behind opaque ones
 /// (FieldImageOptions). Samples that are not visible skip the colours. float32 on the CPU; the result has the same bits
 /// for any number of threads and any `rays_at_once`.
 /// @param near, far [R] as RaySamples; samples are at the centres of their intervals

@@ -35,6 +35,7 @@ struct Painted {
         options(image),
         transparent(-std::log(image.opaque)) {
     surface.move(positions_of(at.vertices));
+    if (options.samples < 4 * options.first_pass) options.first_pass = 1;  // too few first samples to find empty space
   }
 
   int64_t encoded_direction() const { return layers.colour.inputs() - config.width; }

@@ -81,8 +81,7 @@ void check_cameras_outside(const Tensor& face_id, const Tensor& faces, const Ten
     if (static_cast<double>(count) >= kInsidePart * static_cast<double>(seen.numel()))
       fail(
           "guided sampling: camera {} of item {} stands inside the mesh: {} of the {} pixels it covers show the inside "
-          "of "
-          "faces. Move the camera out, or, if it is outside, turn the faces counter-clockwise",
+          "of faces. Move the camera out, or, if it is outside, turn the faces counter-clockwise",
           v % C, v / C, count, seen.numel());
   }
 }

@@ -29,7 +29,8 @@ EgNetStage::EgNetStage(const Dataset& dataset, const Character& character, const
 
 LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   Profile& profile = *context.profile;
-  torch::Tensor A, T, vertices;
+  const torch::Tensor dofs = batch.dofs.select(1, -1).contiguous();
+  torch::Tensor A, T, vertices, arap;
   {
     ProfileScope scope(profile, "network");
     std::tie(A, T) =
@@ -37,18 +38,20 @@ LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {
   }
   {
     ProfileScope scope(profile, "layers");
-    vertices = surface_->deformed(batch.dofs.select(1, -1).contiguous(), A, T);
+    vertices = surface_->deformed(dofs, A, T);
   }
   const SilhouetteLoss silhouette = batch_silhouette_loss(vertices, faces_, batch, config_.silhouette, profile);
-  ProfileScope scope(profile, "arap");
-  const torch::Tensor arap = arap_loss(A, T, arap_graph_);
+  {
+    ProfileScope scope(profile, "arap");
+    arap = arap_loss(A, T, arap_graph_);
+  }
   const auto views = [batch] { return silhouette_views(batch); };
   LossTerms terms{{"model_to_data", silhouette.model_to_data, config_.silhouette_weight, views},
                   {"data_to_model", silhouette.data_to_model, config_.silhouette_weight, views},
                   {"arap", arap, config_.arap_weight}};
   if (config_.anchor_weight > 0.0) {
-    const torch::Tensor skinned = surface_->skinned(batch.dofs.select(1, -1).contiguous());
-    terms.push_back({"anchor", anchor_loss(vertices, skinned), config_.anchor_weight});
+    ProfileScope scope(profile, "anchor");
+    terms.push_back({"anchor", anchor_loss(vertices, surface_->skinned(dofs)), config_.anchor_weight});
   }
   return terms;
 }

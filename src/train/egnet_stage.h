@@ -15,7 +15,7 @@ namespace doppel {
 
 /// Trains EGNet (6.5.1) from silhouettes. The network maps a motion window to the embedded deformation of its last
 /// frame. The deformed and skinned surface is compared with the masks (6.8); the graph stays as rigid as possible
-/// (6.9).
+/// (6.9). An anchor to the skinned surface can be added.
 class EgNetStage : public CaptureStage {
  public:
   /// @param dataset, character must outlive the stage

@@ -21,8 +21,9 @@ constexpr std::size_t kHybridStatisticsFrames = 512;
 constexpr int kImagesOfSplit = 3;
 /// Each cloud has at most `cloud_rays` points of 24 bytes; with the default all clouds need less than 600 MB.
 constexpr std::size_t kMostClouds = 500;
-/// A pixel of GuideImages takes 9 bytes, so all kept views need less than 600 MB.
+/// A pixel of GuideImages takes 9 bytes, so all kept views need less than 600 MB. Further views are drawn in each step.
 constexpr std::int64_t kMostPixels = 64'000'000;
+/// A vertex takes 12 bytes: 2,000 meshes of 5,500 vertices need 130 MB. All are dropped when one more is needed.
 constexpr std::size_t kMostMeshes = 2000;
 
 DeltaNet& deltanet_of(TrainedActor& actor) {
@@ -142,8 +143,9 @@ LossTerms HybridStage::validation_terms(const Batch& batch, StepContext& context
 }
 
 HybridStage::FixedMesh& HybridStage::fixed_mesh(const Batch& batch) {
-  if (meshes_.size() >= kMostMeshes) forget_meshes();
-  FixedMesh& mesh = meshes_[{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>()}];
+  const std::array<std::int64_t, 2> key{batch.sequence[0].item<std::int64_t>(), batch.frames[0].item<std::int64_t>()};
+  if (meshes_.size() >= kMostMeshes && meshes_.count(key) == 0) forget_meshes();
+  FixedMesh& mesh = meshes_[key];
   if (!mesh.vertices.defined()) {
     const torch::NoGradGuard no_grad;
     mesh.vertices = actor_.displaced(model_->around, batch.dofs)[0];
@@ -161,8 +163,13 @@ GuideImages HybridStage::guide(const Batch& batch, std::int64_t view, const Tens
   if (mesh)
     if (const auto kept = mesh->views.find(camera); kept != mesh->views.end()) return kept->second;
   const std::int64_t height = batch.image.size(2), width = batch.image.size(3);
-  const GuideImages drawn =
-      viewer_.guide(vertices, batch.image_projection[0][view].unsqueeze(0), height, width, guide_);
+  GuideImages drawn;
+  try {
+    drawn = viewer_.guide(vertices, batch.image_projection[0][view].unsqueeze(0), height, width, guide_);
+  } catch (const Error& error) {
+    fail("radiance: frame {}, camera {}: {}", batch.frames[0].item<std::int64_t>(),
+         dataset().camera(static_cast<int>(camera)).name, error.what());
+  }
   if (mesh && kept_pixels_ + height * width <= kMostPixels) {
     mesh->views[camera] = drawn;
     kept_pixels_ += height * width;
@@ -286,8 +293,7 @@ void HybridStage::compare_surface(const Batch& batch, const Tensor& vertices, St
   ProfileScope scope(*context.profile, "smoothness");
   terms.laplacian = laplacian_loss(vertices, actor_.coarse(batch.dofs), laplacian_graph_);
   terms.isometry = isometry_loss(vertices, edges_);
-  if (config_.anchor_weight > 0.0)
-    terms.anchor = anchor_loss(vertices, actor_.displaced(model_->around, batch.dofs).detach());
+  if (config_.anchor_weight > 0.0) terms.anchor = anchor_loss(vertices, fixed_mesh(batch).vertices.unsqueeze(0));
 }
 
 std::vector<ReportImage> HybridStage::images() {

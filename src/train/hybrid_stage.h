@@ -97,13 +97,15 @@ class HybridStage : public CaptureStage {
   };
   /// The mesh of a frame that the field surrounds, and its views by camera. Both are kept while the mesh is fixed.
   struct FixedMesh {
-    torch::Tensor vertices;  ///< [N,3], no gradient
-    std::map<std::int64_t, GuideImages> views;
+    torch::Tensor vertices;                     ///< [N,3], no gradient
+    std::map<std::int64_t, GuideImages> views;  ///< by index into Dataset::cameras(), one view each
   };
+  /// The mesh of the batch's frame, computed on first use. The reference is valid until the next call.
   FixedMesh& fixed_mesh(const Batch& batch);
   void forget_meshes();
 
-  /// One view of a mesh. @param mesh of the frame, or null for `vertices` that move with each step
+  /// One view of a mesh. @param view into the batch's cameras @param vertices [N,3] @param mesh keeps the view; null:
+  /// the view is not kept
   GuideImages guide(const Batch& batch, std::int64_t view, const torch::Tensor& vertices, FixedMesh* mesh);
   /// @param views int64 [V] into the batch's cameras @param vertices [N,3] @param mesh as `guide`
   ImageRays draw_rays(const Batch& batch, const torch::Tensor& views, const torch::Tensor& vertices, FixedMesh* mesh,

@@ -181,8 +181,10 @@ TEST(FilmReference, AnImageBesideTheFrameHasItsHeight) {
   FilmOptions options;
   options.light = Light::flat;
   options.beside = [](int frame) { return cv::Mat(40, 20, CV_8UC3, cv::Scalar(10 + frame, 90, 250)); };
-  const cv::Mat alone = film(make_calibrated_path({front_camera()}, "front", 0), {.light = Light::flat});
   const cv::Mat both = film(make_calibrated_path({front_camera()}, "front", 0), options);
+  FilmOptions nothing_beside = options;
+  nothing_beside.beside = nullptr;
+  const cv::Mat alone = film(make_calibrated_path({front_camera()}, "front", 0), nothing_beside);
   ASSERT_EQ(both.size(), cv::Size(60 + 40, 80));
   EXPECT_EQ(cv::norm(both.colRange(40, 100), alone, cv::NORM_INF), 0.0);
   EXPECT_EQ(both.at<cv::Vec3b>(40, 20), cv::Vec3b(10, 90, 250));

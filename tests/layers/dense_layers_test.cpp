@@ -1,6 +1,5 @@
 #include "doppel/layers/dense_layers/dense_layers.h"
 
-#include <ATen/Parallel.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,8 +31,7 @@ Tensor expected_of(const Layers& layers, LastLayer last, const Tensor& points) {
   return x;
 }
 
-TEST(DenseLayersAgrees, WithProductsInDoubleForAllWidthsAndThreads) {
-  const int before = at::get_num_threads();
+TEST(DenseLayersAgrees, WithProductsInDoubleForAllWidths) {
   for (const std::vector<int64_t>& widths :
        {std::vector<int64_t>{80, 128, 128, 128, 128}, {3, 1}, {17, 70, 5}, {64, 256, 64}})
     for (const int64_t points : {0, 1, 7, 1000})
@@ -41,20 +39,26 @@ TEST(DenseLayersAgrees, WithProductsInDoubleForAllWidthsAndThreads) {
         const Layers layers = random_layers(widths);
         const Tensor x = torch::randn({points, widths[0]}, at::detail::createCPUGenerator(1));
         const DenseLayers network(layers, last);
-        at::set_num_threads(1);
-        const Tensor found = network.forward(x);
+        Tensor found = torch::empty({points, network.outputs()});
+        network.run(x.data_ptr<float>(), points, found.data_ptr<float>());
         EXPECT_TRUE(test::is_near(found, expected_of(layers, last, x), 1e-5)) << points;
-        at::set_num_threads(3);
-        EXPECT_TRUE(torch::equal(found, network.forward(x)));
       }
-  at::set_num_threads(before);
+}
+
+// Callers split the points as they like.
+TEST(DenseLayersAgrees, APointHasTheSameBitsAloneAndAmongOthers) {
+  const DenseLayers network(random_layers({17, 70, 5}));
+  const Tensor x = torch::randn({50, 17}, at::detail::createCPUGenerator(1));
+  Tensor together = torch::empty({50, 5}), alone = torch::empty({50, 5});
+  network.run(x.data_ptr<float>(), 50, together.data_ptr<float>());
+  for (int64_t i = 0; i < 50; ++i) network.run(x.data_ptr<float>() + 17 * i, 1, alone.data_ptr<float>() + 5 * i);
+  EXPECT_TRUE(torch::equal(together, alone));
 }
 
 TEST(DenseLayersRejects, LayersThatDoNotFollowEachOther) {
   using support::message_of;
   using ::testing::HasSubstr;
   Layers layers = random_layers({4, 8, 3});
-  EXPECT_THAT(message_of([&] { DenseLayers(layers).forward(torch::zeros({2, 5})); }), HasSubstr("points must be"));
   layers[1].first = torch::zeros({3, 9});
   EXPECT_THAT(message_of([&] { DenseLayers network(layers); }), HasSubstr("weight must be"));
   EXPECT_THAT(message_of([&] { DenseLayers network({}); }), HasSubstr("at least one"));

@@ -226,6 +226,24 @@ TEST(DrawField, IsAlmostTheSameWithoutSamplesInEmptySpaceAndBehindTheSurface) {
   }
 }
 
+// All samples of such a ray are evaluated: its cells are too long to find empty space by a few of them.
+TEST(DrawField, FewSamplesAreAllEvaluated) {
+  const Scene scene(300, 64);
+  RadianceField field = solid_field();
+  FieldImageOptions options;
+  for (const int64_t samples : {1, 2, 15}) {
+    options.samples = samples;
+    const auto draw = [&](int64_t first_pass) {
+      options.first_pass = first_pass;
+      return draw_field(field, scene.closest, scene.surface, scene.origin, scene.direction, scene.near, scene.far,
+                        options);
+    };
+    const FieldPixels few = draw(4), all = draw(1);
+    EXPECT_GT(all.opacity.max().item<float>(), 0.9f) << samples;
+    EXPECT_TRUE(torch::equal(few.opacity, all.opacity)) << samples;
+  }
+}
+
 // Farther from the mesh than the shell there is nothing, whatever the network says.
 TEST(RenderField, NothingOutsideTheShell) {
   const Scene scene(40, 64);

@@ -1,7 +1,5 @@
 #include "doppel/layers/dense_layers/dense_layers.h"
 
-#include <ATen/Parallel.h>
-
 #include <algorithm>
 
 #include "doppel/core/as_size.h"
@@ -30,24 +28,11 @@ DenseLayers::DenseLayers(const std::vector<std::pair<Tensor, Tensor>>& layers, L
   layers_.back().rectified = last == LastLayer::rectified;
 }
 
-Tensor DenseLayers::forward(const Tensor& points_in) const {
-  check_shape("dense layers", "points", points_in, {-1, inputs()}, "[P,in]");
-  if (points_in.scalar_type() != torch::kFloat32 || !points_in.device().is_cpu())
-    fail<UsageError>("dense layers: points must be float32 on the CPU, found {}", describe(points_in));
-  const Tensor points = points_in.contiguous();
-  const Tensor out = at::empty({points.size(0), outputs()}, points.options());
-  constexpr int64_t kPointsPerTask = 192;
-  at::parallel_for(0, points.size(0), kPointsPerTask, [&](int64_t begin, int64_t end) {
-    run(points.data_ptr<float>() + begin * inputs(), end - begin, out.data_ptr<float>() + begin * outputs());
-  });
-  return out;
-}
-
 void DenseLayers::run(const float* points, int64_t count, float* out) const {
   const int layers = static_cast<int>(layers_.size());
   thread_local std::vector<float> scratch;
   scratch.resize(std::max(scratch.size(), as_size(kernels::dense_layers_scratch(layers_.data(), layers))));
-  kernels::dense_layers(layers_.data(), layers, points, 0, count, out, scratch.data());
+  kernels::dense_layers(layers_.data(), layers, points, count, out, scratch.data());
 }
 
 }  // namespace doppel

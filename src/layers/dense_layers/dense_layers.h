@@ -19,16 +19,12 @@ enum class LastLayer { rectified, linear };
 
 class DenseLayers {
  public:
-  /// @param layers weight [out,in] and bias [out] of each layer, float32 on the CPU; copied
+  /// @param layers weight [out,in] and bias [out] of each layer, any float type, on the CPU; copied as float32
   /// @throws UsageError for shapes that do not follow each other
   explicit DenseLayers(const std::vector<std::pair<torch::Tensor, torch::Tensor>>& layers,
                        LastLayer last = LastLayer::rectified);
 
-  /// @param points float32 [P,in] @return [P,out]
-  /// @throws UsageError for another shape
-  torch::Tensor forward(const torch::Tensor& points) const;
-
-  /// The same on the calling thread, without tensors. @param points [count,in] @param out [count,out]
+  /// Runs on the calling thread. @param points [count,in] @param out [count,out]
   void run(const float* points, int64_t count, float* out) const;
 
   int64_t inputs() const { return layers_.front().inputs; }

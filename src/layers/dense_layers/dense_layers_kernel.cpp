@@ -72,12 +72,12 @@ int64_t dense_panel() { return kPanel; }
 
 int64_t dense_layers_scratch(const DenseLayerParams* layers, int count) { return 2 * kBlock * widest(layers, count); }
 
-void dense_layers(const DenseLayerParams* layers, int count, const float* points, int64_t begin, int64_t end,
-                  float* out, float* scratch) {
+void dense_layers(const DenseLayerParams* layers, int count, const float* points, int64_t num_points, float* out,
+                  float* scratch) {
   float* buffers[2] = {scratch, scratch + kBlock * widest(layers, count)};
   const int64_t outputs = layers[count - 1].outputs;
-  for (int64_t first = begin; first < end; first += kBlock) {
-    const int64_t size = end - first < kBlock ? end - first : kBlock;
+  for (int64_t first = 0; first < num_points; first += kBlock) {
+    const int64_t size = num_points - first < kBlock ? num_points - first : kBlock;
     const float* from = points + first * layers[0].inputs;
     int64_t stride = layers[0].inputs;
     for (int l = 0; l < count; ++l) {

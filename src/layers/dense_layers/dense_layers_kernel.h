@@ -19,10 +19,10 @@ namespace kernels {
 DOPPEL_DECLARE_KERNEL(int64_t, dense_panel, ())
 /// Floats of scratch memory.
 DOPPEL_DECLARE_KERNEL(int64_t, dense_layers_scratch, (const DenseLayerParams* layers, int count))
-/// Points [begin,end). @param points [P,inputs of the first] @param out [P,outputs of the last]
+/// @param points [P,inputs of the first] @param out [P,outputs of the last]
 DOPPEL_DECLARE_KERNEL(void, dense_layers,
-                      (const DenseLayerParams* layers, int count, const float* points, int64_t begin, int64_t end,
-                       float* out, float* scratch))
+                      (const DenseLayerParams* layers, int count, const float* points, int64_t num_points, float* out,
+                       float* scratch))
 
 }  // namespace kernels
 }  // namespace doppel

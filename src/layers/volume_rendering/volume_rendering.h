@@ -10,7 +10,7 @@
 ///
 /// Plain tensor operations, any device and float type. Training needs no kernel, because the cost is small beside the
 /// network of the radiance field: at R = 1000 and K = 64 some 20 passes over 64,000 numbers, against 0.25 million
-/// products for each of these numbers. Images evaluate few of the samples and take `render_ray`.
+/// products for each of these numbers. Images are drawn ray by ray, without tensors, with `render_ray`.
 
 #include <torch/types.h>
 
@@ -75,11 +75,13 @@ torch::Tensor volume_weights(const torch::Tensor& density, const RaySamples& sam
 
 /// Opacity and depth of one ray as in RenderedRays.
 struct RaySums {
-  float opacity, depth;
+  float opacity;  ///< 0..1
+  float depth;    ///< metres
 };
 
-/// `render_volume` of one ray with equal cells, without tensors and gradients. @param density, t [K] as above
-/// @param weights [K] receives w; the caller sums w c
+/// `render_volume` of one ray with equal cells, without tensors and gradients; the caller sums w c.
+/// @param density [K] per metre, as render_volume @param t [K] metres, ascending @param near, far metres
+/// @param weights [K] receives w
 RaySums render_ray(const float* density, const float* t, int64_t samples, float near, float far, float* weights);
 
 }  // namespace doppel
