@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Runs ten benchmarks of docs/benchmarks.md with the settings that `doppel` gives its threads, on an idle machine or
 # beside busy processes.
-#   scripts/benchmarks.sh FOLDER [BUSY]     BUSY processes that keep a core busy (default: 0); writes FOLDER/NAME.txt
+#   scripts/benchmarks.sh FOLDER [BUSY]     BUSY processes keep a core busy (default: 0); writes FOLDER/NAME.txt, FOLDER
+# relative to the repository
 # Build the preset `bench` first. THREADS=2 (the default). Leave the machine alone: about five minutes.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -ge 1 ] || { sed -n '2,5s/^# //p' "$0" >&2; exit 2; }
+[ $# -ge 1 ] || { sed -n '2,6s/^# //p' "$0" >&2; exit 2; }
 folder="$1" busy="${2:-0}" threads="${THREADS:-2}" programs=build/release/benchmarks
 mkdir -p "$folder"
 export GOMP_SPINCOUNT=3000 OPENBLAS_THREAD_TIMEOUT=12
