@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs ten benchmarks of docs/benchmarks.md with the settings that `doppel` gives its threads, on an idle machine or
-# beside busy processes.
+# Runs ten benchmarks of docs/benchmarks.md with the settings that `doppel` gives its threads and its memory, on an
+# idle machine or beside busy processes.
 #   scripts/benchmarks.sh FOLDER [BUSY]     BUSY processes keep a core busy (default: 0); writes FOLDER/NAME.txt, FOLDER
 # relative to the repository
 # Build the preset `bench` first. THREADS=2 (the default). Leave the machine alone: about five minutes.
@@ -10,6 +10,7 @@ cd "$(dirname "$0")/.."
 folder="$1" busy="${2:-0}" threads="${THREADS:-2}" programs=build/release/benchmarks
 mkdir -p "$folder"
 export GOMP_SPINCOUNT=3000 OPENBLAS_THREAD_TIMEOUT=12
+export MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=4294967296 MALLOC_TOP_PAD_=16777216
 if grep -q avx512f /proc/cpuinfo; then export OPENBLAS_CORETYPE=SkylakeX; fi
 
 pids=()
