@@ -17,7 +17,8 @@ chromas=(0.03775 20) insets=(-0.2 -0.4)
 stages() {
   local run="$1-$2" stage sets=() options
   for stage in ${3//,/ }; do sets+=("$stage.data.cameras=[$cameras]"); done
-  as_options capture="$folder/prepared" validation.takes="[$2]" "${sets[@]}" egnet.loss.anchor=0 deltanet.loss.anchor=0 "${@:4}"
+  sets+=(egnet.loss.anchor=0 deltanet.loss.anchor=0)
+  as_options capture="$folder/prepared" validation.takes="[$2]" "${sets[@]}" "${@:4}"
   train "$run" configs/small/ddc.yaml "${options[@]}" --stages "$3"
   evaluate "$run" "$run" --split validation --every 4
 }

@@ -54,6 +54,26 @@ class EgNetTraining : public ::testing::Test {
 TemporaryFolder* EgNetTraining::folder_ = nullptr;
 std::filesystem::path EgNetTraining::prepared_;
 
+/// An untrained stage and its loss for two training frames in three cameras.
+struct FirstLoss {
+  explicit FirstLoss(const EgNetRunConfig& config)
+      : dataset(Dataset::open(config.subject.capture)),
+        character(load_character(dataset.character_path(), config.subject.character)),
+        stage(dataset, character, config) {
+    const std::vector<SampleId> samples = dataset.samples(Split::train);
+    batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, config.model.past_frames);
+    Profile profile;
+    StepContext context{0, at::detail::createCPUGenerator(1), &profile};
+    terms = stage.loss(batch, context);
+  }
+
+  Dataset dataset;
+  Character character;
+  EgNetStage stage;
+  Batch batch;
+  LossTerms terms;
+};
+
 using EgNetStageRecovers = EgNetTraining;
 using EgNetStageReference = EgNetTraining;
 using EgNetStageRejects = EgNetTraining;
@@ -96,14 +116,8 @@ TEST_F(EgNetStageRecovers, StoppedAnywhereEqualsAnUnbrokenRunToTheBit) {
 
 TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
   const EgNetRunConfig c = config({"data.input_noise=0", "data.pose_noise=0", "model.head_scale=0"});
-  const Dataset dataset = Dataset::open(c.subject.capture);
-  const Character character = load_character(dataset.character_path(), c.subject.character);
-  EgNetStage stage(dataset, character, c);
-  Profile profile;
-  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
-  const std::vector<SampleId> samples = dataset.samples(Split::train);
-  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.past_frames);
-  const LossTerms terms = stage.loss(batch, context);
+  const FirstLoss first(c);
+  const auto& [dataset, character, stage, batch, terms] = first;
   const auto vertices = CharacterSurface(character)->skinned_by_nodes(batch.dofs.select(1, -1).contiguous());
   const auto expected = silhouette_loss(vertices, face_tensor(character.mesh),
                                         SilhouetteTarget{batch.projection, batch.distance, batch.pixel_scale,
@@ -116,15 +130,8 @@ TEST_F(EgNetStageReference, UntrainedLossIsThatOfTheSkinnedTemplate) {
 }
 
 TEST_F(EgNetStageReference, TheAnchorMeasuresTheDistanceFromTheSkinnedTemplate) {
-  const EgNetRunConfig c = config({"data.input_noise=0", "data.pose_noise=0", "loss.anchor=1e4"});
-  const Dataset dataset = Dataset::open(c.subject.capture);
-  const Character character = load_character(dataset.character_path(), c.subject.character);
-  EgNetStage stage(dataset, character, c);
-  Profile profile;
-  StepContext context{0, at::detail::createCPUGenerator(1), &profile};
-  const std::vector<SampleId> samples = dataset.samples(Split::train);
-  const Batch batch = make_batch(dataset, {samples[2], samples[5]}, {{0, 1, 2}, {0, 1, 2}}, c.model.past_frames);
-  const LossTerms terms = stage.loss(batch, context);
+  FirstLoss first(config({"data.input_noise=0", "data.pose_noise=0", "loss.anchor=1e4"}));
+  auto& [dataset, character, stage, batch, terms] = first;
   CharacterSurface surface(character);
   const auto dofs = batch.dofs.select(1, -1).contiguous();
   const auto [A, T] = stage.network()->forward(batch.dofs);
