@@ -418,9 +418,11 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_EQ(test["posenet"]["3DPCK"], test["defnet"]["3DPCK"]);  // of the poses, which DefNet leaves alone
   EXPECT_NE(test["posenet"]["AMVIoU"], test["defnet"]["AMVIoU"]);
   EXPECT_EQ(test["posenet"]["SVIoU"], test["posenet"]["cameras"]["0"]);
-  // 300 steps amplify the rounding of the instruction set as a seed does: six seeds gave 61 to 74 % and 121 to 331 mm.
-  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 20.0);
-  EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 500.0);
+  // An untrained network has .46, 17 % and 2100 mm. 300 steps amplify the rounding of the instruction set as a seed
+  // does: ten runs (four seeds, four instruction sets) gave .61 to .70, 40 to 74 % and 121 to 540 mm.
+  EXPECT_GT(test["posenet"]["AMVIoU"].get<double>(), 0.55);
+  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 25.0);
+  EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 1000.0);
 
   const Outcome other = run(evaluate + " --input-camera 2");
   ASSERT_EQ(other.code, 0) << other.err;
