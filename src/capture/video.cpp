@@ -114,6 +114,18 @@ class VideoReader : public FrameReader {
   long next_ = 0;
 };
 
+/// @throws FileError where OpenCV cannot decode the file
+cv::Mat read_image(const std::string& path) {
+  cv::Mat image;
+  try {
+    image = cv::imread(path, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    image.release();
+  }
+  if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
+  return image;
+}
+
 class ImageReader : public FrameReader {
  public:
   ImageReader(std::string pattern, PixelFormat format) : pattern_(std::move(pattern)), format_(format) {
@@ -124,14 +136,7 @@ class ImageReader : public FrameReader {
   cv::Mat read(long frame) override {
     const std::string path = expand_pattern(pattern_, 0, "", frame);
     if (!fs::is_regular_file(path)) fail_at({path, 0}, "the image of frame {} does not exist", frame);
-    cv::Mat image;
-    try {
-      image = cv::imread(path, cv::IMREAD_UNCHANGED);
-    } catch (const cv::Exception&) {
-      image.release();
-    }
-    if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
-    return convert(image, format_, path, frame);
+    return convert(read_image(path), format_, path, frame);
   }
 
   cv::Size size() override { return read(frames_.front()).size(); }
@@ -170,13 +175,7 @@ class ImageReader : public FrameReader {
 };
 
 FootageFacts inspect_image(const std::string& path) {
-  cv::Mat image;
-  try {
-    image = cv::imread(path, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    image.release();
-  }
-  if (image.empty()) fail_at({path, 0}, "is not an image that OpenCV can decode");
+  const cv::Mat image = read_image(path);
   return {image.cols, image.rows, 0.0, 1};
 }
 

@@ -269,26 +269,4 @@ void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& 
   }
 }
 
-std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
-  std::vector<bool> carries(skeleton.joints.size(), false), turned(skeleton.joints.size(), false);
-  for (const Marker& landmark : landmarks)
-    for (int j = landmark.joint; j >= 0; j = skeleton.joints[as_size(j)].parent) carries[as_size(j)] = true;
-  for (std::size_t j = 0; j < turned.size(); ++j) {
-    const Joint& joint = skeleton.joints[j];
-    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[as_size(joint.parent)]);
-  }
-  std::vector<int> dofs;
-  for (int d = 0; d < skeleton.num_dofs(); ++d) {
-    bool moves = false, stretches = false;
-    for (const Dof::Drive& drive : skeleton.dofs[as_size(d)].joints) {
-      if (drive.weight == 0.0) continue;
-      const auto j = as_size(drive.joint);
-      stretches = stretches || (skeleton.joints[j].type == Joint::Type::prismatic && turned[j]);
-      moves = moves || carries[j];
-    }
-    if (moves && !stretches) dofs.push_back(d);
-  }
-  return dofs;
-}
-
 }  // namespace doppel

@@ -138,8 +138,4 @@ class PoseModel {
   std::vector<Eigen::Vector3d> rest_normals_;     ///< [N]
 };
 
-/// The DoFs that a fit to landmarks can find: rotations of a landmark's joint or of a joint above it, and translations
-/// of the root. DoFs that stretch the body belong to its shape and are left out.
-std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks);
-
 }  // namespace doppel

@@ -3,6 +3,7 @@
 #include <set>
 
 #include "doppel/character/dof_names.h"
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/error.h"
 #include "doppel/energy/pose_model.h"
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "doppel/core/as_size.h"
+#include "doppel/geometry/lens_jacobian.h"
 
 namespace doppel {
 namespace {
@@ -17,19 +18,6 @@ using Eigen::Vector3d;
 
 constexpr double kNearestPointDepth = 0.05;  // metres
 constexpr double kSmallestReciprocal = 1e-12;
-constexpr double kPlaneStep = 1e-6;
-
-/// d distorted / d plane.
-Matrix2d lens_jacobian(const Camera& camera, const Vector2d& plane) {
-  if (!camera.has_distortion()) return Matrix2d::Identity();
-  Matrix2d jacobian;
-  for (int axis = 0; axis < 2; ++axis) {
-    Vector2d step = Vector2d::Zero();
-    step[axis] = kPlaneStep * (1.0 + plane.norm());
-    jacobian.col(axis) = (camera.distorted(plane + step) - camera.distorted(plane - step)) / (2.0 * step[axis]);
-  }
-  return jacobian;
-}
 
 /// A matrix that measures how close three equations are to a dependent set: parallel rays fix no point.
 bool is_regular(const Matrix3d& sum) {

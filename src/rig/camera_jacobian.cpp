@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 
+#include "doppel/geometry/lens_jacobian.h"
+
 namespace doppel {
 namespace {
 
@@ -11,7 +13,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kNearestDepthOfPoint = 0.05;  // metres
-constexpr double kLensStep = 1e-6;
 
 }  // namespace
 
@@ -52,15 +53,9 @@ std::optional<CameraJacobian> camera_jacobian(const Camera& camera, const Vector
   const Vector3d in_camera = camera.camera_from_world(point);
   const Vector2d plane = in_camera.hnormalized();
   const Matrix2d scale = camera.K.topLeftCorner<2, 2>();
-  Matrix2d lens = Matrix2d::Identity();
-  if (camera.has_distortion())
-    for (int axis = 0; axis < 2; ++axis) {
-      const Vector2d step = kLensStep * Vector2d::Unit(axis);
-      lens.col(axis) = (camera.distorted(plane + step) - camera.distorted(plane - step)) / (2.0 * kLensStep);
-    }
   Eigen::Matrix<double, 2, 3> onto_plane;
   onto_plane << 1.0, 0.0, -plane.x(), 0.0, 1.0, -plane.y();
-  const Eigen::Matrix<double, 2, 3> by_camera_point = scale * lens * onto_plane / in_camera.z();
+  const Eigen::Matrix<double, 2, 3> by_camera_point = scale * lens_jacobian(camera, plane) * onto_plane / in_camera.z();
   CameraJacobian result;
   result.pixel = *pixel;
   result.by_point = by_camera_point * camera.R;

@@ -171,7 +171,8 @@ class Adaptation {
 
   void tune_posenet() {
     if (!tuned("posenet")) return;
-    const PoseNetRunConfig config = PoseNetRunConfig::read(stage_config("posenet"));
+    PoseNetRunConfig config = PoseNetRunConfig::read(stage_config("posenet"));
+    config.dofs = TrainedPose::load(options_.run, std::nullopt, /*with_defnet=*/false).pose->names();
     const Character character = load_character(dataset_.character_path(), config.subject.character);
     PoseNetStage stage(dataset_, character, config);
     train(stage, "posenet", config.trainer);

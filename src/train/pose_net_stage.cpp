@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "doppel/character/landmarks.h"
+#include "doppel/character/observable_dofs.h"
+#include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
 #include "doppel/render/face_tensor.h"
@@ -17,6 +19,16 @@ namespace {
 const std::vector<Marker>& landmarks_of(const Dataset& dataset) {
   dataset.require_landmarks();
   return dataset.landmarks();
+}
+
+/// The DoFs to predict: those that the configuration names, or else those that the landmarks determine.
+std::vector<std::string> dofs_to_predict(const std::vector<std::string>& patterns, const Dataset& dataset,
+                                         const Character& character) {
+  if (!patterns.empty()) return patterns;
+  std::vector<std::string> names;
+  for (const int dof : determined_dofs(character.skeleton, landmarks_of(dataset), character.rest_dofs))
+    names.push_back(character.skeleton.dofs[as_size(dof)].name);
+  return PoseDofs(character.skeleton, names, character.rest_dofs).names();  // without those of the root
 }
 
 }  // namespace
@@ -41,7 +53,7 @@ PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
 PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, const PoseNetRunConfig& config)
     : CaptureStage(dataset, character, config.loader),
       config_(config),
-      pose_(character.skeleton, config.dofs, character.rest_dofs),
+      pose_(character.skeleton, dofs_to_predict(config.dofs, dataset, character), character.rest_dofs),
       landmarks_(character.skeleton, landmarks_of(dataset)),
       landmark_names_(landmark_names(dataset.landmarks())),
       network_(pose_, config.model, at::detail::createCPUGenerator(static_cast<std::uint64_t>(config.subject.seed))),
@@ -93,12 +105,29 @@ std::vector<ReportImage> PoseNetStage::images() {
   });
 }
 
+namespace {
+
+/// The run's configuration names the DoFs that the network predicts, so the run does not depend on a capture's
+/// landmarks.
+TrainSummary train_pose_net(const StageTask& task) {
+  const PoseNetRunConfig config = PoseNetRunConfig::read(task.document);
+  const Dataset dataset = config.subject.open_dataset();
+  const Character character = load_character(dataset.character_path(), config.subject.character);
+  const std::string dofs =
+      fmt::format("model.dofs=[\"{}\"]", fmt::join(dofs_to_predict(config.dofs, dataset, character), "\", \""));
+  StageTask named = task;
+  named.resolved = ConfigDocument::parse(task.resolved, task.document.path().string(), {dofs}).resolved();
+  return train_first<PoseNetStage, PoseNetRunConfig>(named);
+}
+
+}  // namespace
+
 StageEntry pose_net_entry() {
   return {"posenet",
           {"posenet", "deepcap"},
           {},
           [](const ConfigDocument& document) { PoseNetRunConfig::read(document); },
-          train_first<PoseNetStage, PoseNetRunConfig>,
+          train_pose_net,
           nullptr};
 }
 

@@ -18,7 +18,7 @@ namespace doppel {
 struct PoseNetRunConfig {
   RunSubject subject;
   LoaderOptions loader;
-  std::vector<std::string> dofs;  ///< patterns of PoseDofs
+  std::vector<std::string> dofs;  ///< patterns of PoseDofs; empty: `determined_dofs`
   PoseNetConfig model;
   PosePhases phases;
   DetectionOptions detections;

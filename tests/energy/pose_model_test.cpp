@@ -136,17 +136,5 @@ TEST(RootRotation, ComesBackFromTheMatrixAndCountsWholeTurns) {
   EXPECT_LT((character.skeleton.pose(dofs)[as_size(root->joint())].translation() - place).norm(), 1e-12);
 }
 
-TEST(PoseModel, ChoosesDofsThatTurnJointsAboveLandmarks) {
-  const Character character = make_test_character(kSegments);
-  const Skeleton& skeleton = character.skeleton;
-  std::vector<Marker> landmarks = tube_landmarks(3);  // on the root and two segments of four
-  std::vector<std::string> names;
-  for (const int dof : observable_dofs(skeleton, landmarks)) names.push_back(skeleton.dofs[as_size(dof)].name);
-  const std::vector<std::string> expected{"translate_x", "translate_y", "translate_z", "rotate_y",
-                                          "rotate_z",    "rotate_x",    "bend",        "lean_1",
-                                          "flex_1",      "lean_2",      "flex_2",      "twist_2"};
-  EXPECT_EQ(names, expected);
-}
-
 }  // namespace
 }  // namespace doppel::pose_model_test

@@ -1,3 +1,4 @@
+#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/multiview.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/shared_dofs_fit.h"
 
 #include <gmock/gmock.h>

@@ -204,7 +204,7 @@ TEST(VolumeRendering, RejectsWhatDoesNotFit) {
               }),
               testing::HasSubstr("colour must be"));
   EXPECT_THAT(message_of<UsageError>([&] {
-                volume_weights(torch::zeros({1, 5}, torch::kFloat64), ray);
+                render_volume(torch::zeros({1, 5}, torch::kFloat64), torch::zeros({1, 5, 3}, torch::kFloat64), ray);
               }),
               testing::HasSubstr("samples.t must be"));
   EXPECT_THAT(message_of<UsageError>([&] { one_ray(1, 2, 0); }), testing::HasSubstr("at least 1"));

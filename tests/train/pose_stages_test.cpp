@@ -207,6 +207,14 @@ TEST_F(PoseTraining, PeopleThatNoCameraSeesHaveNoLoss) {
     EXPECT_EQ(parameter.value().grad().abs().max().item<double>(), 0.0) << parameter.key();
 }
 
+TEST_F(PoseTraining, TheConfigurationOfTheRunNamesTheDofs) {
+  const ConfigDocument stored = ConfigDocument::load(*folder_ / "run/posenet/config.yaml");
+  const std::vector<std::string> names = stored.root().section("model").list<std::string>("dofs");
+  EXPECT_EQ(TrainedPose::load(*folder_ / "run").pose->names(), names);
+  EXPECT_EQ(std::count(names.begin(), names.end(), "translate_x"), 0);
+  EXPECT_GT(names.size(), 10u);
+}
+
 TEST_F(PoseTraining, DefNetSeesTheImageThatPoseNetSees) {
   TrainedPose pose = TrainedPose::load(*folder_ / "run");
   const Dataset dataset = Dataset::open(pose.subject.capture);

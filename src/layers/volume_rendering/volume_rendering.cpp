@@ -92,8 +92,6 @@ RaySamples sample_by_weight(const RaySamples& coarse, const Tensor& weights, int
   return fine;
 }
 
-Tensor volume_weights(const Tensor& density, const RaySamples& samples) { return absorb(density, samples).weights; }
-
 RaySums render_ray(const float* density, const float* t, int64_t samples, float near, float far, float* weights) {
   const double length = std::max(0.0, static_cast<double>(far) - near), cell = length / static_cast<double>(samples);
   double before = 0.0, sum = 0.0, place = 0.0;

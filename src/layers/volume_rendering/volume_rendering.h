@@ -42,7 +42,7 @@ RaySamples sample_cells(const torch::Tensor& near, const torch::Tensor& far, int
 
 /// Importance sampling: adds `count` samples to each ray, drawn in proportion to the weights of the cells, and keeps
 /// the earlier samples. The new cells reach half way to the neighbouring samples.
-/// @param coarse samples in equal cells @param weights [R,K] of volume_weights, no gradient
+/// @param coarse samples in equal cells @param weights [R,K] of RenderedRays, no gradient
 /// @param generator draws the samples; undefined: evenly spread quantiles
 /// @param of_batch the rays of a batch that ranks share
 /// @return K + count samples, without gradients
@@ -69,9 +69,6 @@ struct RenderedRays {
 /// Gradients: to density, colour and the samples' near, far, t; finite for any density.
 /// @throws UsageError naming the argument, with the shape found
 RenderedRays render_volume(const torch::Tensor& density, const torch::Tensor& colour, const RaySamples& samples);
-
-/// The weights w [R,K] alone, for use before the colours are known.
-torch::Tensor volume_weights(const torch::Tensor& density, const RaySamples& samples);
 
 /// Opacity and depth of one ray as in RenderedRays.
 struct RaySums {

@@ -1,3 +1,4 @@
+#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/livecap/livecap.h"
 
 #include <gtest/gtest.h>

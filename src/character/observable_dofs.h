@@ -1,0 +1,20 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/character/skeleton.h"
+
+namespace doppel {
+
+/// The DoFs that a fit to landmarks can find: rotations of a landmark's joint or of a joint above it, and translations
+/// of the root. DoFs that stretch the body belong to its shape and are left out.
+std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks);
+
+/// Those of `observable_dofs` that move a landmark by more than a centimetre per radian (for translations: per metre),
+/// in the rest pose or with every joint bent by 0.3 rad. The others twist a limb about its own axis, or turn a hand
+/// about its only landmark, so landmarks say nothing about them.
+/// @param rest [D] the rest pose
+std::vector<int> determined_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks,
+                                 const std::vector<double>& rest);
+
+}  // namespace doppel
