@@ -419,9 +419,9 @@ TEST_F(ProgramRecovers, APerformanceIsCapturedFromOneCamera) {
   EXPECT_NE(test["posenet"]["AMVIoU"], test["defnet"]["AMVIoU"]);
   EXPECT_EQ(test["posenet"]["SVIoU"], test["posenet"]["cameras"]["0"]);
   // An untrained network has .46, 17 % and 2100 mm. 300 steps amplify the rounding of the instruction set as a seed
-  // does: ten runs (four seeds, four instruction sets) gave .61 to .70, 40 to 74 % and 121 to 540 mm.
-  EXPECT_GT(test["posenet"]["AMVIoU"].get<double>(), 0.55);
-  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 25.0);
+  // does: fifteen runs (four seeds, five instruction sets) gave .60 to .70, 31 to 74 % and 110 to 580 mm.
+  EXPECT_GT(test["posenet"]["AMVIoU"].get<double>(), 0.53);
+  EXPECT_GT(test["posenet"]["3DPCK"].get<double>(), 20.0);
   EXPECT_LT(test["posenet"]["GLE_mm"].get<double>(), 1000.0);
 
   const Outcome other = run(evaluate + " --input-camera 2");
