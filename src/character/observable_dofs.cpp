@@ -13,15 +13,13 @@ namespace {
 constexpr double kBend = 0.3, kStep = 0.01;  ///< radians or metres
 constexpr double kShortestLever = 0.01;      ///< metres per radian
 
-/// The change of a DoF that turns one of its joints by a radian, or shifts it by a metre; 0 when it moves no joint.
+/// The change of a DoF that turns a joint by a radian, or shifts it by a metre; 0 when it moves no joint.
 double unit_of(const Skeleton& skeleton, const Dof& dof) {
-  double reach = 0.0;
-  for (const Dof::Drive& drive : dof.joints)
-    reach = std::max(reach, std::abs(drive.weight) * skeleton.joints[as_size(drive.joint)].axis.norm());
+  const double reach = dof_reach(skeleton, dof);
   return reach > 0.0 ? 1.0 / reach : 0.0;
 }
 
-/// How far a landmark moves for a unit of a DoF, at most. @param dofs [D]
+/// How far a landmark moves at most, metres per radian or metre of a DoF. @param dofs [D]
 double lever(const Skeleton& skeleton, const std::vector<Marker>& landmarks, std::vector<double> dofs, int dof) {
   const std::vector<Eigen::Vector3d> before = landmark_positions(skeleton, landmarks, dofs);
   dofs[as_size(dof)] += kStep * unit_of(skeleton, skeleton.dofs[as_size(dof)]);
@@ -32,6 +30,13 @@ double lever(const Skeleton& skeleton, const std::vector<Marker>& landmarks, std
 }
 
 }  // namespace
+
+double dof_reach(const Skeleton& skeleton, const Dof& dof) {
+  double most = 0.0;
+  for (const Dof::Drive& drive : dof.joints)
+    most = std::max(most, std::abs(drive.weight) * skeleton.joints[as_size(drive.joint)].axis.norm());
+  return most;
+}
 
 std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
   std::vector<bool> carries(skeleton.joints.size(), false), turned(skeleton.joints.size(), false);

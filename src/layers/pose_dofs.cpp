@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "doppel/character/dof_names.h"
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/rotation_math.h"
@@ -17,14 +18,6 @@ using torch::Tensor;
 namespace {
 
 constexpr std::array<int, 3> kCameraAxes{1, 0, 2};
-
-/// The largest motion of a joint per unit of a DoF: radians or metres; 0 when the DoF moves no joint.
-double reach(const Skeleton& skeleton, const Dof& dof) {
-  double most = 0.0;
-  for (const Dof::Drive& drive : dof.joints)
-    most = std::max(most, std::abs(drive.weight) * skeleton.joints[drive.joint].axis.norm());
-  return most;
-}
 
 Tensor doubles(const std::vector<double>& values) { return torch::tensor(values, torch::kFloat64); }
 
@@ -103,7 +96,7 @@ void PoseDofs::choose(const Skeleton& skeleton, const std::vector<std::string>& 
   std::vector<double> scale, lower, upper, middle;
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
     const Dof& dof = skeleton.dofs[d];
-    const double unit = reach(skeleton, dof);
+    const double unit = dof_reach(skeleton, dof);
     if (!chosen[d] || unit == 0.0) continue;
     names_.push_back(dof.name);
     columns.push_back(d);

@@ -172,6 +172,7 @@ class Adaptation {
   void tune_posenet() {
     if (!tuned("posenet")) return;
     PoseNetRunConfig config = PoseNetRunConfig::read(stage_config("posenet"));
+    // A run of an earlier version does not list the DoFs that it predicts.
     config.dofs = TrainedPose::load(options_.run, std::nullopt, /*with_defnet=*/false).pose->names();
     const Character character = load_character(dataset_.character_path(), config.subject.character);
     PoseNetStage stage(dataset_, character, config);
