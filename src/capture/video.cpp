@@ -114,7 +114,7 @@ class VideoReader : public FrameReader {
   long next_ = 0;
 };
 
-/// @throws FileError where OpenCV cannot decode the file
+/// The image as stored: any number of channels and bits. @throws FileError where OpenCV cannot decode the file
 cv::Mat read_image(const std::string& path) {
   cv::Mat image;
   try {

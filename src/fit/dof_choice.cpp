@@ -5,7 +5,6 @@
 #include "doppel/character/dof_names.h"
 #include "doppel/character/observable_dofs.h"
 #include "doppel/core/error.h"
-#include "doppel/energy/pose_model.h"
 
 namespace doppel {
 std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std::vector<std::string>& patterns) {

@@ -1,10 +1,10 @@
-#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/multiview.h"
 
 #include <gmock/gmock.h>
 
 #include <random>
 
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "energy/body_fixture.h"

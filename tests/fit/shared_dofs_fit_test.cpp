@@ -1,9 +1,9 @@
-#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/shared_dofs_fit.h"
 
 #include <gmock/gmock.h>
 
 #include "doppel/character/dof_names.h"
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "energy/body_fixture.h"

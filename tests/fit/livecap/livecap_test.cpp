@@ -1,9 +1,9 @@
-#include "doppel/character/observable_dofs.h"
 #include "doppel/fit/livecap/livecap.h"
 
 #include <gtest/gtest.h>
 #include <torch/types.h>
 
+#include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
