@@ -1,10 +1,12 @@
-# doppel_module(NAME [TORCH] [TORCH_SOURCES ...] [KERNELS ...] [GENERATED ...] [DEPENDS ...])
-#   One module: a static library doppel_<name> of every .cpp in its folder. Headers are included as "doppel/<name>/...".
-#   TORCH          the module works on tensors: it links LibTorch, and all its sources use the precompiled torch header
-#   TORCH_SOURCES  a module without TORCH: the few sources that work on tensors
-#   KERNELS        sources compiled once per instruction set and chosen when the program starts (core/cpu_dispatch.h)
-#   GENERATED      sources written by the build
-#   DEPENDS        modules of lower levels (doppel_core, ...) and outside libraries, all public
+# doppel_module(NAME [TORCH] [TORCH_SOURCES ...] [KERNELS ...] [GENERATED ...] PUBLIC_HEADERS ... SHARED_HEADERS ... DEPENDS ...)
+#   One module: a library doppel_<name> of every .cpp below its folder. Headers are included as "doppel/<name>/...".
+#   TORCH           the module works on tensors: it links LibTorch, and all its sources use the precompiled torch header
+#   TORCH_SOURCES   a module without TORCH: the sources that work on tensors, as glob expressions
+#   KERNELS         sources compiled once per instruction set and chosen when the program starts (core/cpu_dispatch.h)
+#   GENERATED       sources written by the build
+#   PUBLIC_HEADERS  the interface: installed, documented and stable. They include no other headers of Doppel.
+#   SHARED_HEADERS  what other modules include besides; not installed. All other headers are private to the module.
+#   DEPENDS         modules of lower levels (doppel_core, ...) and outside libraries, all public
 #
 # doppel_builtin_files(SOURCE TABLE FOLDER NAME ...)
 #   Writes SOURCE.cpp into the build: TABLE holds the files FOLDER/NAME.yaml. The module's header SOURCE.h declares TABLE.
@@ -89,11 +91,27 @@ function(doppel_kernels target)
   endforeach()
 endfunction()
 
-# Compiles up to `batch` sources of a target as one; 0: all of them.
+# Compiles up to `batch` sources of a target as one, 0: all of them; never sources of two folders.
 function(doppel_unity target batch)
-  if(DOPPEL_UNITY_BATCH GREATER 1)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${batch})
+  if(DOPPEL_UNITY_BATCH LESS_EQUAL 1)
+    return()
   endif()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  get_target_property(sources ${target} SOURCES)
+  list(FILTER sources INCLUDE REGEX "^[^/$].*\\.cpp$")  # without generated sources, which have full paths
+  foreach(source IN LISTS sources)
+    cmake_path(GET source PARENT_PATH folder)
+    string(MAKE_C_IDENTIFIER "${folder}" folder)
+    if(NOT DEFINED count_${folder})
+      set(count_${folder} 0)
+    endif()
+    set(part 0)
+    if(batch GREATER 0)
+      math(EXPR part "${count_${folder}} / ${batch}")
+    endif()
+    math(EXPR count_${folder} "${count_${folder}} + 1")
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP "${folder}_${part}")
+  endforeach()
 endfunction()
 
 # The target `headers` compiles every header of every module alone, which is how a user includes it. It is no part of the
@@ -142,14 +160,28 @@ const std::span<const BuiltinFile> @table@ = kFiles;
 ]])
 endfunction()
 
+# Notes the headers of a module for the installation and for scripts/docs.sh.
+function(doppel_headers name)
+  foreach(header IN LISTS ARGN)
+    if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${header})
+      message(FATAL_ERROR "src/${name}/CMakeLists.txt lists the header ${header}, which is not there")
+    endif()
+    set_property(GLOBAL APPEND PROPERTY DOPPEL_PUBLIC_HEADERS src/${name}/${header})
+  endforeach()
+endfunction()
+
 function(doppel_module name)
-  cmake_parse_arguments(ARG "TORCH" "" "TORCH_SOURCES;KERNELS;GENERATED;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "TORCH" "" "TORCH_SOURCES;KERNELS;GENERATED;PUBLIC_HEADERS;SHARED_HEADERS;DEPENDS" ${ARGN})
   set(target doppel_${name})
   file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
-  if(ARG_KERNELS OR ARG_TORCH_SOURCES)
-    list(REMOVE_ITEM sources ${ARG_KERNELS} ${ARG_TORCH_SOURCES})
+  set(torch_sources)
+  if(ARG_TORCH_SOURCES)
+    file(GLOB torch_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS ${ARG_TORCH_SOURCES})
   endif()
-  add_library(${target} STATIC ${sources} ${ARG_GENERATED})
+  if(ARG_KERNELS OR torch_sources)
+    list(REMOVE_ITEM sources ${ARG_KERNELS} ${torch_sources})
+  endif()
+  add_library(${target} ${sources} ${ARG_GENERATED})
   add_library(Doppel::${target} ALIAS ${target})
   target_include_directories(${target} PUBLIC
     $<BUILD_INTERFACE:${DOPPEL_INCLUDE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
@@ -159,8 +191,8 @@ function(doppel_module name)
   if(ARG_TORCH)
     target_link_libraries(${target} PUBLIC doppel_torch)
     target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
-  elseif(ARG_TORCH_SOURCES)
-    add_library(${target}_torch OBJECT ${ARG_TORCH_SOURCES})
+  elseif(torch_sources)
+    add_library(${target}_torch OBJECT ${torch_sources})
     target_link_libraries(${target}_torch PRIVATE doppel_flags doppel_torch Threads::Threads ${ARG_DEPENDS})
     target_include_directories(${target}_torch PRIVATE ${DOPPEL_INCLUDE_DIR})
     target_precompile_headers(${target}_torch REUSE_FROM doppel_torch_pch)
@@ -171,6 +203,7 @@ function(doppel_module name)
   if(ARG_KERNELS)
     doppel_kernels(${target} ${ARG_KERNELS})
   endif()
+  doppel_headers(${name} ${ARG_PUBLIC_HEADERS})
   set_property(GLOBAL APPEND PROPERTY DOPPEL_MODULES ${target})
   if(DOPPEL_BUILD_TESTS)
     doppel_module_headers(${name} "${ARG_TORCH}")

@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "doppel/actor/export/actor_file.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/export/actor_file.h"
 #include "doppel/losses/silhouette.h"
 
 struct doppel_actor {

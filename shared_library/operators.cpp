@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/detect/masks/mask.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/layers/closest_point/closest_point.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
@@ -16,7 +17,6 @@
 #include "doppel/layers/op_support.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/losses/silhouette.h"
-#include "doppel/masks/mask.h"
 #include "doppel/render/boundary.h"
 #include "doppel/render/shading/shading.h"
 

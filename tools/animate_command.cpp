@@ -10,11 +10,14 @@
 #include <optional>
 
 #include "command.h"
+#include "doppel/actor/export/animation.h"
+#include "doppel/actor/export/figure_writer.h"
+#include "doppel/actor/export/film.h"
+#include "doppel/actor/export/texture_writer.h"
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/video.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/bvh.h"
 #include "doppel/character/character.h"
 #include "doppel/character/loop_motion.h"
@@ -22,13 +25,10 @@
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
-#include "doppel/data/dataset.h"
-#include "doppel/export/animation.h"
-#include "doppel/export/figure_writer.h"
-#include "doppel/export/film.h"
-#include "doppel/export/texture_writer.h"
-#include "doppel/motion_import/read_motion_file.h"
-#include "doppel/rig_import/motions_json.h"
+#include "doppel/data/capture/video.h"
+#include "doppel/data/dataset/dataset.h"
+#include "doppel/io/motion_import/read_motion_file.h"
+#include "doppel/io/rig_import/motions_json.h"
 
 namespace doppel::tools {
 namespace {

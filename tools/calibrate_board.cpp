@@ -1,4 +1,4 @@
-#include "doppel/rig/calibrate_board.h"
+#include "doppel/calibration/estimation/calibrate_board.h"
 
 #include <algorithm>
 #include <cctype>
@@ -12,11 +12,11 @@
 #include <string>
 
 #include "calibrate_subcommands.h"
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/video.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
-#include "doppel/keypoints/frame_names.h"
+#include "doppel/data/capture/video.h"
+#include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel::tools {
 

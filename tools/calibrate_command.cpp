@@ -7,8 +7,8 @@
 
 #include "calibrate_subcommands.h"
 #include "command.h"
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/calibration/relative_intrinsics.h"
+#include "doppel/calibration/formats/read_calibration.h"
+#include "doppel/calibration/formats/relative_intrinsics.h"
 #include "doppel/core/error.h"
 
 namespace doppel::tools {

@@ -5,12 +5,12 @@
 
 #include "calibrate_rig.h"
 #include "calibrate_subcommands.h"
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/estimation/find_moved_cameras.h"
+#include "doppel/calibration/estimation/refine_rig.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/rig/find_moved_cameras.h"
-#include "doppel/rig/refine_rig.h"
 
 namespace doppel::tools {
 

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <set>
 
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/filmed_sequence.h"
-#include "doppel/capture/mask_source.h"
-#include "doppel/capture/person_tracks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/mask_source.h"
+#include "doppel/data/capture/person_tracks.h"
 
 namespace doppel::tools {
 

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/rig/outline_tracks.h"
-#include "doppel/rig/point_tracks.h"
+#include "doppel/calibration/estimation/outline_tracks.h"
+#include "doppel/calibration/estimation/point_tracks.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/capture_cameras.h"
 
 namespace doppel::tools {
 

@@ -7,10 +7,10 @@
 
 #include "calibrate_rig.h"
 #include "calibrate_subcommands.h"
+#include "doppel/calibration/estimation/audio_sync.h"
+#include "doppel/calibration/estimation/synchronise.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/rig/audio_sync.h"
-#include "doppel/rig/synchronise.h"
 
 namespace doppel::tools {
 

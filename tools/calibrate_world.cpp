@@ -5,10 +5,10 @@
 
 #include "calibrate_rig.h"
 #include "calibrate_subcommands.h"
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/estimation/world_by_person.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
-#include "doppel/keypoints/keypoints.h"
-#include "doppel/rig/world_by_person.h"
+#include "doppel/detect/keypoints/keypoints.h"
 
 namespace doppel::tools {
 

@@ -6,11 +6,11 @@
 #include <string>
 
 #include "command.h"
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/capture_guess.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/capture_guess.h"
+#include "doppel/data/capture/capture_layouts.h"
 
 namespace doppel::tools {
 

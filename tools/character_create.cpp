@@ -1,14 +1,14 @@
 #include "character_create.h"
 
 #include "character_report.h"
-#include "doppel/autorig/create_character.h"
-#include "doppel/autorig/scan_of_scene.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/geometry/image_file.h"
-#include "doppel/scene/read_scene.h"
+#include "doppel/io/scene/read_scene.h"
+#include "doppel/rigging/autorig/create_character.h"
+#include "doppel/rigging/autorig/scan_of_scene.h"
 
 namespace doppel::tools {
 

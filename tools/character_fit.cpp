@@ -8,8 +8,6 @@
 
 #include "character_report.h"
 #include "detected_capture.h"
-#include "doppel/body/body_shapes.h"
-#include "doppel/capture/capture.h"
 #include "doppel/character/character_folder.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
@@ -17,7 +15,9 @@
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture/capture.h"
 #include "doppel/geometry/image_file.h"
+#include "doppel/rigging/body/body_shapes.h"
 #include "doppel/track/shape/fit_character.h"
 
 namespace doppel::tools {

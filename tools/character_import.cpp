@@ -8,9 +8,9 @@
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
-#include "doppel/rig_import/import_rig.h"
-#include "doppel/rig_import/motions_json.h"
-#include "doppel/scene/read_scene.h"
+#include "doppel/io/rig_import/import_rig.h"
+#include "doppel/io/rig_import/motions_json.h"
+#include "doppel/io/scene/read_scene.h"
 
 namespace doppel::tools {
 namespace {

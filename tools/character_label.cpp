@@ -4,11 +4,11 @@
 #include <torch/utils.h>
 
 #include "character_report.h"
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/vertex_labels.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/labels.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/vertex_labels.h"
 #include "doppel/layers/surface.h"
 
 namespace doppel::tools {

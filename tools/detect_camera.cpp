@@ -6,8 +6,8 @@
 
 #include "detect_masks.h"
 #include "doppel/core/atomic_file.h"
+#include "doppel/detect/keypoints/keypoint_table.h"
 #include "doppel/geometry/image_file.h"
-#include "doppel/keypoints/keypoint_table.h"
 
 namespace doppel::tools {
 

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "detect_sources.h"
-#include "doppel/detect/body_detector.h"
+#include "doppel/detect/blazepose/body_detector.h"
 
 namespace doppel::tools {
 

@@ -14,7 +14,6 @@
 #include "detect_network.h"
 #include "detect_sources.h"
 #include "detected_capture.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
@@ -22,6 +21,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
+#include "doppel/data/capture/capture_layouts.h"
 #include "shared_work.h"
 
 namespace doppel::tools {

@@ -9,8 +9,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/detect/mask_agreement.h"
-#include "doppel/detect/mask_sharpening.h"
+#include "doppel/detect/blazepose/mask_agreement.h"
+#include "doppel/detect/blazepose/mask_sharpening.h"
 #include "doppel/geometry/image_file.h"
 
 namespace doppel::tools {

@@ -4,10 +4,10 @@
 
 #include "detect_masks.h"
 #include "doppel/core/error.h"
-#include "doppel/dnn/network_config.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
+#include "doppel/detect/keypoints/keypoint_table.h"
+#include "doppel/detect/networks/network_config.h"
 #include "doppel/geometry/image_file.h"
-#include "doppel/keypoints/keypoint_map.h"
-#include "doppel/keypoints/keypoint_table.h"
 
 namespace doppel::tools {
 

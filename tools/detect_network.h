@@ -4,8 +4,8 @@
 #include <string>
 
 #include "detect_camera.h"
-#include "doppel/dnn/person_network.h"
-#include "doppel/keypoints/keypoints.h"
+#include "doppel/detect/keypoints/keypoints.h"
+#include "doppel/detect/networks/person_network.h"
 
 namespace doppel::tools {
 
@@ -16,7 +16,8 @@ struct DetectNetwork {
 };
 
 /// @param model the .onnx file; empty: the configuration names it
-/// @param config name of a built-in configuration, or a YAML file (dnn/network_config.h); empty: the defaults
+/// @param config name of a built-in configuration, or a YAML file (detect/networks/network_config.h); empty: the
+/// defaults
 /// @param layout name of a built-in layout, or file of a keypoint map; empty: masks only
 /// @param masks whether masks are asked for
 /// @throws UsageError when neither model nor configuration names a network, or masks are asked for and no network of

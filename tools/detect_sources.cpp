@@ -6,9 +6,9 @@
 #include <numeric>
 #include <set>
 
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/capture_layouts.h"
 
 namespace doppel::tools {
 

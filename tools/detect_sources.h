@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/frame_clock.h"
-#include "doppel/capture/video.h"
+#include "doppel/data/capture/frame_clock.h"
+#include "doppel/data/capture/video.h"
 #include "doppel/geometry/camera.h"
 
 namespace doppel::tools {

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
-#include "doppel/keypoints/keypoint_map.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
 
 namespace doppel::tools {
 

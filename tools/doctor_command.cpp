@@ -6,10 +6,10 @@
 #include <string>
 
 #include "command.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/doctor/doctor.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/doctor/doctor.h"
 
 namespace doppel::tools {
 

@@ -6,14 +6,14 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "doppel/actor/export/actor_file.h"
+#include "doppel/actor/export/actor_weights.h"
+#include "doppel/actor/export/onnx_file.h"
+#include "doppel/actor/export/pose_file.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
 #include "doppel/actor/trained_pose.h"
 #include "doppel/core/error.h"
-#include "doppel/export/actor_file.h"
-#include "doppel/export/actor_weights.h"
-#include "doppel/export/onnx_file.h"
-#include "doppel/export/pose_file.h"
 #include "doppel/view/web_folder.h"
 
 namespace doppel::tools {

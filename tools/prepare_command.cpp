@@ -4,11 +4,11 @@
 #include <string>
 
 #include "command.h"
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/prepare.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/prepare/prepare.h"
 #include "shared_work.h"
 
 namespace doppel::tools {

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <fstream>
 
-#include "doppel/capture/capture_cameras.h"
 #include "doppel/character/character.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
+#include "doppel/data/capture/capture_cameras.h"
 
 namespace doppel::tools {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "command.h"
-#include "doppel/capture/capture.h"
+#include "doppel/data/capture/capture.h"
 
 namespace doppel::tools {
 

@@ -17,7 +17,8 @@
 #include "doppel/core/error.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
-#include "doppel/track/deepcap.h"
+#include "doppel/io/vmc/vmc_sender.h"
+#include "doppel/track/deepcap/deepcap.h"
 #include "doppel/track/live/live_run.h"
 #include "doppel/track/live/posenet_joints.h"
 #include "doppel/track/livecap/livecap_capture.h"
@@ -28,7 +29,6 @@
 #include "doppel/track/track_capture.h"
 #include "doppel/track/track_results.h"
 #include "doppel/view/view_sender.h"
-#include "doppel/vmc/vmc_sender.h"
 #include "shared_work.h"
 
 namespace doppel::tools {

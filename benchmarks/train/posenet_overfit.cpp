@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "doppel/capture/prepare.h"
+#include "doppel/data/prepare/prepare.h"
 #include "doppel/eval/pose_metrics.h"
 #include "doppel/synth/synth.h"
 #include "doppel/train/pose_net_stage.h"

@@ -1,6 +1,6 @@
 // The radius of a sphere from its silhouettes in three cameras.
+#include <doppel/detect/masks/mask.h>
 #include <doppel/losses/silhouette.h>
-#include <doppel/masks/mask.h>
 #include <doppel/render/rasterizer.h>
 
 #include <cstdio>

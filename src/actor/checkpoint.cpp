@@ -16,7 +16,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/temporary_name.h"
 #include "doppel/core/text_reader.h"
-#include "doppel/nets/torch_archive.h"
+#include "doppel/nets/weights/torch_archive.h"
 
 namespace doppel {
 

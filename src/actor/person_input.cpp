@@ -1,6 +1,6 @@
 #include "doppel/actor/person_input.h"
 
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 
 namespace doppel {
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "doppel/core/config.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/losses/keypoints.h"
 #include "doppel/nets/pose_capture.h"
 

@@ -6,7 +6,7 @@
 
 #include "doppel/character/character.h"
 #include "doppel/core/config.h"
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
 

@@ -5,9 +5,9 @@
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/stored_stage.h"
-#include "doppel/capture/capture.h"
 #include "doppel/core/error.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/layers/reference_scope.h"
 #include "doppel/render/projection.h"
 

@@ -12,7 +12,7 @@
 
 #include "doppel/actor/run_subject.h"
 #include "doppel/character/character.h"
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/delta_net.h"
 #include "doppel/nets/egnet.h"

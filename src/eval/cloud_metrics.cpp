@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "doppel/core/progress.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/batch_builder.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/surface_metrics.h"
 

@@ -10,7 +10,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"
 

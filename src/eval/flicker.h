@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 #include "doppel/eval/image_metrics.h"
 #include "doppel/eval/silhouette_overlap.h"
 

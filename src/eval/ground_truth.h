@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
 

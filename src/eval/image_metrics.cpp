@@ -14,11 +14,11 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/batch_builder.h"
+#include "doppel/data/dataset/loader.h"
+#include "doppel/detect/masks/mask.h"
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/whole_frames.h"
-#include "doppel/masks/mask.h"
 
 namespace doppel {
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 #include "doppel/eval/silhouette_overlap.h"
 
 namespace doppel {

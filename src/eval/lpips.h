@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 
 namespace doppel {
 

@@ -5,7 +5,7 @@
 
 #include "doppel/character/landmarks.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/pose_metrics.h"
 #include "doppel/render/face_tensor.h"

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
 

@@ -7,7 +7,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/scans.h"

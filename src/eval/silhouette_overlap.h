@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
 

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <optional>
 
-#include "doppel/capture/capture.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture.h"
 #include "doppel/eval/error_map.h"
 #include "doppel/eval/ground_truth.h"
 #include "doppel/eval/pose_evaluation.h"

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "doppel/capture/capture_cameras.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture_cameras.h"
 
 namespace doppel {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <utility>
 
-#include "doppel/capture/capture.h"
-#include "doppel/capture/video.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/video.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/geometry/undistorter.h"
 

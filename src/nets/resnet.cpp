@@ -5,7 +5,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/op_support.h"
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 
 namespace doppel {
 

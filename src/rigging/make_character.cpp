@@ -3,11 +3,11 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
-#include "doppel/rigging/bend_report.h"
-#include "doppel/rigging/body_skeleton.h"
-#include "doppel/rigging/hinge_volume.h"
-#include "doppel/rigging/lone_triangles.h"
-#include "doppel/rigging/solid_surface.h"
+#include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/joints/hinge_volume.h"
+#include "doppel/rigging/joints/lone_triangles.h"
+#include "doppel/rigging/weights/bend_report.h"
+#include "doppel/rigging/weights/solid_surface.h"
 
 namespace doppel {
 namespace {

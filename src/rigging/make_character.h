@@ -3,9 +3,9 @@
 #include <string>
 
 #include "doppel/character/character.h"
-#include "doppel/rigging/body_joints.h"
-#include "doppel/rigging/heat_weights.h"
-#include "doppel/rigging/solid_grid.h"
+#include "doppel/rigging/joints/body_joints.h"
+#include "doppel/rigging/weights/heat_weights.h"
+#include "doppel/rigging/weights/solid_grid.h"
 
 namespace doppel {
 

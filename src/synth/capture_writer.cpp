@@ -3,11 +3,11 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "doppel/capture/video_file.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/keypoints/keypoint_map.h"
+#include "doppel/data/capture/video_file.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
 
 namespace doppel::synth {
 

@@ -2,10 +2,10 @@
 
 #include <charconv>
 
-#include "doppel/body/body_warp.h"
-#include "doppel/body/measures.h"
-#include "doppel/body/proportions.h"
 #include "doppel/core/error.h"
+#include "doppel/rigging/body/body_warp.h"
+#include "doppel/rigging/body/measures.h"
+#include "doppel/rigging/body/proportions.h"
 #include "doppel/synth/body_field.h"
 
 namespace doppel::synth {

@@ -8,7 +8,8 @@
 
 namespace doppel::synth {
 
-/// The measures of a body by its word: `average` (the mean of women and men) or `random:SEED` (body/measures.h).
+/// The measures of a body by its word: `average` (the mean of women and men) or `random:SEED`
+/// (rigging/body/measures.h).
 /// @return [P] metres @throws UsageError for another word
 std::vector<double> measures_of(const std::string& body);
 

@@ -9,7 +9,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"

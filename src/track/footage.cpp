@@ -4,18 +4,18 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/evidence.h"
-#include "doppel/capture/filmed_sequence.h"
-#include "doppel/capture/mask_source.h"
-#include "doppel/capture/people_in_cameras.h"
-#include "doppel/capture/video.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/data/dataset.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/evidence.h"
+#include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/mask_source.h"
+#include "doppel/data/capture/people_in_cameras.h"
+#include "doppel/data/capture/video.h"
+#include "doppel/data/dataset/dataset.h"
+#include "doppel/detect/keypoints/keypoint_source.h"
 #include "doppel/geometry/undistorter.h"
-#include "doppel/keypoints/keypoint_source.h"
 
 namespace doppel {
 

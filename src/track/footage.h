@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/capture.h"
 #include "doppel/character/character.h"
-#include "doppel/energy/evidence.h"
-#include "doppel/keypoints/joint_detections.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/detect/keypoints/joint_detections.h"
+#include "doppel/track/energy/evidence.h"
 
 namespace doppel {
 

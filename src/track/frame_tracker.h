@@ -1,7 +1,7 @@
 #pragma once
 
-#include "doppel/energy/pose_model.h"
-#include "doppel/fit/tracked_frame.h"
+#include "doppel/track/energy/pose_model.h"
+#include "doppel/track/fit/tracked_frame.h"
 #include "doppel/track/footage.h"
 
 namespace doppel {

@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "doppel/fit/livecap/livecap_config.h"
-#include "doppel/fit/track_config.h"
-#include "doppel/track/deepcap_tracker.h"
+#include "doppel/track/deepcap/deepcap_tracker.h"
+#include "doppel/track/fit/track_config.h"
 #include "doppel/track/frame_tracker.h"
+#include "doppel/track/livecap/livecap_config.h"
 
 namespace doppel {
 

@@ -6,8 +6,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/video_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/video_file.h"
 
 namespace doppel {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "doppel/fit/track_config.h"
+#include "doppel/track/fit/track_config.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/track_report.h"
 #include "doppel/track/track_task.h"

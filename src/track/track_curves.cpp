@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/html/embedded_image.h"
-#include "doppel/html/html_page.h"
-#include "doppel/html/svg_chart.h"
+#include "doppel/core/html/embedded_image.h"
+#include "doppel/core/html/html_page.h"
+#include "doppel/core/html/svg_chart.h"
 
 namespace doppel {
 namespace {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <opencv2/core.hpp>
 
-#include "doppel/capture/video_file.h"
+#include "doppel/data/capture/video_file.h"
 #include "doppel/track/track_view.h"
 
 namespace doppel {

@@ -3,9 +3,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/energy/outline.h"
-#include "doppel/energy/pose_model.h"
-#include "doppel/fit/tracked_frame.h"
+#include "doppel/track/energy/outline.h"
+#include "doppel/track/energy/pose_model.h"
+#include "doppel/track/fit/tracked_frame.h"
 #include "doppel/track/footage.h"
 
 namespace doppel {

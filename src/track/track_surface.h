@@ -5,8 +5,8 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/core/progress.h"
-#include "doppel/fit/surface_tracker.h"
 #include "doppel/track/footage.h"
+#include "doppel/track/surface/surface_tracker.h"
 
 namespace doppel {
 

@@ -7,7 +7,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/fit/pose_sequence.h"
+#include "doppel/track/fit/pose_sequence.h"
 
 namespace doppel {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "doppel/character/motion.h"
-#include "doppel/fit/tracked_frame.h"
+#include "doppel/track/fit/tracked_frame.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/track_surface.h"
 

@@ -5,7 +5,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/energy/outline.h"
+#include "doppel/track/energy/outline.h"
 
 namespace doppel {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "doppel/character/character.h"
-#include "doppel/data/dataset.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/dataset.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/losses/silhouette.h"
 #include "doppel/train/stage.h"
 

@@ -5,8 +5,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/batch_builder.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/losses/images.h"
 
 namespace doppel {

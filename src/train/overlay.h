@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/data/dataset.h"
+#include "doppel/data/dataset/dataset.h"
 #include "doppel/render/rasterizer.h"
 
 namespace doppel {

@@ -7,11 +7,11 @@
 #include <optional>
 
 #include "doppel/core/atomic_file.h"
+#include "doppel/core/html/embedded_image.h"
+#include "doppel/core/html/html_page.h"
+#include "doppel/core/html/svg_chart.h"
 #include "doppel/core/progress.h"
 #include "doppel/core/statistics.h"
-#include "doppel/html/embedded_image.h"
-#include "doppel/html/html_page.h"
-#include "doppel/html/svg_chart.h"
 #include "doppel/train/metrics.h"
 
 namespace doppel {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "doppel/actor/run_subject.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/losses/silhouette.h"
 
 namespace doppel {

@@ -5,9 +5,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/capture/filmed_sequence.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/geometry/undistorter.h"
 
 namespace doppel {

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/mask_source.h"
-#include "doppel/capture/video.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/mask_source.h"
+#include "doppel/data/capture/video.h"
 
 namespace doppel {
 

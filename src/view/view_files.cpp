@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/keypoints/limbs.h"
+#include "doppel/detect/keypoints/limbs.h"
 #include "doppel/view/reach_dofs.h"
 #include "doppel/view/view_mesh.h"
 

@@ -1,7 +1,7 @@
 #include "doppel/view/view_sequence.h"
 
-#include "doppel/capture/filmed_sequence.h"
 #include "doppel/core/log.h"
+#include "doppel/data/capture/filmed_sequence.h"
 #include "doppel/track/points/track_points.h"
 
 namespace doppel {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "doppel/capture/capture.h"
+#include "doppel/data/capture/capture.h"
 #include "doppel/track/points/point_motion.h"
 #include "doppel/view/view_cameras.h"
 

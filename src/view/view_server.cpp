@@ -15,10 +15,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "doppel/actor/export/animation.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/scratch_folder.h"
-#include "doppel/export/animation.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/view/live_poses.h"
 #include "doppel/view/view_files.h"

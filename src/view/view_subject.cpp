@@ -2,18 +2,18 @@
 
 #include <algorithm>
 
+#include "doppel/actor/export/actor_file.h"
 #include "doppel/actor/run_folder.h"
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/trained_actor.h"
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/filmed_sequence.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/data/dataset.h"
-#include "doppel/export/actor_file.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/dataset/dataset.h"
+#include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/layers/surface.h"
-#include "doppel/motion_import/read_motion_file.h"
 
 namespace doppel {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "doppel/actor/export/actor_trace.h"
 #include "doppel/character/character.h"
 #include "doppel/character/motion.h"
-#include "doppel/export/actor_trace.h"
 #include "doppel/view/view_cameras.h"
 #include "doppel/view/view_sequence.h"
 

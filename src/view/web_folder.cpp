@@ -2,13 +2,13 @@
 
 #include <torch/script.h>
 
+#include "doppel/actor/onnx/onnx_model.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/core/fetch/package_files.h"
 #include "doppel/core/scratch_folder.h"
-#include "doppel/fetch/package_files.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/reference_scope.h"
-#include "doppel/onnx_writer/onnx_model.h"
 #include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
 

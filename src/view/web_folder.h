@@ -14,7 +14,7 @@ namespace doppel {
 /// - `double/`: the files of view_files.h and ONNX models. For a stage `STAGE.onnx`: `window` [B,F+1,D] -> `vertices`
 ///   [B,N,3]; for one with a dynamic texture: `window`, `projection` [B,3,4], `vertices` -> `texture` [B,T,T,3].
 ///   `joints.onnx`: `dofs` [B,D] -> `joints` [B,J,3]
-/// - `runtime/`: ONNX Runtime, 14 MB, fetched on first use (fetch/package_files.h)
+/// - `runtime/`: ONNX Runtime, 14 MB, fetched on first use (core/fetch/package_files.h)
 ///
 /// A folder that exists is replaced only if it holds such a page.
 /// @pre the subject has a character

@@ -9,7 +9,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/face_tensor.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"

@@ -8,8 +8,8 @@
 #include <memory>
 
 #include "doppel/core/error.h"
-#include "doppel/data/batch_builder.h"
-#include "doppel/data/loader.h"
+#include "doppel/data/dataset/batch_builder.h"
+#include "doppel/data/dataset/loader.h"
 #include "doppel/eval/lpips.h"
 #include "eval/lpips_weights.h"
 #include "support/message_of.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 
 /// Weights of LPIPS for tests: random numbers in the shapes and under the names of the published files.
 namespace doppel::test {

@@ -5,10 +5,10 @@
 
 #include <filesystem>
 
-#include "doppel/capture/capture.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
+#include "doppel/data/capture/capture.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"

@@ -6,10 +6,10 @@
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/video_file.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/error.h"
-#include "doppel/data/dataset.h"
+#include "doppel/data/capture/video_file.h"
+#include "doppel/data/dataset/dataset.h"
 #include "doppel/geometry/undistorter.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"

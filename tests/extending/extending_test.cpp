@@ -4,14 +4,14 @@
 #include <type_traits>
 
 #include "doppel/train/stage_table.h"
-#include "energy/body_fixture.h"
-#include "energy/term_check.h"
 #include "extending/displacement.h"
 #include "extending/displacement_metric.h"
 #include "extending/floor_term.h"
 #include "extending/plain.h"
 #include "extending/sketch_stage.h"
 #include "support/temporary_folder.h"
+#include "track/energy/body_fixture.h"
+#include "track/energy/term_check.h"
 
 namespace doppel::extending_test {
 namespace {

@@ -8,8 +8,8 @@
 #include <sstream>
 
 #include "doppel/actor/checkpoint.h"
-#include "doppel/capture/store.h"
 #include "doppel/core/crc32c.h"
+#include "doppel/data/prepare/store.h"
 #include "support/same_run.h"
 
 namespace doppel::faults {

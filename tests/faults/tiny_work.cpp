@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "dnn/small_networks.h"
+#include "detect/networks/small_networks.h"
 #include "doppel/core/atomic_file.h"
 #include "faults/program_run.h"
 #include "support/hostile_files.h"

@@ -8,10 +8,10 @@
 #include <map>
 
 #include "doppel/actor/checkpoint.h"
+#include "doppel/actor/export/script_check.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
-#include "doppel/export/script_check.h"
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 #include "fuzz/fuzz_target.h"
 #include "nets/weights_fixture.h"
 

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "calibration/binary_writers.h"
-#include "doppel/calibration/read_calibration.h"
+#include "calibration/formats/binary_writers.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/atomic_file.h"
 #include "fuzz/fuzz_target.h"
 #include "support/ring_of_cameras.h"

@@ -1,6 +1,6 @@
 #include <set>
 
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "fuzz/calibration_seeds.h"
 #include "fuzz/fuzz_target.h"
 

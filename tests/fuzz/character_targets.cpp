@@ -12,7 +12,7 @@
 #include "doppel/character/skinning_weights.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
-#include "doppel/rigging/body_joints.h"
+#include "doppel/rigging/joints/body_joints.h"
 #include "fuzz/fuzz_target.h"
 #include "support/temporary_folder.h"
 #include "support/test_character.h"

@@ -1,15 +1,15 @@
 #include <cmath>
 
 #include "../tools/shard_folder.h"
-#include "doppel/capture/capture.h"
-#include "doppel/capture/store_layout.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/pickle.h"
-#include "doppel/motion_import/npz_file.h"
-#include "doppel/nets/torch_pickle.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/prepare/store_layout.h"
+#include "doppel/io/motion_import/npz_file.h"
+#include "doppel/nets/weights/torch_pickle.h"
 #include "fuzz/fuzz_target.h"
-#include "motion_import/motion_writers.h"
+#include "io/motion_import/motion_writers.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::fuzz {

@@ -1,12 +1,12 @@
 #include <cmath>
 
 #include "doppel/core/npy.h"
-#include "doppel/keypoints/keypoint_map.h"
-#include "doppel/keypoints/keypoint_table.h"
-#include "doppel/keypoints/read_keypoints.h"
-#include "doppel/keypoints/read_space_points.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
+#include "doppel/detect/keypoints/keypoint_table.h"
+#include "doppel/detect/keypoints/read_keypoints.h"
+#include "doppel/detect/keypoints/read_space_points.h"
 #include "fuzz/fuzz_target.h"
-#include "motion_import/motion_writers.h"
+#include "io/motion_import/motion_writers.h"
 
 namespace doppel::fuzz {
 namespace {

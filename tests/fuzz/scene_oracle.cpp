@@ -4,7 +4,7 @@
 #include <set>
 
 #include "doppel/core/as_size.h"
-#include "doppel/scene/scene_mesh.h"
+#include "doppel/io/scene/scene_mesh.h"
 #include "fuzz/fuzz_target.h"
 
 namespace doppel::fuzz {

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "doppel/geometry/mesh.h"
-#include "doppel/scene/scene.h"
-#include "doppel/scene/scene_limits.h"
+#include "doppel/io/scene/scene.h"
+#include "doppel/io/scene/scene_limits.h"
 
 namespace doppel::fuzz {
 

@@ -2,7 +2,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/geometry/mesh.h"
-#include "doppel/scene/read_scene.h"
+#include "doppel/io/scene/read_scene.h"
 #include "fuzz/fuzz_target.h"
 #include "fuzz/scene_oracle.h"
 #include "support/fbx_writer.h"

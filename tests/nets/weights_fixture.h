@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 
 /// Writers of the two layouts of weights files, as PyTorch and the safetensors library write them.
 namespace doppel::test {

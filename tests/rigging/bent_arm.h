@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "doppel/rigging/body_skeleton.h"
-#include "doppel/rigging/weight_field.h"
+#include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/weights/weight_field.h"
 #include "rigging/plain_body.h"
 #include "rigging/tubes.h"
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "doppel/rigging/body_joints.h"
+#include "doppel/rigging/joints/body_joints.h"
 
 namespace doppel::support {
 

@@ -6,12 +6,12 @@
 
 #include "doppel/character/blend_skin.h"
 #include "doppel/core/statistics.h"
-#include "doppel/rigging/bend_report.h"
-#include "doppel/rigging/body_skeleton.h"
+#include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/joints/place_inside.h"
 #include "doppel/rigging/make_character.h"
-#include "doppel/rigging/place_inside.h"
-#include "doppel/rigging/solid_surface.h"
-#include "doppel/rigging/test_poses.h"
+#include "doppel/rigging/weights/bend_report.h"
+#include "doppel/rigging/weights/solid_surface.h"
+#include "doppel/rigging/weights/test_poses.h"
 #include "rigging/rigged_bodies.h"
 #include "support/shared_folder.h"
 

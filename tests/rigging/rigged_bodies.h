@@ -10,8 +10,8 @@
 
 #include "doppel/core/npy.h"
 #include "doppel/geometry/mesh.h"
-#include "doppel/rigging/body_joints.h"
-#include "doppel/rigging/solid_grid.h"
+#include "doppel/rigging/joints/body_joints.h"
+#include "doppel/rigging/weights/solid_grid.h"
 
 namespace doppel::support {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "doppel/character/character.h"
-#include "doppel/rigging/body_skeleton.h"
+#include "doppel/rigging/joints/body_skeleton.h"
 
 namespace doppel::support {
 

@@ -2,7 +2,7 @@
 
 #include <exception>
 
-#include "doppel/detect/model_files.h"
+#include "doppel/detect/blazepose/model_files.h"
 #include "support/shared_folder.h"
 
 namespace doppel::support {

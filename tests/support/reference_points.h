@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "doppel/core/as_size.h"
-#include "doppel/keypoints/landmark_key.h"
-#include "doppel/keypoints/read_space_points.h"
+#include "doppel/detect/keypoints/landmark_key.h"
+#include "doppel/detect/keypoints/read_space_points.h"
 
 namespace doppel::support {
 

@@ -11,7 +11,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/scene/read_scene.h"
+#include "doppel/io/scene/read_scene.h"
 #include "support/shared_folder.h"
 
 namespace doppel::support {

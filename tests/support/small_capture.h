@@ -6,10 +6,10 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/prepare.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/motion.h"
 #include "doppel/core/npy.h"
+#include "doppel/data/prepare/prepare.h"
 #include "doppel/layers/surface.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/prepare.h"
+#include "doppel/data/prepare/prepare.h"
 #include "doppel/synth/synth.h"
 #include "doppel/train/stage_chain.h"
 #include "support/temporary_folder.h"

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/body/girths.h"
-#include "doppel/body/measures.h"
-#include "doppel/capture/capture.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/rigging/body/girths.h"
+#include "doppel/rigging/body/measures.h"
 #include "doppel/synth/performance.h"
 #include "doppel/synth/synth.h"
 #include "support/message_of.h"

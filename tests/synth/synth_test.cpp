@@ -14,17 +14,17 @@
 #include <opencv2/videoio.hpp>
 #include <set>
 
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/capture.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/process.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/detect/keypoints/joint_detections.h"
+#include "doppel/detect/keypoints/keypoint_map.h"
 #include "doppel/geometry/topology.h"
-#include "doppel/keypoints/joint_detections.h"
-#include "doppel/keypoints/keypoint_map.h"
 #include "doppel/synth/body_field.h"
 #include "doppel/synth/capture_writer.h"
 #include "doppel/synth/performance.h"

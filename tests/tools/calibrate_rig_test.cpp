@@ -5,11 +5,11 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/calibration/read_calibration.h"
-#include "doppel/capture/capture.h"
-#include "rig/drawn_board.h"
-#include "rig/rig_error.h"
-#include "rig/walking_rig.h"
+#include "calibration/estimation/drawn_board.h"
+#include "calibration/estimation/rig_error.h"
+#include "calibration/estimation/walking_rig.h"
+#include "doppel/calibration/formats/read_calibration.h"
+#include "doppel/data/capture/capture.h"
 #include "run_program.h"
 #include "support/temporary_folder.h"
 

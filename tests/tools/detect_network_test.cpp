@@ -4,10 +4,10 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "dnn/small_networks.h"
+#include "detect/networks/small_networks.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/keypoints/read_keypoints.h"
+#include "doppel/detect/keypoints/read_keypoints.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

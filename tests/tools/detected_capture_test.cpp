@@ -5,11 +5,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_guess.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/keypoints/read_space_points.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/capture_guess.h"
+#include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/track/points/track_points.h"
 #include "support/blazepose_weights.h"
 #include "support/message_of.h"

@@ -14,7 +14,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
-#include "doppel/nets/weights_file.h"
+#include "doppel/nets/weights/weights_file.h"
 #include "run_program.h"
 #include "support/temporary_folder.h"
 

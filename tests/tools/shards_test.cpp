@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "dnn/small_networks.h"
+#include "detect/networks/small_networks.h"
 #include "doppel/core/atomic_file.h"
 #include "run_program.h"
 #include "shard_folder.h"

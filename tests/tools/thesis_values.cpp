@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "doppel/core/text_reader.h"
-#include "doppel/fit/livecap/livecap_config.h"
+#include "doppel/track/livecap/livecap_config.h"
 #include "doppel/train/adapt.h"
 #include "doppel/train/stage_table.h"
 

@@ -5,7 +5,7 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/core/as_size.h"
-#include "doppel/energy/pose_model.h"
+#include "doppel/track/energy/pose_model.h"
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 #include "support/shared_folder.h"

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <random>
 
-#include "doppel/capture/capture_guess.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/keypoints/landmark_key.h"
-#include "doppel/keypoints/read_space_points.h"
+#include "doppel/data/capture/capture_guess.h"
+#include "doppel/detect/keypoints/landmark_key.h"
+#include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/track/points/point_files.h"
 #include "support/message_of.h"
 #include "support/reference_points.h"

@@ -6,13 +6,13 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/landmarks.h"
 #include "doppel/character/motion.h"
 #include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
-#include "energy/body_fixture.h"
 #include "support/temporary_folder.h"
+#include "track/energy/body_fixture.h"
 
 namespace doppel {
 

@@ -6,7 +6,7 @@
 #include "doppel/actor/trained_actor.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/face_tensor.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"

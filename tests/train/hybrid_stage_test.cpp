@@ -7,7 +7,7 @@
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/train/nerf_stage.h"
 #include "doppel/train/stage_chain.h"
 #include "support/message_of.h"

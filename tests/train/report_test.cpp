@@ -6,7 +6,7 @@
 #include <regex>
 
 #include "doppel/core/atomic_file.h"
-#include "doppel/html/svg_chart.h"
+#include "doppel/core/html/svg_chart.h"
 #include "doppel/train/metrics.h"
 #include "support/temporary_folder.h"
 

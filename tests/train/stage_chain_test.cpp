@@ -10,7 +10,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
-#include "doppel/data/batch_builder.h"
+#include "doppel/data/dataset/batch_builder.h"
 #include "doppel/train/delta_net_stage.h"
 #include "doppel/train/lighting_stage.h"
 #include "doppel/train/stage_table.h"

@@ -8,8 +8,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <thread>
 
-#include "doppel/capture/capture_cameras.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture_cameras.h"
 #include "doppel/view/view_server.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"

@@ -13,7 +13,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <thread>
 
-#include "doppel/calibration/read_calibration.h"
+#include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"

@@ -7,9 +7,9 @@
 #include <fstream>
 #include <thread>
 
+#include "actor/export/dressed_actor.h"
 #include "doppel/core/error.h"
 #include "doppel/view/view_server.h"
-#include "export/dressed_actor.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

@@ -37,8 +37,8 @@ struct GraphChainStep {
   const float* norm_shift = nullptr;
   const void* kernels = nullptr;  ///< null: x alone; float [nodes][in][out], or words of two bfloat16 [nodes][in /
                                   ///< 2][out]: the lower half of a word is of the even input
-  float* next = nullptr;  ///< y, null: not wanted
-  float* sums = nullptr;  ///< [blocks][kChainFeatures] sum of y over each block, null: not wanted
+  float* next = nullptr;          ///< y, null: not wanted
+  float* sums = nullptr;          ///< [blocks][kChainFeatures] sum of y over each block, null: not wanted
 };
 
 /// The first and the last convolution: y_k = f K with any number of inputs, y_k = ELU(x) K with up to kChainFeatures

@@ -9,7 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/energy/root_rotation.h"
+#include "doppel/track/energy/root_rotation.h"
 #include "doppel/track/livecap/surface_file.h"
 #include "doppel/track/prefetch.h"
 #include "doppel/track/thread_share.h"

@@ -2,10 +2,10 @@
 
 #include <fmt/ranges.h>
 
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/capture_layouts.h"
 #include "doppel/core/error.h"
-#include "doppel/keypoints/keypoint_source.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/detect/keypoints/keypoint_source.h"
 
 namespace doppel {
 

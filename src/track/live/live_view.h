@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/capture_cameras.h"
-#include "doppel/capture/evidence.h"
-#include "doppel/capture/mask_source.h"
 #include "doppel/character/character.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/evidence.h"
+#include "doppel/data/capture/mask_source.h"
 #include "doppel/geometry/undistorter.h"
 #include "doppel/track/footage.h"
 #include "doppel/track/live/frame_source.h"

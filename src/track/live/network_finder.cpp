@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "doppel/capture/evidence.h"
-#include "doppel/detect/body_detector.h"
+#include "doppel/data/capture/evidence.h"
+#include "doppel/detect/blazepose/body_detector.h"
 
 namespace doppel {
 

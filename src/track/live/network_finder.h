@@ -6,10 +6,10 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "doppel/capture/capture.h"
-#include "doppel/detect/model_files.h"
-#include "doppel/keypoints/joint_detections.h"
-#include "doppel/keypoints/keypoints.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/detect/blazepose/model_files.h"
+#include "doppel/detect/keypoints/joint_detections.h"
+#include "doppel/detect/keypoints/keypoints.h"
 
 namespace doppel {
 

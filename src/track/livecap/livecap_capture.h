@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "doppel/fit/livecap/livecap_config.h"
 #include "doppel/track/footage.h"
+#include "doppel/track/livecap/livecap_config.h"
 #include "doppel/track/preview.h"
 #include "doppel/track/track_report.h"
 #include "doppel/track/track_task.h"

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "doppel/fit/livecap/livecap.h"
 #include "doppel/track/footage.h"
+#include "doppel/track/livecap/livecap.h"
 
 namespace doppel {
 

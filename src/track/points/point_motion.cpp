@@ -6,8 +6,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/fit/pose_sequence.h"
 #include "doppel/geometry/triangulation.h"
+#include "doppel/track/fit/pose_sequence.h"
 
 namespace doppel {
 

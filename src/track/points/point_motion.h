@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/frame_clock.h"
+#include "doppel/calibration/estimation/point_tracks.h"
+#include "doppel/data/capture/frame_clock.h"
 #include "doppel/geometry/camera.h"
-#include "doppel/rig/point_tracks.h"
 
 namespace doppel {
 

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 
-#include "doppel/capture/capture_layouts.h"
-#include "doppel/capture/filmed_sequence.h"
-#include "doppel/capture/person_tracks.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
+#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/person_tracks.h"
 #include "doppel/track/points/point_files.h"
 #include "doppel/track/track_results.h"
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "doppel/capture/capture.h"
-#include "doppel/capture/capture_cameras.h"
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/capture/capture_cameras.h"
 #include "doppel/track/points/point_motion.h"
 #include "doppel/track/track_task.h"
 

@@ -8,9 +8,9 @@
 
 #include "doppel/character/shape_family.h"
 #include "doppel/core/progress.h"
-#include "doppel/fit/shape_fit.h"
-#include "doppel/fit/track_config.h"
+#include "doppel/track/fit/track_config.h"
 #include "doppel/track/footage.h"
+#include "doppel/track/multiview/shape_fit.h"
 
 namespace doppel {
 

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/capture/video_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
+#include "doppel/data/capture/video_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

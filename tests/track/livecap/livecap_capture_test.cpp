@@ -7,7 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/energy/outline.h"
+#include "doppel/track/energy/outline.h"
 #include "support/message_of.h"
 #include "track/tube_capture.h"
 

@@ -4,10 +4,10 @@
 
 #include <filesystem>
 
-#include "doppel/body/body_shapes.h"
-#include "doppel/body/measures.h"
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/rigging/body/body_shapes.h"
+#include "doppel/rigging/body/measures.h"
 #include "doppel/synth/synth.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

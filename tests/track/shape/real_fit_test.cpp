@@ -2,9 +2,9 @@
 
 #include <fstream>
 
-#include "doppel/body/body_shapes.h"
-#include "doppel/body/measures.h"
 #include "doppel/core/as_size.h"
+#include "doppel/rigging/body/body_shapes.h"
+#include "doppel/rigging/body/measures.h"
 #include "doppel/track/shape/fit_character.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"

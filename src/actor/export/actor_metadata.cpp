@@ -1,0 +1,28 @@
+#include "doppel/actor/export/actor_metadata.h"
+
+namespace doppel {
+
+nlohmann::ordered_json actor_metadata(const Character& character, const ActorDescription& d) {
+  nlohmann::ordered_json json = {
+      {"name", d.name},
+      {"input", "DoF window [batch, window, dofs], oldest frame first, in the units of the motion file"},
+      {"output", "posed vertices [batch, vertices, 3]"},
+      {"units", "metres"},
+      {"world", "right-handed, y up"},
+      {"window", d.past_frames + 1},
+      {"frames_per_second", d.frames_per_second},
+      {"num_vertices", character.num_vertices()},
+      {"num_dofs", character.num_dofs()},
+      {"dof_names", d.dof_names},
+      {"joint_names", d.joint_names},
+      {"fingerprint", d.fingerprint},
+  };
+  if (d.texture_size > 0)
+    json["texture"] = {
+        {"size", d.texture_size},
+        {"method", "textured(window, projection [batch, 3, 4], pixels from world metres) -> (vertices, texture)"},
+        {"output", "RGB [batch, size, size, 3], 0..1, row 0 at v = 1"}};
+  return json;
+}
+
+}  // namespace doppel

@@ -1,0 +1,99 @@
+#include "doppel/actor/export/animation.h"
+
+#include <algorithm>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/core/log.h"
+#include "doppel/core/process.h"
+#include "doppel/core/progress.h"
+#include "doppel/layers/surface.h"
+
+namespace doppel {
+namespace {
+
+constexpr int kFramesAtOnce = 16;
+
+void check_belongs_together(const Character& character, const Motion& motion) {
+  if (motion.num_frames() == 0) fail("animating {}: the motion holds no frames", character.name);
+  const auto dofs = static_cast<int>(motion.frames.front().size());
+  if (dofs != character.num_dofs())
+    fail("animating {}: its skeleton has {} DoFs, the motion {}", character.name, character.num_dofs(), dofs);
+}
+
+void check_belongs_together(const Character& character, const Motion& motion, const ActorFile& actor) {
+  check_belongs_together(character, motion);
+  const int dofs = character.num_dofs();
+  const ActorDescription& d = actor.description();
+  if (static_cast<int>(d.dof_names.size()) != dofs || d.num_vertices != character.num_vertices())
+    fail("animating {} ({} DoFs, {} vertices): the actor file is of '{}' with {} DoFs and {} vertices", character.name,
+         dofs, character.num_vertices(), d.name, d.dof_names.size(), d.num_vertices);
+  if (d.fingerprint != character.fingerprint())
+    log::warn("the actor file was made from another version of the character (fingerprint {} there, {} here)",
+              d.fingerprint, character.fingerprint());
+}
+
+/// @param vertices float32 [frames, N, 3], contiguous
+std::span<const float> frame_of(const torch::Tensor& vertices, int frame) {
+  const auto size = vertices.size(1) * vertices.size(2);
+  return {vertices.data_ptr<float>() + frame * size, as_size(size)};
+}
+
+}  // namespace
+
+torch::Tensor tensor_of(const PosedFrame& frame) {
+  return torch::from_blob(const_cast<float*>(frame.vertices.data()),
+                          {1, static_cast<std::int64_t>(frame.vertices.size() / 3), 3});
+}
+
+torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
+  const auto dofs = static_cast<std::int64_t>(motion.frames.at(as_size(frame)).size());
+  torch::Tensor rows = torch::empty({past_frames + 1, dofs});
+  float* out = rows.data_ptr<float>();
+  for (int i = 0; i <= past_frames; ++i) {
+    const auto& row = motion.frames[as_size(std::max(0, frame - past_frames + i))];
+    out = std::transform(row.begin(), row.end(), out, [](double v) { return static_cast<float>(v); });
+  }
+  return rows;
+}
+
+void animate(const Character& character, const Motion& motion, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
+  if (actor) {
+    check_belongs_together(character, motion, *actor);
+    const auto geometry = [actor](const torch::Tensor& dofs) { return actor->forward(dofs); };
+    return animate(character, motion, actor->description().past_frames, geometry, writers, profile);
+  }
+  CharacterSurface surface(character);
+  animate(
+      character, motion, 0, [&](const torch::Tensor& dofs) { return surface->skinned(dofs.select(1, 0)); }, writers,
+      profile);
+}
+
+void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile) {
+  check_belongs_together(character, motion);
+  Profile unused;
+  torch::NoGradGuard no_grad;
+  Progress progress("animate", motion.num_frames());
+  for (int first = 0; first < motion.num_frames(); first += kFramesAtOnce) {
+    if (stop_requested()) fail("animating {}: stopped at frame {} of {}", character.name, first, motion.num_frames());
+    const int last = std::min(first + kFramesAtOnce, motion.num_frames());
+    std::vector<torch::Tensor> windows;
+    for (int f = first; f < last; ++f) windows.push_back(motion_window(motion, f, past_frames));
+    torch::Tensor vertices;
+    {
+      const ProfileScope scope(profile ? *profile : unused, "geometry");
+      vertices = geometry(torch::stack(windows)).contiguous();
+    }
+    if (!torch::isfinite(vertices).all().item<bool>())
+      fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
+           last - first - 1);
+    for (int f = first; f < last; ++f)
+      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[as_size(f - first)]});
+    progress.advance(last - first);
+  }
+  for (const auto& writer : writers) writer->close();
+}
+
+}  // namespace doppel

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "doppel/actor/export/actor_file.h"
+#include "doppel/character/character.h"
+#include "doppel/core/profile.h"
+
+namespace doppel {
+
+/// One frame of an animation.
+struct PosedFrame {
+  std::span<const float> vertices;  ///< [N,3], world metres
+  torch::Tensor window;             ///< float32 [F+1,D], oldest first: the actor's input
+};
+
+/// The vertices of a frame as a tensor [1,N,3], which shares their memory.
+torch::Tensor tensor_of(const PosedFrame& frame);
+
+/// Writes the posed surface frame by frame to files for other programs.
+class SequenceWriter {
+ public:
+  virtual ~SequenceWriter() = default;
+  /// Frames come in order 0, 1, 2, ...
+  virtual void write(const PosedFrame& frame) = 0;
+  /// Completes the files. Without `close`, no partial files are left.
+  virtual void close() = 0;
+};
+
+/// `folder/vertices.npy`, float32 [frames, N, 3], world metres.
+std::unique_ptr<SequenceWriter> make_npy_writer(const std::filesystem::path& folder, int num_vertices);
+/// `folder/frame_000000.obj`, ... with one shared material and texture `<name>.mtl`, `<name>.png`; metres.
+std::unique_ptr<SequenceWriter> make_obj_writer(const std::filesystem::path& folder, const Character& character);
+
+/// The motion window of a frame: rows [frame - F, frame] of a motion, oldest first. The first row is repeated where
+/// earlier rows are missing.
+/// @param past_frames F @return [F+1, D] float32
+torch::Tensor motion_window(const Motion& motion, int frame, int past_frames);
+
+/// Poses every frame of `motion` by a function of motion windows of F + 1 frames, passes it to each of `writers`, then
+/// closes the writers.
+/// @param past_frames F @param profile the time of `geometry` is added to it
+/// @throws Error when motion and character do not belong together, or a position is not finite
+void animate(const Character& character, const Motion& motion, int past_frames, const ActorFunction& geometry,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
+
+/// Poses every frame of `motion`, passes it to each of `writers`, then closes the writers.
+/// @param actor the trained actor, or null for skinning alone, in the mode of the character
+/// @throws Error when the motion, the character and the actor do not belong together
+void animate(const Character& character, const Motion& motion, const ActorFile* actor,
+             const std::vector<std::unique_ptr<SequenceWriter>>& writers, Profile* profile = nullptr);
+
+}  // namespace doppel

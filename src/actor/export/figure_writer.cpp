@@ -1,0 +1,66 @@
+#include "doppel/actor/export/figure_writer.h"
+
+#include "doppel/core/as_size.h"
+#include "doppel/geometry/mesh.h"
+
+namespace doppel {
+namespace {
+
+class FigureWriter : public SequenceWriter {
+ public:
+  FigureWriter(const std::filesystem::path& folder, const Character& character, const FigureOptions& options,
+               FigureReport& report)
+      : folder_(folder), character_(character), options_(options), report_(report) {
+    clip_.frames_per_second = options.frames_per_second;
+    figure_ = make_figure(character, options.names);  // refuses names that do not fit before the first frame
+  }
+
+  void write(const PosedFrame& frame) override {
+    const torch::Tensor pose = frame.window[frame.window.size(0) - 1].to(torch::kDouble).contiguous();
+    const double* dofs = pose.data_ptr<double>();
+    clip_.dofs.emplace_back(dofs, dofs + pose.numel());
+    clip_.vertices.emplace_back(frame.vertices.begin(), frame.vertices.end());
+  }
+
+  void close() override {
+    const FigureFile file{character_.name, character_.mesh, clip_, options_.rights};
+    if (options_.glb || options_.usda) write_skinned(file);
+    if (options_.usda) write_usda(folder_ / "animation.usda", file);
+    if (options_.pc2 || options_.mdd) write_obj(folder_ / "animation.obj", character_.mesh, 1.0);
+    if (options_.pc2) write_pc2(folder_ / "animation.pc2", clip_);
+    if (options_.mdd) write_mdd(folder_ / "animation.mdd", clip_);
+  }
+
+ private:
+  void write_skinned(const FigureFile& file) {
+    const MorphTargets morphs = fit_morphs(figure_, character_.skeleton, clip_, options_.morphs);
+    const FigureTracks tracks = thin_tracks(figure_, character_.skeleton, clip_, morphs, options_.tolerance);
+    const FigureError error = figure_error(figure_, clip_, morphs, tracks);
+    report_.nodes = static_cast<int>(figure_.nodes.size());
+    report_.morphs = morphs.count();
+    report_.keys = tracks.weight_keys.size();
+    for (const auto* lists : {&tracks.rotation_keys, &tracks.translation_keys})
+      for (const std::vector<int>& keys : *lists) report_.keys += keys.size();
+    report_.mean_error_mm = error.mean;
+    report_.worst_error_mm = error.worst;
+    report_.largest_dropped_weight = figure_.largest_dropped_weight;
+    if (options_.glb) write_glb(folder_ / "animation.glb", file, figure_, morphs, tracks);
+    if (options_.usda) write_usda_skel(folder_ / "animation_skel.usda", file, figure_, morphs, tracks, "animation.png");
+  }
+
+  std::filesystem::path folder_;
+  const Character& character_;
+  FigureOptions options_;
+  FigureReport& report_;
+  Figure figure_;
+  FigureClip clip_;
+};
+
+}  // namespace
+
+std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
+                                                   const FigureOptions& options, FigureReport& report) {
+  return std::make_unique<FigureWriter>(folder, character, options, report);
+}
+
+}  // namespace doppel

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "doppel/actor/export/animation.h"
+#include "doppel/io/figure_export/figure.h"
+#include "doppel/io/figure_export/write_figure.h"
+
+namespace doppel {
+
+/// How an animated figure is written for other programs.
+struct FigureOptions {
+  bool glb = false, usda = false, pc2 = false, mdd = false;  ///< the files to write
+  double frames_per_second = 25.0;
+  BoneNames names = BoneNames::skeletool;
+  int morphs = 8;           ///< of files with a skin: largest number of morph targets that are active in a frame
+  FigureRights rights;      ///< of the .glb
+  double tolerance = 1e-4;  ///< of files with a skin: error of interpolated keys, metres
+};
+
+/// What was lost on the way into the files with a skin.
+struct FigureReport {
+  int nodes = 0, morphs = 0;
+  std::size_t keys = 0;                              ///< of all channels
+  double mean_error_mm = 0.0, worst_error_mm = 0.0;  ///< of the vertices, over all frames
+  double largest_dropped_weight = 0.0;               ///< of a vertex with more than four bones
+};
+
+/// `folder/animation.glb`, `.usda` and `animation_skel.usda` (with their texture `animation.png`), `.pc2` and `.mdd`
+/// (with `animation.obj`, whose vertices they move). Holds all frames in memory until `close`, 12 bytes per vertex and
+/// frame.
+/// @param report filled by `close`; must outlive the writer
+std::unique_ptr<SequenceWriter> make_figure_writer(const std::filesystem::path& folder, const Character& character,
+                                                   const FigureOptions& options, FigureReport& report);
+
+}  // namespace doppel

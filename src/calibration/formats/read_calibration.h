@@ -1,0 +1,42 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "doppel/calibration/formats/calibration.h"
+
+namespace doppel {
+
+/// Reads the calibration of a file or a folder. The content decides the format, not the name;
+/// docs/calibration.md lists the formats. Where the format does not state the unit, it is found by the extent of the
+/// cameras; where it does not state the axis that points up, by the mean direction that is up in the images.
+/// @throws FileError for a file of an unknown kind, or one that is truncated or impossible; UsageError for an option
+/// with another value; Camera::faults checks every camera
+Calibration load_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
+
+/// The rotation that turns the axis `up` of a file's world to +y: the program's world from the file's.
+/// @param up "+x" ... "-z" @throws UsageError for another word
+Eigen::Matrix3d y_up_from_file(const std::string& up);
+
+/// Whether a file or a folder is of one of the formats.
+bool is_calibration(const std::filesystem::path& path);
+
+/// The cameras of a calibration that has poses. Their width and height are 0 if the file does not state them.
+/// @throws FileError as load_calibration, and when the poses are missing
+std::vector<Camera> read_posed_cameras(const std::filesystem::path& path, const CalibrationOptions& options = {});
+
+/// The cameras of a calibration that has all sizes and poses.
+/// @throws FileError as read_posed_cameras, and when the size of an image is missing
+std::vector<Camera> read_calibration(const std::filesystem::path& path, const CalibrationOptions& options = {});
+
+/// Writes cameras. `format` is a name that `calibration_writers` lists; empty: by the extension, `.calibration`
+/// (Skeletool, mm), `.toml` (metres) or `.yml`/`.yaml`/`.json`/`.xml` (OpenCV, metres). Reading the file back gives the
+/// same doubles for Skeletool and OpenCV, and doubles within rounding for the others. Formats of several files write a
+/// folder.
+/// @throws Error for another format or extension, and for cameras that the format cannot hold
+void write_calibration(const std::filesystem::path& path, const std::vector<Camera>& cameras,
+                       const std::string& format = "");
+std::vector<std::string> calibration_writers();
+
+}  // namespace doppel

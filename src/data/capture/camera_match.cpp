@@ -1,0 +1,240 @@
+#include "doppel/data/capture/camera_match.h"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <set>
+
+#include "doppel/data/capture/name_words.h"
+#include "doppel/detect/keypoints/frame_names.h"
+
+namespace doppel {
+
+namespace {
+
+using Keys = std::map<std::string, int>;  ///< key -> index of the camera
+
+/// A camera in the words of a part of a path: words `begin` to `end`.
+struct CameraWords {
+  std::size_t begin, end;
+  int camera;
+};
+
+/// A path, as words and the cameras in them. Parts count from the end: 0 is the file.
+struct WordedPath {
+  std::vector<std::vector<NameWord>> parts;
+  std::vector<std::vector<CameraWords>> cameras;  ///< [parts]
+};
+
+/// The cameras in the words, from left to right. Of several that begin at a word, the longest.
+std::vector<CameraWords> find_cameras(const std::vector<NameWord>& words, const Keys& keys) {
+  std::vector<CameraWords> found;
+  for (std::size_t begin = 0; begin < words.size();) {
+    std::size_t end = words.size();
+    for (; end > begin; --end) {
+      const auto key = keys.find(joined_words(words, begin, end));
+      if (key == keys.end()) continue;
+      found.push_back({begin, end, key->second});
+      break;
+    }
+    begin = std::max(begin + 1, end);
+  }
+  return found;
+}
+
+WordedPath worded(const std::string& path, const Keys& keys) {
+  WordedPath result;
+  std::vector<std::string> parts = path_parts(path);
+  std::reverse(parts.begin(), parts.end());
+  for (const std::string& part : parts) {
+    result.parts.push_back(words_of(part));
+    result.cameras.push_back(find_cameras(result.parts.back(), keys));
+  }
+  return result;
+}
+
+/// Where the camera stands in the paths of a set: in which part, and as which of the cameras in it.
+struct Place {
+  std::size_t part = 0;
+  bool last = true;
+
+  std::optional<CameraWords> in(const WordedPath& path) const {
+    if (part >= path.cameras.size() || path.cameras[part].empty()) return std::nullopt;
+    return last ? path.cameras[part].back() : path.cameras[part].front();
+  }
+};
+
+std::vector<Place> places_of(const std::vector<WordedPath>& paths) {
+  std::size_t depth = 0;
+  for (const WordedPath& path : paths) depth = std::max(depth, path.parts.size());
+  std::vector<Place> places;
+  for (std::size_t part = 0; part < depth; ++part) {
+    places.push_back({part, true});
+    places.push_back({part, false});
+  }
+  return places;
+}
+
+/// Whether a place names the same camera as another in all paths that have the other.
+bool agrees(const Place& place, const Place& other, const std::vector<WordedPath>& paths) {
+  return std::all_of(paths.begin(), paths.end(), [&](const WordedPath& path) {
+    const auto wanted = other.in(path), found = place.in(path);
+    return !wanted || (found && found->camera == wanted->camera);
+  });
+}
+
+/// The words of a path in which the cameras at some places are replaced by "#".
+std::string without_cameras(const WordedPath& path, const std::vector<Place>& places) {
+  std::string text;
+  for (std::size_t part = path.parts.size(); part-- > 0;) {
+    std::vector<NameWord> words = path.parts[part];
+    for (const Place& place : places)
+      if (const auto found = place.part == part ? place.in(path) : std::nullopt)
+        for (std::size_t i = found->begin; i < found->end; ++i) words[i] = {i == found->begin ? "#" : "", false};
+    for (const NameWord& word : words)
+      if (!word.text.empty()) text += word.text + " ";
+    if (part > 0) text += "/ ";
+  }
+  return text;
+}
+
+CameraMatch match_at(const Place& place, const std::vector<Place>& places, const std::vector<WordedPath>& paths) {
+  std::vector<Place> same;
+  std::copy_if(places.begin(), places.end(), std::back_inserter(same),
+               [&](const Place& other) { return agrees(other, place, paths); });
+  CameraMatch match;
+  for (const WordedPath& path : paths) {
+    const auto found = place.in(path);
+    match.camera.push_back(found ? std::optional(found->camera) : std::nullopt);
+    match.sequence.push_back(without_cameras(path, same));
+  }
+  return match;
+}
+
+CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& keys, CameraMatch::Way way) {
+  std::vector<WordedPath> all;
+  all.reserve(paths.size());
+  for (const std::string& path : paths) all.push_back(worded(path, keys));
+  const std::vector<Place> places = places_of(all);
+  CameraMatch best;
+  std::pair<int, int> most{0, 0};
+  for (const Place& place : places) {
+    CameraMatch match = match_at(place, places, all);
+    const std::pair<int, int> found{match.largest_sequence(), match.num_matched()};
+    if (found <= most) continue;
+    most = found;
+    best = std::move(match);
+    best.way = way;
+  }
+  return best;
+}
+
+Keys name_keys(const std::vector<std::string>& cameras) {
+  Keys keys;
+  for (std::size_t i = 0; i < cameras.size(); ++i) keys.emplace(normalised_name(cameras[i]), static_cast<int>(i));
+  keys.erase("");
+  return keys;
+}
+
+/// The last numbers of the names; empty when two are equal, or one has none.
+Keys number_keys(const std::vector<std::string>& cameras) {
+  Keys keys;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const std::vector<NameWord> words = words_of(cameras[i]);
+    const auto last = std::find_if(words.rbegin(), words.rend(), [](const NameWord& word) { return word.is_number; });
+    if (last == words.rend() || !keys.emplace(last->text, static_cast<int>(i)).second) return {};
+  }
+  return keys;
+}
+
+bool are_numbers(const std::vector<std::string>& cameras) {
+  return std::all_of(cameras.begin(), cameras.end(), [](const std::string& name) {
+    const std::vector<NameWord> words = words_of(name);
+    return words.size() == 1 && words[0].is_number;
+  });
+}
+
+/// Whether no file or no camera is left over.
+bool leaves_nothing(const CameraMatch& match, std::size_t num_cameras) {
+  const std::set<std::optional<int>> found(match.camera.begin(), match.camera.end());
+  const bool all_files = found.count(std::nullopt) == 0;
+  return all_files || found.size() - 1 == num_cameras;
+}
+
+/// Files that share a group are in the order of the cameras, if there are as many.
+CameraMatch match_groups(const std::vector<std::string>& paths, const std::vector<std::string>& groups,
+                         const std::vector<int>& camera_order) {
+  std::map<std::string, std::vector<std::size_t>> members;
+  for (std::size_t i = 0; i < paths.size(); ++i) members[groups[i]].push_back(i);
+  CameraMatch match;
+  match.camera.resize(paths.size());
+  match.sequence = groups;
+  for (auto& [group, files] : members) {
+    if (files.size() != camera_order.size()) continue;
+    std::sort(files.begin(), files.end(), [&](auto a, auto b) { return natural_less(paths[a], paths[b]); });
+    for (std::size_t i = 0; i < files.size(); ++i) match.camera[files[i]] = camera_order[i];
+    match.way = CameraMatch::Way::order;
+  }
+  return match;
+}
+
+CameraMatch match_by_order(const std::vector<std::string>& paths, const std::vector<std::string>& cameras) {
+  std::vector<int> order(cameras.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int a, int b) {
+    return natural_less(cameras[static_cast<std::size_t>(a)], cameras[static_cast<std::size_t>(b)]);
+  });
+  std::vector<std::string> all(paths.size()), folders, names;
+  for (const std::string& path : paths) {
+    const std::size_t slash = path.rfind('/');
+    folders.push_back(slash == std::string::npos ? "" : path.substr(0, slash));
+    names.push_back(slash == std::string::npos ? path : path.substr(slash + 1));
+  }
+  for (const auto& groups : {all, folders, names})
+    if (CameraMatch match = match_groups(paths, groups, order); match.way == CameraMatch::Way::order) return match;
+  CameraMatch nothing;
+  nothing.camera.resize(paths.size());
+  nothing.sequence = paths;
+  return nothing;
+}
+
+}  // namespace
+
+int CameraMatch::num_matched() const {
+  return static_cast<int>(std::count_if(camera.begin(), camera.end(), [](const auto& c) { return c.has_value(); }));
+}
+
+int CameraMatch::largest_sequence() const {
+  std::map<std::string, std::set<int>> cameras;
+  for (std::size_t i = 0; i < camera.size(); ++i)
+    if (camera[i]) cameras[sequence[i]].insert(*camera[i]);
+  std::size_t most = 0;
+  for (const auto& [name, found] : cameras) most = std::max(most, found.size());
+  return static_cast<int>(most);
+}
+
+CameraMatch match_cameras(const std::vector<std::string>& paths, const std::vector<std::string>& cameras) {
+  if (cameras.size() == 1) return {CameraMatch::Way::order, std::vector<std::optional<int>>(paths.size(), 0), paths};
+  const CameraMatch by_name = match_by_keys(paths, name_keys(cameras), CameraMatch::Way::name);
+  const bool named = by_name.num_matched() > 0;
+  if (named && (!are_numbers(cameras) || leaves_nothing(by_name, cameras.size()))) return by_name;
+  const CameraMatch by_number = match_by_keys(paths, number_keys(cameras), CameraMatch::Way::number);
+  if (by_number.num_matched() > 0 && leaves_nothing(by_number, cameras.size())) return by_number;
+  return match_by_order(paths, cameras);
+}
+
+std::string to_string(CameraMatch::Way way) {
+  switch (way) {
+    case CameraMatch::Way::name:
+      return "by name";
+    case CameraMatch::Way::number:
+      return "by number";
+    case CameraMatch::Way::order:
+      return "by order";
+    case CameraMatch::Way::none:
+      break;
+  }
+  return "not at all";
+}
+
+}  // namespace doppel

@@ -1,0 +1,563 @@
+#include "doppel/data/capture/capture_guess.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <regex>
+
+#include "doppel/core/as_size.h"
+#include "doppel/data/capture/camera_pattern.h"
+#include "doppel/data/capture/capture_cameras.h"
+#include "doppel/data/capture/file_roles.h"
+#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/sequence_files.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kLargestDrift = 0.5;  // frames; more at the end of a video needs a rate of its own
+constexpr std::size_t kShownFiles = 3;
+constexpr double kSameCentre = 0.01;  ///< metres between two calibrations of one camera
+
+std::string folder_of_path(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "" : path.substr(0, slash);
+}
+
+std::string extension_of(const std::string& path) {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string::npos ? "" : path.substr(dot);
+}
+
+std::string some_of(const std::vector<std::string>& paths) {
+  const std::size_t shown = std::min(paths.size(), kShownFiles);
+  return fmt::format("{}{}", fmt::join(paths.begin(), paths.begin() + static_cast<std::ptrdiff_t>(shown), ", "),
+                     paths.size() > shown ? fmt::format(" and {} more", paths.size() - shown) : "");
+}
+
+/// The largest distance between cameras of the same place in two lists; nothing if the lists differ in length.
+std::optional<double> largest_distance(const std::vector<Camera>& a, const std::vector<Camera>& b) {
+  if (a.size() != b.size()) return std::nullopt;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, (a[i].centre() - b[i].centre()).norm());
+  return largest;
+}
+
+using Streams = std::vector<FileStream>;
+
+/// The streams that the first expression matches which matches any.
+Streams matching(const Streams& streams, const std::vector<std::string>& expressions) {
+  for (const std::string& expression : expressions) {
+    const std::regex wanted(expression);
+    Streams found;
+    std::copy_if(streams.begin(), streams.end(), std::back_inserter(found),
+                 [&](const FileStream& stream) { return std::regex_search(stream.first_file, wanted); });
+    if (!found.empty()) return found;
+  }
+  return {};
+}
+
+Streams of_kind(const Streams& streams, FileKind kind) {
+  Streams found;
+  std::copy_if(streams.begin(), streams.end(), std::back_inserter(found), [&](const FileStream& stream) {
+    return stream.kind == kind && (stream.per_frame || kind != FileKind::image);
+  });
+  return found;
+}
+
+/// Fills in a guess, part by part.
+class Guesser {
+ public:
+  Guesser(const FolderContent& content, const GuessHints& hints)
+      : content_(content), hints_(hints), streams_(group_streams(content.files)) {
+    guess_.capture.root = content.root;
+    guess_.capture.name = usable_name(content.root.filename().string(), "capture");
+  }
+
+  CaptureGuess run() {
+    choose_calibration();
+    if (calibration_) {
+      find_sequences();
+      choose_cameras();
+      find_rates();
+      check_sizes();
+      find_masks();
+      find_keypoints();
+    }
+    find_body();
+    guess_.found.insert(guess_.found.end(), content_.notes.begin(), content_.notes.end());
+    guess_.complete = calibration_ && !guess_.capture.sequences.empty();
+    return std::move(guess_);
+  }
+
+ private:
+  template <typename... Args>
+  void found(fmt::format_string<Args...> format, Args&&... args) {
+    guess_.found.push_back(fmt::format(format, std::forward<Args>(args)...));
+  }
+  template <typename... Args>
+  void missing(fmt::format_string<Args...> format, Args&&... args) {
+    guess_.missing.push_back(fmt::format(format, std::forward<Args>(args)...));
+  }
+
+  Streams with_role(FileRole role) const {
+    Streams chosen;
+    std::copy_if(streams_.begin(), streams_.end(), std::back_inserter(chosen),
+                 [&](const FileStream& stream) { return role_of_file(stream.first_file) == role; });
+    return chosen;
+  }
+  /// Videos, or where those have fewer cameras, images.
+  SortedFiles best_files(const Streams& streams, const std::vector<std::string>& cameras) const {
+    SortedFiles videos = sort_files(of_kind(streams, FileKind::video), cameras);
+    SortedFiles images = sort_files(of_kind(streams, FileKind::image), cameras);
+    return images.most_cameras() > videos.most_cameras() ? images : videos;
+  }
+  SortedFiles footage_of(const std::vector<std::string>& cameras) const {
+    return best_files(hints_.videos.empty() ? with_role(FileRole::footage) : matching(streams_, hints_.videos),
+                      cameras);
+  }
+
+  // ---- the calibration ----
+
+  static std::vector<std::string> names_of(const FoundCalibration& found) {
+    std::vector<std::string> names;
+    for (const Camera& camera : found.calibration.cameras) names.push_back(camera.name);
+    return names;
+  }
+
+  /// More matched cameras are better, then names that match, then cameras with sizes, then fewer assumptions about
+  /// unit and axes, then the upper folder. Of equals, the first by name is taken.
+  auto rank(const FoundCalibration& candidate) const {
+    const auto& cameras = candidate.calibration.cameras;
+    const bool sized =
+        std::all_of(cameras.begin(), cameras.end(), [](const Camera& camera) { return camera.width > 0; });
+    const auto depth = -static_cast<long>(path_parts(candidate.path).size());
+    const SortedFiles files = footage_of(names_of(candidate));
+    const auto assumptions = -static_cast<long>(candidate.calibration.notes.size());
+    return std::make_tuple(files.most_cameras(), -static_cast<int>(files.way), sized, assumptions, depth);
+  }
+
+  void choose_calibration() {
+    std::vector<const FoundCalibration*> candidates;
+    const auto wanted = [&](const std::string& path) {
+      return hints_.calibration.empty() ||
+             std::any_of(hints_.calibration.begin(), hints_.calibration.end(),
+                         [&](const std::string& hint) { return std::regex_search(path, std::regex(hint)); });
+    };
+    for (const FoundCalibration& candidate : content_.calibrations)
+      if (wanted(candidate.path)) candidates.push_back(&candidate);
+    for (const FoundCalibration* candidate : candidates)
+      if (!calibration_ || rank(*candidate) > rank(*calibration_)) calibration_ = candidate;
+    if (!calibration_) {
+      missing(
+          "no calibration with the poses of the cameras; put one of the formats of docs/calibration.md into the "
+          "folder");
+      return;
+    }
+    names_ = names_of(*calibration_);
+    guess_.capture.calibration = calibration_->path;
+    tell_calibration(candidates);
+  }
+
+  void tell_calibration(const std::vector<const FoundCalibration*>& candidates) {
+    const Calibration& chosen = calibration_->calibration;
+    found("calibration: {} ({}, {} cameras, unit {}, up {})", calibration_->path, chosen.format, names_.size(),
+          chosen.unit, chosen.up);
+    for (const std::string& note : chosen.notes) found("calibration: {}", note);
+    for (const FoundCalibration* other : candidates)
+      if (other != calibration_) tell_other_calibration(*other);
+    if (chosen.up == "unknown") missing("the axis that points up is not known; state `up` (+x ... -z)");
+    if (!chosen.has_scale)
+      missing(
+          "the calibration has no scale; lengths of the person will be wrong until the cameras are scaled to metres");
+  }
+
+  void tell_other_calibration(const FoundCalibration& other) {
+    const Calibration& chosen = calibration_->calibration;
+    const std::string what = fmt::format("calibration: {} ({}, {} cameras)", other.path, other.calibration.format,
+                                         other.calibration.cameras.size());
+    const std::optional<double> apart = largest_distance(chosen.cameras, other.calibration.cameras);
+    if (!apart)
+      found("{} is not used; name it as `calibration` to use it", what);
+    else if (*apart <= kSameCentre)
+      found("{} has the same cameras within {:.1f} mm; it is not used", what, 1e3 * *apart);
+    else
+      found(
+          "{} has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it is the right "
+          "one, name it as `calibration`",
+          what, *apart);
+  }
+
+  // ---- sequences ----
+
+  void find_sequences() {
+    SortedFiles all = footage_of(names_);
+    const std::size_t most = all.most_cameras();
+    for (SequenceFiles& sequence : all.sequences) {
+      if (2 * sequence.by_camera.size() < most)
+        found("footage: {} of {} cameras is not used, because other footage has {} cameras",
+              some_of({sequence.by_camera.begin()->second.path}), sequence.by_camera.size(), most);
+      else
+        filmed_.push_back(std::move(sequence));
+    }
+    if (!all.unmatched.empty())
+      found("footage: {} {} no camera of the calibration; not used", some_of(all.unmatched),
+            all.unmatched.size() == 1 ? "matches" : "match");
+    if (filmed_.empty())
+      missing(
+          "no videos, and no folders of images; put one video for each camera into the folder, named like the "
+          "camera: {}",
+          some_of(names_));
+    std::set<std::string> used;
+    for (const SequenceFiles& sequence : filmed_) add_sequence(sequence, all.way, used);
+  }
+
+  void add_sequence(const SequenceFiles& sequence, CameraMatch::Way way, std::set<std::string>& used) {
+    const bool telling =
+        std::any_of(sequence.name.begin(), sequence.name.end(), [](unsigned char c) { return std::isalpha(c); });
+    SequenceEntry entry;
+    const std::string name = usable_name(telling               ? sequence.name
+                                         : filmed_.size() == 1 ? guess_.capture.name
+                                                               : "sequence_" + sequence.name,
+                                         "sequence");
+    entry.name = name;
+    for (int i = 2; !used.insert(entry.name).second; ++i) entry.name = fmt::format("{}_{}", name.substr(0, 56), i);
+    const auto any_of = [&](std::initializer_list<const char*> words) {
+      return std::any_of(words.begin(), words.end(), [&](const char* word) { return sequence.words.count(word) > 0; });
+    };
+    entry.split = any_of({"test", "testing"})     ? Split::test
+                  : any_of({"validation", "val"}) ? Split::validation
+                                                  : Split::train;
+    entry.videos = paths_of_cameras(sequence.paths(), names_);
+    found("sequence {}: {} of {} cameras, matched {}: {}", entry.name,
+          sequence.by_camera.begin()->second.per_frame ? "images" : "videos", sequence.by_camera.size(), to_string(way),
+          entry.videos.to_string());
+    set_first_frame(sequence, entry);
+    guess_.capture.sequences.push_back(std::move(entry));
+  }
+
+  void set_first_frame(const SequenceFiles& sequence, SequenceEntry& entry) {
+    long first = 0;
+    for (const auto& [camera, stream] : sequence.by_camera) first = std::max(first, stream.first_frame);
+    if (first == 0) return;
+    for (const auto& [camera, stream] : sequence.by_camera)
+      entry.frame_offset[names_[as_size(camera)]] = static_cast<double>(first);
+    found("sequence {}: all cameras have images from number {} on, so `frame_offset` is {}", entry.name, first, first);
+  }
+
+  /// The cameras of all sequences.
+  void choose_cameras() {
+    if (filmed_.empty()) return;
+    std::vector<std::string> unfilmed;
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      const bool everywhere = std::all_of(filmed_.begin(), filmed_.end(), [&](const SequenceFiles& sequence) {
+        return sequence.by_camera.count(static_cast<int>(i)) > 0;
+      });
+      if (everywhere)
+        used_.push_back(static_cast<int>(i));
+      else
+        unfilmed.push_back(names_[i]);
+    }
+    guess_.num_cameras = static_cast<int>(used_.size());
+    if (unfilmed.empty()) return;
+    for (const int camera : used_) guess_.capture.cameras.push_back(names_[as_size(camera)]);
+    found("cameras: {} of the calibration's {} are used; {} {} not filmed in every sequence", used_.size(),
+          names_.size(), some_of(unfilmed), unfilmed.size() == 1 ? "is" : "are");
+    if (used_.empty()) {
+      missing("no camera filmed all sequences; write a capture.yaml for each of them");
+      guess_.capture.sequences.clear();
+    }
+  }
+
+  const FootageFacts* facts_of(const FileStream& stream) const {
+    const auto facts = content_.footage.find(stream.first_file);
+    return facts == content_.footage.end() ? nullptr : &facts->second;
+  }
+
+  // ---- rates and sizes ----
+
+  void find_rates() {
+    std::map<double, int> count;
+    std::map<int, std::pair<double, long>> rates;  // fps and frames by camera
+    for (const SequenceFiles& sequence : filmed_)
+      for (const auto& [camera, stream] : sequence.by_camera)
+        if (const FootageFacts* facts = facts_of(stream); facts && facts->fps > 0.0) {
+          ++count[facts->fps];
+          rates[camera] = {facts->fps, std::max(rates[camera].second, facts->frames)};
+        }
+    if (count.empty()) {
+      if (!filmed_.empty())
+        missing("images have no frame rate; `fps: {}` is assumed, state the true one", guess_.capture.fps);
+      return;
+    }
+    const auto usual =
+        std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+    guess_.capture.fps = usual->first;
+    found("fps: {:.6g}, from the videos", usual->first);
+    for (const auto& [camera, rate] : rates) add_rate(names_[as_size(camera)], rate.first, rate.second);
+    tell_lengths();
+  }
+
+  void add_rate(const std::string& camera, double fps, long frames) {
+    const double drift = std::abs(fps / guess_.capture.fps - 1.0) * static_cast<double>(frames);
+    if (drift < kLargestDrift) return;
+    guess_.capture.camera_fps[camera] = fps;
+    found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", camera, fps,
+          drift);
+  }
+
+  void tell_lengths() {
+    for (std::size_t i = 0; i < filmed_.size(); ++i) {
+      long shortest = -1, longest = -1;
+      for (const auto& [camera, stream] : filmed_[i].by_camera)
+        if (const FootageFacts* facts = facts_of(stream); facts && facts->frames > 0) {
+          shortest = shortest < 0 ? facts->frames : std::min(shortest, facts->frames);
+          longest = std::max(longest, facts->frames);
+        }
+      if (shortest != longest)
+        found(
+            "sequence {}: the videos have {} to {} frames; they are taken to begin at the same time, or `frame_offset` "
+            "is needed",
+            guess_.capture.sequences[i].name, shortest, longest);
+    }
+  }
+
+  void check_sizes() {
+    for (const SequenceFiles& sequence : filmed_)
+      for (const auto& [camera, stream] : sequence.by_camera)
+        if (const FootageFacts* facts = facts_of(stream))
+          check_size(calibration_->calibration.cameras[as_size(camera)], *facts, stream.path);
+  }
+
+  void check_size(const Camera& camera, const FootageFacts& facts, const std::string& path) {
+    if (camera.width == 0 || (camera.width == facts.width && camera.height == facts.height)) return;
+    if (is_without_padding(camera, {facts.width, facts.height})) {
+      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the difference is taken for padding of the encoder",
+            path, facts.width, facts.height, camera.name, camera.width, camera.height);
+      return;
+    }
+    const double stretch = static_cast<double>(facts.width) / facts.height * camera.height / camera.width - 1.0;
+    if (std::abs(stretch) <= kMaxStretch)
+      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the calibration is scaled", path, facts.width,
+            facts.height, camera.name, camera.width, camera.height);
+    else
+      missing(
+          "{} is {}x{}, the calibration of {} is for {}x{}, another aspect ratio: the images were cropped or turned, "
+          "or "
+          "this is not their camera",
+          path, facts.width, facts.height, camera.name, camera.width, camera.height);
+  }
+
+  // ---- masks, keypoints, body ----
+
+  bool has_all(const SequenceFiles& sequence) const {
+    return std::all_of(used_.begin(), used_.end(), [&](int camera) { return sequence.by_camera.count(camera) > 0; });
+  }
+  /// The paths of the used cameras.
+  CameraPaths paths_of(const SequenceFiles& sequence) const {
+    std::map<int, std::string> paths;
+    for (const int camera : used_) paths[camera] = sequence.by_camera.at(camera).path;
+    return paths_of_cameras(paths, names_);
+  }
+  /// The sequence of a role that belongs to sequence `i` and has all cameras; tells if it lacks some.
+  const SequenceFiles* files_for(std::size_t i, const SortedFiles& sequences, const char* role) {
+    const SequenceFiles* sequence = files_of_sequence(filmed_[i], sequences, filmed_.size() == 1);
+    if (!sequence || has_all(*sequence)) return sequence;
+    found("{}: {} has {} of {} cameras; not used", role, sequence->by_camera.begin()->second.path,
+          sequence->by_camera.size(), used_.size());
+    return nullptr;
+  }
+
+  void find_masks() {
+    if (guess_.capture.sequences.empty()) return;
+    const SortedFiles masks =
+        best_files(hints_.masks.empty() ? with_role(FileRole::masks) : matching(streams_, hints_.masks), names_);
+    const SortedFiles empty = empty_files();
+    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
+      SequenceEntry& entry = guess_.capture.sequences[i];
+      if (const SequenceFiles* sequence = files_for(i, masks, "masks")) {
+        entry.masks = paths_of(*sequence);
+        entry.mask_threshold = hints_.mask_threshold;
+        found("sequence {}: masks, matched {}: {}", entry.name, to_string(masks.way), entry.masks.to_string());
+      } else if (const SequenceFiles* scene = empty.sequences.size() == 1 && has_all(empty.sequences[0])
+                                                  ? &empty.sequences[0]
+                                                  : files_for(i, empty, "empty")) {
+        entry.subtraction.emplace().empty = paths_of(*scene);
+        found("sequence {}: masks by background subtraction from the empty scene: {}", entry.name,
+              entry.subtraction->empty.to_string());
+      } else {
+        missing(
+            "sequence {} has no masks; without them the outline does not count. Add masks (a folder `masks`), or film "
+            "the empty scene (a folder `empty`) and run this command again, or find them with `doppel detect --masks`",
+            entry.name);
+      }
+    }
+  }
+
+  /// One image for each camera is as good as a video, and looks like a stream of frames.
+  SortedFiles empty_files() const {
+    std::vector<std::string> files;
+    for (const std::string& file : content_.files)
+      if (role_of_file(file) == FileRole::empty) files.push_back(file);
+    SortedFiles streams = sort_files(footage_streams(group_streams(files)), names_);
+    SortedFiles singles = sort_files(footage_streams(group_streams(files, false)), names_);
+    return singles.most_cameras() > streams.most_cameras() ? singles : streams;
+  }
+  static Streams footage_streams(const Streams& streams) {
+    Streams found;
+    std::copy_if(streams.begin(), streams.end(), std::back_inserter(found), [](const FileStream& stream) {
+      return stream.kind == FileKind::video || stream.kind == FileKind::image;
+    });
+    return found;
+  }
+
+  void find_keypoints() {
+    if (guess_.capture.sequences.empty()) return;
+    Streams files, tables, singles;
+    for (const FileStream& stream : streams_) {
+      if (content_.keypoint_maps.count(stream.first_file) == 0) continue;
+      if (stream.kind == FileKind::table)
+        tables.push_back(stream);
+      else
+        files.push_back(stream);
+    }
+    std::set<std::string> folders;  // whose files may be one for each camera, and not for each frame
+    for (const FileStream& stream : files)
+      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of_path(stream.path));
+    for (const FileStream& stream : group_streams(content_.files, false))
+      if (stream.kind == FileKind::json && folders.count(folder_of_path(stream.path)) > 0) singles.push_back(stream);
+    SortedFiles sequences = sort_files(files, names_);
+    if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
+      sequences = by_camera;
+    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) set_keypoints(i, sequences, tables);
+    choose_map(files);
+    find_joints();
+  }
+
+  /// A table of joints in space does not name its camera.
+  void find_joints() {
+    if (content_.joint_tables.empty()) return;
+    SequenceEntry& entry = guess_.capture.sequences.front();
+    if (used_.size() == 1 && filmed_.size() == 1 && content_.joint_tables.size() == 1 && !entry.keypoints.empty()) {
+      entry.joints3d = content_.joint_tables.front();
+      found("sequence {}: joints in space: {}", entry.name, entry.joints3d);
+    } else {
+      found("joints in space: {}; not used, because only one table of one camera with keypoints is certain",
+            some_of(content_.joint_tables));
+    }
+  }
+
+  void set_keypoints(std::size_t i, const SortedFiles& sequences, const Streams& tables) {
+    SequenceEntry& entry = guess_.capture.sequences[i];
+    if (const SequenceFiles* files = files_for(i, sequences, "keypoints")) {
+      entry.keypoints = paths_of(*files);
+      compare_numbers(entry, filmed_[i].by_camera.begin()->second, files->by_camera.begin()->second);
+    } else if (filmed_.size() == 1 && tables.size() == 1) {
+      entry.keypoints = tables.front().path;
+    } else if (const SortedFiles by_camera = sort_files(tables, names_); !tables.empty()) {
+      if (const SequenceFiles* own = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*own);
+    }
+    if (!entry.keypoints.empty())
+      found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(sequences.way),
+            entry.keypoints.to_string());
+    else
+      missing(
+          "sequence {} has no keypoints; `doppel track` then runs `doppel detect`. Files of another detector "
+          "(OpenPose, "
+          "MMPose, ...) belong into folders named like the cameras (docs/capture.md)",
+          entry.name);
+  }
+
+  /// Keypoints have the numbers of the frames that they were found in.
+  void compare_numbers(const SequenceEntry& entry, const FileStream& footage, const FileStream& keypoints) {
+    if (!keypoints.per_frame || keypoints.first_frame == footage.first_frame) return;
+    found(
+        "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame n",
+        entry.name, keypoints.first_frame, footage.first_frame);
+  }
+
+  void choose_map(const Streams& files) {
+    const auto& sequences = guess_.capture.sequences;
+    if (files.empty() ||
+        std::all_of(sequences.begin(), sequences.end(), [](const auto& s) { return s.keypoints.empty(); }))
+      return;
+    const std::vector<std::string>& maps = content_.keypoint_maps.at(files.front().first_file);
+    guess_.capture.keypoint_map = maps.front();
+    found("keypoint_map: {}, by the number and the order of the points", maps.front());
+    if (maps.size() > 1)
+      missing(
+          "certainty about `keypoint_map`: {} have as many points, and the limbs do not decide between them; {} is "
+          "taken",
+          fmt::join(maps, ", "), maps.front());
+  }
+
+  std::vector<std::string> files_with(const std::string& extension) const {
+    std::vector<std::string> files;
+    std::copy_if(content_.files.begin(), content_.files.end(), std::back_inserter(files),
+                 [&](const std::string& file) { return extension_of(file) == extension; });
+    return files;
+  }
+
+  void find_body() {
+    const std::vector<std::string> characters = files_with(".character");
+    if (characters.size() == 1) {
+      guess_.capture.character = characters.front();
+      found("character: {}", characters.front());
+    } else if (characters.empty()) {
+      missing(
+          "no character (*.character); make one with `doppel character create` from a scan, `import` from a rigged "
+          "figure, or `fit` from this capture alone, and add `character: PATH`");
+    } else {
+      missing("several characters ({}); name one of them as `character`", some_of(characters));
+    }
+    for (const std::string& file : content_.files)
+      if (file == "landmarks.csv" || file.ends_with("/landmarks.csv")) {
+        guess_.capture.landmarks = file;
+        found("landmarks: {}", file);
+        break;
+      }
+    find_motions();
+  }
+
+  /// Motions beside the character are rest poses.
+  void find_motions() {
+    std::vector<std::string> motions = files_with(".motion");
+    std::set<std::string> folders;
+    for (const std::string& character : files_with(".character")) folders.insert(folder_of_path(character));
+    motions.erase(std::remove_if(motions.begin(), motions.end(),
+                                 [&](const std::string& file) { return folders.count(folder_of_path(file)) > 0; }),
+                  motions.end());
+    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
+      const std::set<std::string>& words = filmed_[i].words;
+      std::vector<std::string> own;
+      for (const std::string& file : motions) {
+        const std::set<std::string> there = telling_words(file);
+        if (std::includes(there.begin(), there.end(), words.begin(), words.end())) own.push_back(file);
+      }
+      SequenceEntry& entry = guess_.capture.sequences[i];
+      if (own.size() == 1) entry.motion = own.front();
+      if (own.size() == 1) found("sequence {}: motion: {}", entry.name, own.front());
+      if (own.size() > 1) missing("sequence {}: several motions ({}); name one of them", entry.name, some_of(own));
+    }
+  }
+
+  const FolderContent& content_;
+  const GuessHints& hints_;
+  Streams streams_;
+  CaptureGuess guess_;
+  const FoundCalibration* calibration_ = nullptr;
+  std::vector<std::string> names_;     ///< of the calibration's cameras
+  std::vector<SequenceFiles> filmed_;  ///< [sequences]
+  std::vector<int> used_;              ///< indices of the cameras
+};
+
+}  // namespace
+
+CaptureGuess guess_capture(const FolderContent& content, const GuessHints& hints) {
+  return Guesser(content, hints).run();
+}
+
+}  // namespace doppel

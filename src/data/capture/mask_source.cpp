@@ -1,0 +1,86 @@
+#include "doppel/data/capture/mask_source.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "doppel/core/error.h"
+#include "doppel/core/path_pattern.h"
+#include "doppel/detect/masks/components.h"
+#include "doppel/detect/masks/mask.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr long kMaxEmptyFrames = 200;  ///< more frames do not improve the model of one scene
+
+cv::Mat read_background(const std::string& path) {
+  cv::Mat image;
+  if (std::filesystem::is_regular_file(path)) image = cv::imread(path, cv::IMREAD_COLOR);
+  if (image.empty()) fail_at({path, 0}, "the image of the empty studio is missing or cannot be decoded");
+  return image;
+}
+
+/// @param source of the empty scene, for one camera
+BackgroundModel learn_scene(const BackgroundSubtraction& subtraction, const std::string& source) {
+  BackgroundModel model(subtraction.model);
+  if (!has_frame_placeholder(source) && cv::haveImageReader(source)) {
+    model.learn(read_background(source));
+    return model;
+  }
+  const auto frames = open_frames(source, PixelFormat::colour);
+  const long first = subtraction.first_frame;
+  const long last = subtraction.last_frame ? *subtraction.last_frame : frames->num_frames(-1) - 1;
+  if (last < first) fail_at({source, 0}, "contains no frame of the empty scene");
+  const long count = std::min(last - first + 1, kMaxEmptyFrames);
+  for (long i = 0; i < count; ++i) model.learn(frames->read(first + i * (last - first + 1) / count));
+  return model;
+}
+
+}  // namespace
+
+MaskSource::MaskSource(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
+    : sequence_(sequence), undistort_(camera) {
+  const auto source = [&](const CameraPaths& paths) { return capture.source(paths, file_index, camera.name); };
+  if (const auto& subtraction = sequence.subtraction)
+    model_ = learn_scene(*subtraction, source(subtraction->empty.empty() ? sequence.videos : subtraction->empty));
+  else if (!sequence.chroma_key)
+    masks_ = open_frames(source(sequence.masks), PixelFormat::grey);
+  else if (sequence.chroma_key->against_background)
+    background_ = read_background(source(capture.background));
+}
+
+MaskSource::MaskSource(BackgroundModel model, const SequenceEntry& sequence, const Camera& camera)
+    : sequence_(sequence), undistort_(camera), model_(std::move(model)) {}
+
+cv::Mat MaskSource::find(long frame, const cv::Mat& image) {
+  if (masks_) return masks_->read(frame);
+  return model_ ? model_->mask(image) : chroma_key_mask(image, *sequence_.chroma_key, background_);
+}
+
+MaskSource::MaskSource(const SequenceEntry& sequence, const Camera& camera) : sequence_(sequence), undistort_(camera) {}
+
+cv::Mat MaskSource::read(long frame, const cv::Mat& image) { return cut(find(frame, image)); }
+
+cv::Mat MaskSource::cut(cv::Mat grey) const {
+  const cv::Size size(undistort_.pinhole().width, undistort_.pinhole().height);
+  if (grey.size() != size) {
+    cv::Mat resized;
+    cv::resize(grey, resized, size, 0.0, 0.0, cv::INTER_LINEAR);
+    grey = resized;
+  }
+  const cv::Mat mask = threshold_mask(undistort_.apply(grey), sequence_.mask_threshold);
+  return sequence_.largest_component ? largest_component(mask) : mask;
+}
+
+MaskReader::MaskReader(const Capture& capture, const SequenceEntry& sequence, const Camera& camera, int file_index)
+    : masks_(capture, sequence, camera, file_index) {
+  if (masks_.needs_image())
+    images_ = open_frames(capture.source(sequence.videos, file_index, camera.name), PixelFormat::colour);
+}
+
+cv::Mat MaskReader::read(long frame) { return masks_.read(frame, images_ ? images_->read(frame) : cv::Mat()); }
+
+}  // namespace doppel

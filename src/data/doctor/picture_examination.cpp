@@ -1,0 +1,351 @@
+#include "doppel/data/doctor/picture_examination.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <tuple>
+
+#include "doppel/core/as_size.h"
+#include "doppel/data/doctor/statistics.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kExposureWarning = 0.7, kExposureFault = 1.0;  ///< stops against the median of the others
+constexpr double kBalanceWarning = 0.3, kBalanceFault = 0.45;   ///< log2 of a ratio of channels, likewise
+constexpr double kTimesSpread = 4.0;                            ///< and of the spread of the others
+constexpr double kJumpOfExposure = 0.12;                        ///< stops between two images
+constexpr double kBlurRatio = 1.7, kBlurPixels = 0.7;  ///< of the edges' width, against the median of the others
+constexpr double kDoubled = 0.2, kMoving = 0.5;        ///< change of an image, of the usual change
+constexpr double kJump = 1.7;                          ///< the same, over its neighbours and the other cameras
+constexpr double kGapOfStamps = 1.6;                   ///< of the usual distance of time stamps
+constexpr double kDoubledWarning = 0.02, kDoubledFault = 0.05;  ///< share of the frames
+constexpr int kFewestDoubled = 2;
+constexpr double kClearGain = 0.08;  ///< of the contrast between activity on and beside the limbs
+constexpr double kLimbWidth = 0.07;  ///< of the person's size
+
+const double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/// The median over a camera's images of one measure.
+template <typename Measure>
+double usual(const FootageExamination& footage, const Measure& measure) {
+  std::vector<double> values;
+  for (const PictureFacts& facts : footage.pictures)
+    if (const double value = measure(facts); std::isfinite(value)) values.push_back(value);
+  return values.size() < 3 ? kNone : median(values);
+}
+
+template <typename Measure>
+std::vector<double> usual_of_cameras(const SequenceFootage& footage, const Measure& measure) {
+  std::vector<double> values;
+  for (const FootageExamination& camera : footage) values.push_back(usual(camera, measure));
+  return values;
+}
+
+/// How far the surroundings of the person differ in a camera from those in the others; 0 when they do not more than the
+/// others among each other, and when the person says the contrary. The person alone would not do: lamps and clothes
+/// have sides.
+double difference_of(const std::vector<double>& person, const std::vector<double>& scene, std::size_t camera) {
+  const AgainstOthers around = against_others(scene, camera);
+  if (around.others < 2 || std::abs(around.difference) < kTimesSpread * around.spread) return 0.0;
+  const AgainstOthers on_person = against_others(person, camera);
+  const bool contrary = on_person.others >= 2 && on_person.difference * around.difference < 0.0 &&
+                        std::abs(on_person.difference) > 2.0 * on_person.spread + 0.5 * std::abs(around.difference);
+  return contrary ? 0.0 : around.difference;
+}
+
+class PictureJudge {
+ public:
+  PictureJudge(const Sightings& seen, const RigExamination* rig, const SequenceFootage& footage,
+               std::vector<Finding>& findings)
+      : seen_(seen), rig_(rig), footage_(footage), findings_(findings) {}
+
+  void judge() {
+    for (std::size_t c = 0; c < footage_.size(); ++c) {
+      if (!footage_[c].error.empty() && footage_[c].frames > 0)
+        add(c, faults::kUnreadable, Severity::fault, "a frame of its video cannot be read",
+            footage_[c].error + ". Copy the video again, or cut the sequence before this frame with `last_frame`.");
+      exposure(c);
+      unsteady_exposure(c);
+      balance(c);
+      blur(c);
+      frames(c);
+    }
+    activity();
+  }
+
+ private:
+  void add(std::size_t camera, const char* fault, Severity severity, std::string figure, std::string advice) {
+    findings_.push_back({seen_.cameras[camera].name, fault, severity, std::move(figure), std::move(advice)});
+  }
+
+  void exposure(std::size_t c) {
+    const double stops =
+        difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.exposure; }),
+                      usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_exposure; }), c);
+    if (std::abs(stops) < kExposureWarning) return;
+    add(c, faults::kExposure, std::abs(stops) > kExposureFault ? Severity::fault : Severity::warning,
+        fmt::format("its images are {:.1f} stops {} than those of the other cameras", std::abs(stops),
+                    stops < 0.0 ? "darker" : "brighter"),
+        "Set the same exposure in all cameras, and switch automatic exposure off. Videos that exist can be corrected "
+        "with "
+        "`ffmpeg -vf exposure` where they are not clipped.");
+  }
+
+  void unsteady_exposure(std::size_t c) {
+    const auto jumps = [](const FootageExamination& camera) {
+      std::vector<double> values;
+      for (std::size_t i = 1; i < camera.pictures.size(); ++i)
+        if (camera.pictures[i].after_previous)
+          values.push_back(std::abs(camera.pictures[i].scene_exposure - camera.pictures[i - 1].scene_exposure));
+      return values.empty() ? kNone : quantile(values, 0.9);
+    };
+    std::vector<double> values;
+    for (const FootageExamination& camera : footage_) values.push_back(jumps(camera));
+    const AgainstOthers against = against_others(values, c);
+    if (against.others < 2 || !(values[c] > kJumpOfExposure) || values[c] < 4.0 * (values[c] - against.difference))
+      return;
+    add(c, faults::kExposure, Severity::fault,
+        fmt::format("its brightness changes by {:.2f} stops from frame to frame", values[c]),
+        "Switch automatic exposure off, and set the shutter to a multiple of the lamps' period.");
+  }
+
+  void balance(std::size_t c) {
+    const double red = difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.red; }),
+                                     usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_red; }), c);
+    const double blue =
+        difference_of(usual_of_cameras(footage_, [](const PictureFacts& f) { return f.blue; }),
+                      usual_of_cameras(footage_, [](const PictureFacts& f) { return f.scene_blue; }), c);
+    const double largest = std::max(std::abs(red), std::abs(blue));
+    if (largest < kBalanceWarning) return;
+    add(c, faults::kWhiteBalance, largest > kBalanceFault ? Severity::fault : Severity::warning,
+        fmt::format("its colours differ from those of the other cameras: red {:+.2f}, blue {:+.2f} stops against green",
+                    red, blue),
+        "Set the same white balance in all cameras, and switch automatic white balance off.");
+  }
+
+  void blur(std::size_t c) {
+    std::vector<double> widths =
+        usual_of_cameras(footage_, [](const PictureFacts& f) { return f.edge_width < 0.0 ? kNone : f.edge_width; });
+    for (std::size_t i = 0; i < widths.size(); ++i) widths[i] /= std::max(1, seen_.cameras[i].width);
+    const AgainstOthers against = against_others(widths, c);
+    if (against.others < 2) return;
+    const double usual_width = widths[c] - against.difference, width = seen_.cameras[c].width;
+    const bool blurred = widths[c] > kBlurRatio * usual_width && against.difference * width > kBlurPixels &&
+                         against.difference > kTimesSpread * against.spread;
+    if (!blurred) return;
+    add(c, faults::kBlur, widths[c] > 1.3 * kBlurRatio * usual_width ? Severity::fault : Severity::warning,
+        fmt::format("its sharpest edges are {:.1f} pixels wide, those of the other cameras {:.1f}", widths[c] * width,
+                    usual_width * width),
+        "Focus the camera, clean its lens, and switch autofocus off. Frames that are blurred cannot be sharpened.");
+  }
+
+  /// The change of each image over the usual change around it, by row.
+  std::map<long, double> changes(std::size_t c) const {
+    const std::vector<PictureFacts>& pictures = footage_[c].pictures;
+    std::map<long, double> ratios;
+    constexpr std::size_t kAround = 6;
+    for (std::size_t i = 0; i < pictures.size(); ++i) {
+      if (pictures[i].change < 0.0) continue;
+      std::vector<double> around;
+      for (std::size_t j = i > kAround ? i - kAround : 0; j < std::min(pictures.size(), i + kAround + 1); ++j)
+        if (j != i && pictures[j].change >= 0.0) around.push_back(pictures[j].change);
+      // the upper half: in a video with many doubled frames, the median is none that changes
+      const double level = quantile(around, 0.7);
+      if (around.size() >= 4 && level > 0.0) ratios[pictures[i].row] = pictures[i].change / level;
+    }
+    return ratios;
+  }
+
+  struct FrameCounts {
+    int rows = 0, doubled = 0, jumps = 0, gaps = 0;
+  };
+
+  FrameCounts count_frames(std::size_t c, const std::vector<std::map<long, double>>& all) const {
+    FrameCounts counts;
+    for (const auto& [row, ratio] : all[c]) {
+      std::vector<double> others;
+      for (std::size_t o = 0; o < all.size(); ++o)
+        if (const auto found = all[o].find(row); o != c && found != all[o].end()) others.push_back(found->second);
+      const double usual_ratio = others.empty() ? 1.0 : median(others);
+      const auto at = [&](long other) { return all[c].count(other) > 0 ? all[c].at(other) : 1.0; };
+      ++counts.rows;
+      counts.doubled += ratio < kDoubled && usual_ratio > kMoving;
+      counts.jumps += ratio > kJump * std::max({at(row - 1), at(row + 1), usual_ratio, 0.5});
+    }
+    std::vector<double> steps;
+    const std::vector<PictureFacts>& pictures = footage_[c].pictures;
+    for (std::size_t i = 1; i < pictures.size(); ++i)
+      if (pictures[i].after_previous && pictures[i].seconds && pictures[i - 1].seconds)
+        steps.push_back(*pictures[i].seconds - *pictures[i - 1].seconds);
+    const double step = median(steps);
+    for (const double value : steps) counts.gaps += step > 0.0 && value > kGapOfStamps * step;
+    return counts;
+  }
+
+  /// Frames that a camera has fewer than the others, which all have as many; 0 otherwise.
+  long missing_frames(std::size_t c) const {
+    long others = -1;
+    for (std::size_t o = 0; o < footage_.size(); ++o) {
+      if (o == c) continue;
+      if (footage_[o].frames < 0 || (others >= 0 && others != footage_[o].frames)) return 0;
+      others = footage_[o].frames;
+    }
+    return footage_.size() < 3 || footage_[c].frames < 0 ? 0 : others - footage_[c].frames;
+  }
+
+  void frames(std::size_t c) {
+    std::vector<std::map<long, double>> all;
+    for (std::size_t o = 0; o < footage_.size(); ++o) all.push_back(changes(o));
+    const FrameCounts counts = count_frames(c, all);
+    const long missing = missing_frames(c);
+    const double doubled = counts.rows == 0 ? 0.0 : static_cast<double>(counts.doubled) / counts.rows;
+    const bool many_doubled = counts.doubled >= kFewestDoubled && doubled > kDoubledWarning;
+    const bool fault =
+        (many_doubled && doubled > kDoubledFault) || counts.gaps > 0 || (missing > 0 && counts.jumps > 0);
+    if (!fault && !many_doubled && missing <= 0) return;
+    std::string figure;
+    const auto say = [&](long count, const char* what) {
+      if (count > 0) figure += fmt::format("{}{} {}", figure.empty() ? "" : ", ", count, what);
+    };
+    say(many_doubled ? counts.doubled : 0, "doubled frames");
+    say(counts.gaps, "gaps of the time stamps");
+    say(std::max(0L, missing), "frames fewer than the other cameras");
+    say(counts.jumps, "places where the image jumps");
+    add(c, faults::kFrameDrops, fault ? Severity::fault : Severity::warning, figure,
+        "Frames were lost or doubled in recording or copying. Restore them by their time stamps (ffmpeg -fps_mode), or "
+        "split the sequence there; a faster disk or a lower rate avoids it.");
+  }
+
+  // ---- whether the person moves where the keypoints are ----
+
+  /// Grey levels by which small images differ from their median, one image for each.
+  static std::vector<cv::Mat> activity_of(const FootageExamination& camera) {
+    std::vector<cv::Mat> active;
+    if (camera.small.size() < 5) return active;
+    cv::Mat background(camera.small[0].size(), CV_8UC1);
+    for (int y = 0; y < background.rows; ++y)
+      for (int x = 0; x < background.cols; ++x) {
+        std::vector<double> values;
+        for (const cv::Mat& image : camera.small) values.push_back(image.at<std::uint8_t>(y, x));
+        background.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(median(values));
+      }
+    for (const cv::Mat& image : camera.small) {
+      cv::Mat difference;
+      cv::absdiff(image, background, difference);
+      cv::threshold(difference, difference, 12, 255, cv::THRESH_BINARY);
+      active.push_back(difference);
+    }
+    return active;
+  }
+
+  /// The limbs of the person in a small image, as one camera's keypoints say; empty without a person.
+  cv::Mat limbs_of(std::size_t keypoints, int instant, cv::Size size) const {
+    const auto& people = seen_.people[keypoints][as_size(instant)];
+    const int index = rig_ ? rig_->person[keypoints][as_size(instant)] : (people.empty() ? -1 : 0);
+    if (index < 0) return {};
+    const Camera& camera = seen_.cameras[keypoints];
+    const double sx = static_cast<double>(size.width) / camera.width,
+                 sy = static_cast<double>(size.height) / camera.height;
+    cv::Mat limbs = cv::Mat::zeros(size, CV_8UC1);
+    const SeenPerson& person = people[as_size(index)];
+    const auto at = [&](int k) {
+      const Eigen::Vector2d& pixel = person[as_size(k)].pixel;
+      return cv::Point(static_cast<int>(pixel.x() * sx), static_cast<int>(pixel.y() * sy));
+    };
+    for (const auto& [a, b] : seen_.bones)
+      if (person[as_size(a)].seen && person[as_size(b)].seen)
+        cv::line(limbs, at(a), at(b), 255, std::max(3, static_cast<int>(kLimbWidth * seen_.size[keypoints] * sx)));
+    return limbs;
+  }
+
+  /// (inside - outside) / (inside + outside) of the share of active pixels, inside and outside of the limbs.
+  double contrast(const std::vector<cv::Mat>& active, const std::vector<int>& instants, std::size_t keypoints) const {
+    double inside = 0.0, outside = 0.0, inside_area = 0.0, outside_area = 0.0;
+    for (std::size_t i = 0; i < active.size(); ++i) {
+      const cv::Mat limbs = limbs_of(keypoints, instants[i], active[i].size());
+      if (limbs.empty()) continue;
+      const double area = cv::countNonZero(limbs), on = cv::countNonZero(active[i] & limbs);
+      inside += on;
+      outside += cv::countNonZero(active[i]) - on;
+      inside_area += area;
+      outside_area += static_cast<double>(limbs.total()) - area;
+    }
+    if (inside_area == 0.0 || outside_area == 0.0 || inside + outside == 0.0) return kNone;
+    const double a = inside / inside_area, b = outside / outside_area;
+    return (a - b) / (a + b);
+  }
+
+  static std::vector<cv::Mat> flipped(const std::vector<cv::Mat>& images, int code) {
+    std::vector<cv::Mat> result(images.size());
+    for (std::size_t i = 0; i < images.size(); ++i) cv::flip(images[i], result[i], code);
+    return result;
+  }
+
+  /// Videos that do not show the person where the keypoints are, although mirrored, turned or exchanged ones would.
+  void activity() {
+    std::vector<std::vector<cv::Mat>> active;
+    for (const FootageExamination& camera : footage_) active.push_back(activity_of(camera));
+    const std::size_t cameras = footage_.size();
+    std::vector<std::vector<double>> of(cameras, std::vector<double>(cameras, kNone));  // video, keypoints
+    for (std::size_t video = 0; video < cameras; ++video)
+      for (std::size_t keypoints = 0; keypoints < cameras; ++keypoints)
+        if (!active[video].empty() && !(rig_ && (rig_->faulty[video] || rig_->faulty[keypoints])))
+          of[video][keypoints] = contrast(active[video], footage_[video].small_instants, keypoints);
+    std::vector<bool> exchanged(cameras, false);
+    for (std::size_t a = 0; a < cameras; ++a)
+      for (std::size_t b = a + 1; b < cameras; ++b) {
+        const double gain = std::min(of[a][b] - of[a][a], of[b][a] - of[b][b]);
+        if (!(gain > kClearGain)) continue;
+        exchanged[a] = exchanged[b] = true;
+        for (const auto& [one, other] : {std::pair(a, b), std::pair(b, a)})
+          add(one, faults::kSwapped, Severity::fault,
+              fmt::format("what moves in its video is where the keypoints of camera {} are (contrast {:.2f}, with its "
+                          "own {:.2f})",
+                          seen_.cameras[other].name, of[one][other], of[one][one]),
+              fmt::format("The videos of cameras {} and {} are exchanged. Exchange them in capture.yaml.",
+                          seen_.cameras[one].name, seen_.cameras[other].name));
+      }
+    for (std::size_t c = 0; c < cameras; ++c)
+      if (!exchanged[c] && std::isfinite(of[c][c])) flips(c, active[c], of[c][c]);
+  }
+
+  void flips(std::size_t c, const std::vector<cv::Mat>& active, double own) {
+    double best = own + 2.0 * kClearGain;
+    const char* fault = nullptr;
+    std::string what;
+    for (const auto& [code, slug, words] : {std::tuple(1, faults::kMirrored, "mirrored left to right"),
+                                            std::tuple(0, faults::kMirrored, "mirrored top to bottom"),
+                                            std::tuple(-1, faults::kUpsideDown, "turned by 180 degrees")})
+      if (const double value = contrast(flipped(active, code), footage_[c].small_instants, c); value > best) {
+        best = value;
+        fault = slug;
+        what = words;
+      }
+    if (fault)
+      add(c, fault, Severity::fault,
+          fmt::format(
+              "what moves in its video is not where the keypoints are (contrast {:.2f}, {:.2f} after the correction)",
+              own, best),
+          fmt::format("The video is {} against the keypoints. Flip it back.", what));
+  }
+
+  const Sightings& seen_;
+  const RigExamination* rig_;
+  const SequenceFootage& footage_;
+  std::vector<Finding>& findings_;
+};
+
+}  // namespace
+
+void examine_pictures(const Sightings& seen, const RigExamination* rig, const std::vector<SequenceFootage>& footage,
+                      std::vector<Finding>& findings) {
+  for (const SequenceFootage& sequence : footage) PictureJudge(seen, rig, sequence, findings).judge();
+}
+
+}  // namespace doppel

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "doppel/data/capture/capture.h"
+#include "doppel/data/doctor/rig_examination.h"
+
+namespace doppel {
+
+/// What was measured in one image, and in its mask.
+struct PictureFacts {
+  long row = 0;
+  bool after_previous = false;   ///< the entry before is the row before
+  double exposure = 0.0;         ///< mean of the linear light on the person, as its logarithm to base 2 (stops)
+  double scene_exposure = 0.0;   ///< the same of the image around the person
+  double red = 0.0, blue = 0.0;  ///< on the person: log2 of red/green and blue/green, linear light
+  double scene_red = 0.0, scene_blue = 0.0;
+  double overexposed = 0.0;       ///< share of the person's pixels at the brightest values
+  double edge_width = -1.0;       ///< sigma of the sharpest edges, pixels; -1: not measured
+  double change = -1.0;           ///< mean difference from the image before, grey levels of 255; -1: none
+  std::optional<double> seconds;  ///< time stamp of the video
+  // Of the mask; -1 where there is none.
+  double mask_area = -1.0;  ///< share of the image
+  bool mask_at_border = false;
+  double points_on_mask = -1.0;  ///< share of the camera's keypoints
+  double body_on_mask = -1.0;    ///< share of the projected body's points
+  double bones_on_mask = -1.0;   ///< share of the lines between neighbouring keypoints
+  double flicker = -1.0;         ///< pixels that differ from both neighbours in time, per mask area; -1: no neighbours
+  std::array<double, 4> margins{};  ///< of the mask's box around the keypoints' box: left, top, right, bottom, sizes
+  bool has_margins = false;
+};
+
+/// What was measured of one camera in one sequence.
+struct FootageExamination {
+  std::vector<PictureFacts> pictures;
+  long frames = -1;  ///< of the video; -1: not readable
+  long mask_frames = -1;
+  std::string error;  ///< why reading stopped; empty: it did not
+  std::string mask_error;
+  cv::Mat sample, sample_mask;  ///< an image from the middle, and its mask
+  int sample_instant = -1;
+  std::vector<cv::Mat> small;  ///< small grey images of some instants
+  std::vector<int> small_instants;
+};
+
+/// Reads the images and masks of one camera in the rows of the sightings, and measures them.
+/// @param rig nothing: no consensus, so the projected body is not compared with masks
+FootageExamination examine_footage(const Capture& capture, int sequence, const Sightings& seen, int camera,
+                                   const RigExamination* rig);
+
+}  // namespace doppel

@@ -1,0 +1,164 @@
+#include "doppel/detect/blazepose/body_detector.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/detect/blazepose/network.h"
+#include "doppel/detect/blazepose/network_edits.h"
+#include "doppel/detect/blazepose/network_input.h"
+#include "doppel/detect/blazepose/tflite_model.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr float kMinPresence = 0.5f;
+
+/// The outputs of the landmark network in the order of use: the mask is the last one, so that it can be left out.
+enum LandmarkOutput : std::size_t { kPoints, kPresence, kHeatmaps, kWorld, kMaskLogits };
+/// The same in the order of the file.
+const std::vector<std::size_t> kLandmarkOutputPlaces = {0, 1, 3, 4, 2};
+
+void require_image(const cv::Mat& image) {
+  if (image.empty() || image.dims != 2 || image.type() != CV_8UC3)
+    fail<UsageError>(
+        "detecting people: found an image of {}x{} pixels with {} channels of {} bytes; allowed is 8-bit "
+        "BGR with at least one pixel",
+        image.cols, image.rows, image.channels(), image.elemSize1());
+}
+
+NetworkModel read_network(const PackageFile& file, const std::filesystem::path& folder,
+                          const std::vector<TensorShape>& expected) {
+  NetworkModel model = read_tflite(find_model(file, folder));
+  std::vector<TensorShape> found;
+  for (const auto* tensors : {&model.inputs, &model.outputs}) {
+    for (const int tensor : *tensors) found.push_back(model.tensors[as_size(tensor)].shape);
+  }
+  if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than this network of BlazePose");
+  return model;
+}
+
+NetworkModel read_detector(const std::filesystem::path& folder) {
+  return read_network(
+      kDetectorFile, folder,
+      {{1, kDetectorPixels, kDetectorPixels, 3}, {1, kDetectorAnchors, kDetectorValues}, {1, kDetectorAnchors, 1}});
+}
+
+/// @param with_mask otherwise the part of the network that computes the mask is left out
+NetworkModel read_landmarks(BlazePoseModel model, const std::filesystem::path& folder, bool with_mask) {
+  const NetworkModel network = read_network(landmark_file(model), folder,
+                                            {{1, kRoiPixels, kRoiPixels, 3},
+                                             {1, 5 * kNetworkPoints},
+                                             {1, 1},
+                                             {1, kRoiPixels, kRoiPixels, 1},
+                                             {1, kHeatmapPixels, kHeatmapPixels, kNetworkPoints},
+                                             {1, 3 * kNetworkPoints}});
+  std::vector<std::size_t> outputs = kLandmarkOutputPlaces;
+  if (!with_mask) outputs.pop_back();
+  return keep_outputs(network, outputs);
+}
+
+bool all_finite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float value) { return std::isfinite(value); });
+}
+
+}  // namespace
+
+struct BodyDetector::Impl {
+  Impl(const BodyDetectorOptions& options, const std::filesystem::path& folder)
+      : masks(options.masks),
+        mirror(options.mirror),
+        threads(std::make_shared<NetworkThreads>(options.threads)),
+        boxes(read_detector(folder), threads),
+        landmarks(read_landmarks(options.model, folder, options.masks), threads) {}
+
+  /// The pose of the person in one region. @return as read_pose
+  std::optional<BodyPose> read(const cv::Mat& image, const BodyRoi& roi) {
+    sample_roi(image, roi, kRoiPixels, landmarks.input());
+    landmarks.run();
+    const LandmarkOutputs outputs{landmarks.output(kPoints), landmarks.output(kHeatmaps), landmarks.output(kWorld),
+                                  landmarks.output(kPresence)[0]};
+    if (!(outputs.presence > kMinPresence) || !all_finite(outputs.points) || !all_finite(outputs.world))
+      return std::nullopt;
+    BodyPose pose = decode_pose(outputs, roi);
+    if (masks) pose.mask = draw_person_mask(landmarks.output(kMaskLogits), roi, image.size());
+    return pose;
+  }
+
+  bool masks, mirror;
+  std::shared_ptr<NetworkThreads> threads;
+  Network boxes, landmarks;
+};
+
+BodyDetector::BodyDetector(const BodyDetectorOptions& options)
+    : impl_(std::make_unique<Impl>(options, options.models.empty() ? models_folder() : options.models)) {}
+BodyDetector::~BodyDetector() = default;
+BodyDetector::BodyDetector(BodyDetector&&) noexcept = default;
+BodyDetector& BodyDetector::operator=(BodyDetector&&) noexcept = default;
+
+std::vector<BodyBox> BodyDetector::find_boxes(const cv::Mat& image) {
+  require_image(image);
+  Network& network = impl_->boxes;
+  sample_letterbox(image, kDetectorPixels, network.input());
+  network.run();
+  std::vector<BodyBox> boxes = merge_boxes(decode_boxes(network.output(0), network.output(1)));
+  for (BodyBox& box : boxes) box = box_in_image(box, image.size());
+  return boxes;
+}
+
+std::optional<BodyPose> BodyDetector::read_pose(const cv::Mat& image, const BodyRoi& roi) {
+  require_image(image);
+  if (!roi.valid()) return std::nullopt;
+  std::optional<BodyPose> pose = impl_->read(image, roi);
+  if (!pose || !impl_->mirror) return pose;
+  BodyRoi in_mirror = roi;
+  in_mirror.mirrored = true;
+  const std::optional<BodyPose> mirrored = impl_->read(image, in_mirror);
+  return mirrored ? mean_pose(*pose, *mirrored) : pose;
+}
+
+std::optional<BodyPose> BodyDetector::detect(const cv::Mat& image) {
+  const std::vector<BodyBox> boxes = find_boxes(image);
+  return boxes.empty() ? std::nullopt : read_pose(image, roi_of_box(boxes[0]));
+}
+
+std::vector<BodyPose> BodyDetector::detect_all(const cv::Mat& image) {
+  std::vector<BodyPose> people;
+  for (const BodyBox& box : find_boxes(image)) {
+    if (auto pose = read_pose(image, roi_of_box(box))) people.push_back(std::move(*pose));
+  }
+  return people;
+}
+
+BodyRoi roi_of_box(const BodyBox& box) { return body_roi(box.keypoints[0], box.keypoints[1]); }
+
+BodyTracker::BodyTracker(BodyDetector& detector, std::optional<Eigen::Vector2d> hint)
+    : detector_(&detector), position_(hint) {}
+
+std::optional<BodyPose> BodyTracker::track(const cv::Mat& image) {
+  std::optional<BodyPose> pose;
+  if (roi_) pose = detector_->read_pose(image, *roi_);
+  if (!pose) pose = find_again(image);
+  roi_.reset();
+  if (!pose) return pose;
+  roi_ = pose->next_roi;
+  position_ = pose->next_roi.centre;
+  return pose;
+}
+
+std::optional<BodyPose> BodyTracker::find_again(const cv::Mat& image) {
+  std::vector<BodyBox> boxes = detector_->find_boxes(image);
+  const auto distance = [&](const BodyBox& box) { return (box.keypoints[0] - *position_).norm(); };
+  if (position_) {
+    std::stable_sort(boxes.begin(), boxes.end(),
+                     [&](const BodyBox& a, const BodyBox& b) { return distance(a) < distance(b); });
+  }
+  for (const BodyBox& box : boxes) {
+    if (auto pose = detector_->read_pose(image, roi_of_box(box))) return pose;
+  }
+  return std::nullopt;
+}
+
+}  // namespace doppel

@@ -1,0 +1,153 @@
+#include "doppel/detect/blazepose/mask_agreement.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core/utility.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kFewestOthers = 2;
+
+struct Ray {
+  Eigen::Vector3d origin, direction;  ///< world, direction of length 1
+};
+
+std::optional<Ray> ray_of(const Camera& camera, const Eigen::Vector2d& pixel) {
+  const Eigen::Vector3d seen = camera.K.inverse() * pixel.homogeneous();
+  const std::optional<Eigen::Vector2d> point = camera.undistorted(seen.hnormalized());
+  if (!point) return std::nullopt;
+  return Ray{camera.centre(), (camera.R.transpose() * point->homogeneous()).normalized()};
+}
+
+/// A camera with a mask that is not black.
+struct View {
+  std::size_t index;
+  const Camera* camera;
+  cv::Mat near;  ///< the mask and what is within the tolerance
+};
+
+void check(const std::vector<cv::Mat>& masks, std::span<const Camera> cameras, const MaskAgreement& options) {
+  if (masks.size() != cameras.size())
+    fail<UsageError>("comparing masks: {} masks for {} cameras; expected one for each", masks.size(), cameras.size());
+  for (std::size_t i = 0; i < masks.size(); ++i)
+    if (!masks[i].empty() &&
+        (masks[i].type() != CV_8U || masks[i].size() != cv::Size(cameras[i].width, cameras[i].height)))
+      fail<UsageError>("comparing masks: that of camera {} has {}x{} pixels and {} channels; expected {}x{} and 8 bits",
+                       cameras[i].name, masks[i].cols, masks[i].rows, masks[i].channels(), cameras[i].width,
+                       cameras[i].height);
+  if (!(options.share > 0) || options.share > 1 || options.tolerance < 0 || !(options.step > 0) ||
+      !(options.radius > 0))
+    fail<UsageError>(
+        "comparing masks with share {}, tolerance {}, step {}, radius {}: the share must be in (0, 1], the tolerance 0 "
+        "or more, step and radius positive",
+        options.share, options.tolerance, options.step, options.radius);
+}
+
+std::vector<View> views_of(const std::vector<cv::Mat>& masks, std::span<const Camera> cameras, int tolerance) {
+  std::vector<View> views;
+  const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * tolerance + 1, 2 * tolerance + 1});
+  for (std::size_t i = 0; i < masks.size(); ++i) {
+    if (masks[i].empty() || cv::countNonZero(masks[i]) == 0) continue;
+    views.push_back({i, &cameras[i], {}});
+    cv::dilate(masks[i], views.back().near, disc);
+  }
+  return views;
+}
+
+/// The point nearest to the rays through the middles of the masks. Nothing if the rays are parallel.
+std::optional<Eigen::Vector3d> middle_of(const std::vector<View>& views) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const View& view : views) {
+    const cv::Moments moments = cv::moments(view.near, true);
+    const auto ray = ray_of(*view.camera, {moments.m10 / moments.m00 + 0.5, moments.m01 / moments.m00 + 0.5});
+    if (!ray) continue;
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - ray->direction * ray->direction.transpose();
+    normal += across;
+    right += across * ray->origin;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix3d> solver(normal);
+  if (solver.rcond() < 1e-6) return std::nullopt;
+  return solver.solve(right);
+}
+
+class Agreement {
+ public:
+  Agreement(const std::vector<View>& views, const Eigen::Vector3d& middle, const MaskAgreement& options)
+      : views_(views), middle_(middle), options_(options) {}
+
+  /// Whether the other views agree with a pixel of a view: points of its ray are tested from the middle outwards.
+  bool supports(const View& view, const Eigen::Vector2d& pixel) const {
+    const auto ray = ray_of(*view.camera, pixel);
+    if (!ray) return true;
+    const double along = ray->direction.dot(middle_ - ray->origin);
+    const double across = (ray->origin + along * ray->direction - middle_).norm();
+    if (across > options_.radius) return false;
+    const double half = std::sqrt(options_.radius * options_.radius - across * across);
+    for (double offset = 0; offset <= half; offset += options_.step)
+      for (const double side : {-1.0, 1.0})
+        if (along + side * offset > 0 && is_inside(ray->origin + (along + side * offset) * ray->direction, view.index))
+          return true;
+    return false;
+  }
+
+ private:
+  bool is_inside(const Eigen::Vector3d& point, std::size_t except) const {
+    int seen = 0, on_mask = 0;
+    for (const View& view : views_) {
+      if (view.index == except || view.camera->camera_from_world(point).z() <= 0) continue;
+      const Eigen::Vector2d pixel = view.camera->project(point);
+      if (!(pixel.x() >= 0) || !(pixel.y() >= 0) || pixel.x() >= view.near.cols || pixel.y() >= view.near.rows)
+        continue;
+      ++seen;
+      on_mask += view.near.at<std::uint8_t>(static_cast<int>(pixel.y()), static_cast<int>(pixel.x())) != 0;
+    }
+    return seen >= kFewestOthers && on_mask >= options_.share * seen;
+  }
+
+  const std::vector<View>& views_;
+  Eigen::Vector3d middle_;
+  MaskAgreement options_;
+};
+
+long drop_pixels(const Agreement& agreement, const View& view, cv::Mat& mask) {
+  cv::Mat kept = mask.clone();
+  std::atomic<long> dropped{0};
+  cv::parallel_for_({0, mask.rows}, [&](const cv::Range& rows) {
+    for (int row = rows.start; row < rows.end; ++row)
+      for (int column = 0; column < mask.cols; ++column)
+        if (mask.at<std::uint8_t>(row, column) != 0 && !agreement.supports(view, {column + 0.5, row + 0.5})) {
+          kept.at<std::uint8_t>(row, column) = 0;
+          ++dropped;
+        }
+  });
+  mask = kept;
+  return dropped;
+}
+
+}  // namespace
+
+long drop_contradicted_pixels(std::vector<cv::Mat>& masks, std::span<const Camera> cameras,
+                              const MaskAgreement& options) {
+  check(masks, cameras, options);
+  const std::vector<View> views = views_of(masks, cameras, options.tolerance);
+  if (views.size() < as_size(kFewestOthers + 1)) return 0;
+  const auto middle = middle_of(views);
+  if (!middle) return 0;
+  const Agreement agreement(views, *middle, options);
+  long dropped = 0;
+  for (const View& view : views) dropped += drop_pixels(agreement, view, masks[view.index]);
+  return dropped;
+}
+
+}  // namespace doppel

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+
+#include "doppel/detect/blazepose/network_model.h"
+
+namespace doppel {
+
+/// Reads a network in TensorFlow Lite's file format: one subgraph in float32, whose constants are float32 or float16,
+/// dense or sparse (DENSIFY). Constants are converted to float32 here, so DEQUANTIZE and DENSIFY are not in the result.
+/// All indices, shapes and sizes of the result are checked: `check_shapes` holds for it.
+/// @throws FileError for another kind of file, one that is damaged or larger than 256 MB, an operator or option that
+/// `NetworkOp` does not have (the message names it), and tensors that need more than 1 GB together
+NetworkModel read_tflite(const std::filesystem::path& path);
+
+}  // namespace doppel

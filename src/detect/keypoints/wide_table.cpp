@@ -1,0 +1,178 @@
+#include <algorithm>
+#include <climits>
+#include <cmath>
+#include <map>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/text_reader.h"
+#include "doppel/detect/keypoints/format.h"
+#include "doppel/detect/keypoints/json_parts.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr double kFarthestOfWide = 1e7;
+constexpr std::size_t kMostWideColumns = 10000;
+
+/// A column like `L0_x`, `nose.y`, `x12` or `left_hip_visibility`.
+struct WideColumn {
+  std::string point;
+  char part = 0;  ///< 'x', 'y', 'c' confidence; 0: something else
+};
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+  return text;
+}
+
+/// 0 for words that name no part of a point.
+char part_of(const std::string& word) {
+  if (word == "x" || word == "y") return word[0];
+  for (const char* confidence : {"visibility", "confidence", "likelihood", "score", "v", "c"})
+    if (word == confidence) return 'c';
+  return 0;
+}
+
+WideColumn wide_column(std::string name) {
+  name = lower(std::move(name));
+  const std::size_t cut = name.find_last_of("_. ");
+  if (cut != std::string::npos && part_of(name.substr(cut + 1)) != 0)
+    return {name.substr(0, cut), part_of(name.substr(cut + 1))};
+  const std::size_t digits = name.find_first_of("0123456789");
+  if (digits == std::string::npos || name.find_first_not_of("0123456789", digits) != std::string::npos) return {};
+  std::string word = name.substr(0, digits);
+  while (!word.empty() && (word.back() == '_' || word.back() == '.' || word.back() == ' ')) word.pop_back();
+  return {name.substr(digits), part_of(word)};
+}
+
+/// The number at the end of `l12`, `landmark_12` or `12`; nothing for other names.
+std::optional<int> point_number(const std::string& name) {
+  const std::size_t digits = name.find_first_of("0123456789");
+  if (digits == std::string::npos || name.size() - digits > 4) return std::nullopt;
+  if (name.find_first_not_of("0123456789", digits) != std::string::npos) return std::nullopt;
+  return std::stoi(name.substr(digits));
+}
+
+/// The columns of one point.
+struct WidePoint {
+  int x = -1, y = -1, confidence = -1;
+};
+
+/// What the header says; no points: it is not the header of such a table.
+struct WideHeader {
+  int frame = -1;
+  std::vector<WidePoint> points;
+  std::vector<std::string> names;  ///< empty: the points are numbered
+};
+
+/// Puts points that are numbered from 0 or 1 without gaps into their order. @return false: they are not numbered
+bool order_by_number(const std::vector<std::string>& names, std::vector<WidePoint>& points) {
+  std::map<int, WidePoint> numbered;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (const std::optional<int> number = point_number(names[i])) numbered[*number] = points[i];
+  if (numbered.size() != names.size() || numbered.empty()) return false;
+  const int first = numbered.begin()->first, last = numbered.rbegin()->first;
+  if (first > 1 || as_size(last - first + 1) != names.size()) return false;
+  points.clear();
+  for (const auto& [number, point] : numbered) points.push_back(point);
+  return true;
+}
+
+WideHeader read_wide_header(const std::vector<std::string>& columns) {
+  WideHeader header;
+  std::map<std::string, std::size_t> places;
+  for (std::size_t c = 0; c < columns.size() && columns.size() <= kMostWideColumns; ++c) {
+    const std::string plain = lower(columns[c]);
+    if (plain == "frame" || plain == "frame_id" || plain == "frame_number" || plain == "frame_index")
+      header.frame = static_cast<int>(c);
+    const WideColumn column = wide_column(columns[c]);
+    if (column.part == 0 || column.point.empty()) continue;
+    const auto [place, is_new] = places.emplace(column.point, header.points.size());
+    if (is_new) {
+      header.points.emplace_back();
+      header.names.push_back(column.point);
+    }
+    WidePoint& point = header.points[place->second];
+    (column.part == 'x' ? point.x : column.part == 'y' ? point.y : point.confidence) = static_cast<int>(c);
+  }
+  const bool complete = std::all_of(header.points.begin(), header.points.end(),
+                                    [](const WidePoint& point) { return point.x >= 0 && point.y >= 0; });
+  if (!complete || header.points.size() < 2) return {};
+  if (order_by_number(header.names, header.points)) header.names.clear();
+  return header;
+}
+
+std::vector<std::string> columns_of(std::string line) {
+  if (line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
+  std::vector<std::string> columns(1);
+  for (const char c : line) {
+    if (c == ',')
+      columns.emplace_back();
+    else if (c != '\r' && c != '"')
+      columns.back() += c;
+  }
+  return columns;
+}
+
+class WideReader {
+ public:
+  explicit WideReader(const std::filesystem::path& path) : reader_(path, "a table of keypoints", Separator::comma) {
+    reader_.require_line("the header");
+    header_ = read_wide_header(columns_of(std::string(reader_.line())));
+    if (header_.points.empty()) reader_.fail_here("reading keypoints: the header names no points with x and y");
+    const std::size_t columns = reader_.tokens().size();
+    result_.points = header_.names;
+    result_.by_name = !header_.names.empty();
+    while (reader_.next_row(columns)) read_row();
+  }
+  Detections take() { return std::move(result_); }
+
+ private:
+  /// NaN for an empty cell.
+  double cell(int column) const {
+    const std::string_view text = reader_.tokens()[as_size(column)];
+    if (text.empty()) return std::nan("");
+    const std::optional<double> value = parse_number(text);
+    if (!value || std::abs(*value) > kFarthestOfWide)
+      reader_.fail_here("reading keypoints: column {} holds '{}', a number is expected", column + 1,
+                        text.substr(0, 40));
+    return *value;
+  }
+
+  void read_row() {
+    const long row = static_cast<long>(result_.images.size());
+    const long frame = header_.frame < 0 ? row : reader_.integer(as_size(header_.frame), "the frame", 0, INT_MAX);
+    DetectedPerson person;
+    for (const WidePoint& point : header_.points)
+      person.body.push_back(
+          keypoint_of(cell(point.x), cell(point.y), point.confidence < 0 ? 1.0 : cell(point.confidence)));
+    result_.images.push_back({frame, "", {std::move(person)}});
+  }
+
+  TextReader reader_;
+  WideHeader header_;
+  Detections result_;
+};
+
+/// Tables with one row per frame and columns x, y and perhaps a confidence for each point, as many programs write the
+/// landmarks of MediaPipe: `L0_x, L0_y, L0_z, L0_visibility, ...`, `x0, y0, ...`, `nose_x, nose_y, ...`. There is no
+/// standard of the header. Numbered points are in the order of the layout, from 0 or 1. A column `frame` states the
+/// frame; otherwise rows count from 0. MediaPipe's x and y are fractions of the image's size.
+class WideKeypoints : public KeypointFormat {
+ public:
+  std::string name() const override { return "wide_csv"; }
+  bool recognises(const KeypointFile& file) const override {
+    if (file.document) return false;
+    return !read_wide_header(columns_of(file.head.substr(0, file.head.find('\n')))).points.empty();
+  }
+  Detections read(const KeypointFile& file, const KeypointCamera& /*camera*/) const override {
+    return WideReader(file.path).take();
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<KeypointFormat> make_wide_keypoints() { return std::make_unique<WideKeypoints>(); }
+
+}  // namespace doppel

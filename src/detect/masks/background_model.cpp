@@ -1,0 +1,204 @@
+#include "doppel/detect/masks/background_model.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/detect/masks/components.h"
+#include "doppel/detect/masks/tiled_mixtures.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeated, or variances stay at their guess
+constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
+constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
+constexpr double kSizeOfGaps = 1.0 / 140.0;  ///< of the image's longer side
+constexpr std::uint64_t kSeed = 20210917;
+
+// ---- exposure ----
+
+constexpr double kLogRange = 0.25, kLogStep = 0.005;
+constexpr int kBins = 2 * static_cast<int>(kLogRange / kLogStep) + 1, kReach = 3;
+constexpr int kSampleStep = 3;
+constexpr int kDarkest = 25, kBrightest = 245;  ///< of the compared pixels: noise below, clipped values above
+constexpr double kSmallestAgreement = 0.1;      ///< of the compared pixels
+
+using Histogram = std::array<double, kBins>;
+
+double sum_around(const Histogram& votes, int bin) {
+  double sum = 0.0;
+  for (int i = std::max(0, bin - kReach); i <= std::min(kBins - 1, bin + kReach); ++i) sum += votes[i];
+  return sum;
+}
+
+/// The ratio that most pixels agree on. The pixels of the person have no common ratio. 1 when pixels do not agree.
+double common_ratio(const Histogram& votes) {
+  int best = 0;
+  double total = 0.0;
+  for (int bin = 0; bin < kBins; ++bin) {
+    total += votes[bin];
+    if (sum_around(votes, bin) > sum_around(votes, best)) best = bin;
+  }
+  const double agreed = sum_around(votes, best);
+  if (agreed <= kSmallestAgreement * total) return 1.0;
+  double mean = 0.0;
+  for (int i = std::max(0, best - kReach); i <= std::min(kBins - 1, best + kReach); ++i)
+    mean += votes[i] / agreed * (i * kLogStep - kLogRange);
+  return std::exp(mean);
+}
+
+/// The brightness of an image relative to the empty scene, per channel.
+cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
+  static const std::array<double, 256> logs = [] {
+    std::array<double, 256> table{};
+    for (int i = 0; i < 256; ++i) table[as_size(i)] = std::log(static_cast<double>(i));
+    return table;
+  }();
+  std::array<Histogram, 3> votes{};
+  for (int row = 0; row < image.rows; row += kSampleStep)
+    for (int column = 0; column < image.cols; column += kSampleStep) {
+      const cv::Vec3b &seen = image.at<cv::Vec3b>(row, column), &learnt = empty.at<cv::Vec3b>(row, column);
+      for (int k = 0; k < 3; ++k) {
+        if (std::min(seen[k], learnt[k]) < kDarkest || std::max(seen[k], learnt[k]) > kBrightest) continue;
+        const double ratio = logs[seen[k]] - logs[learnt[k]];
+        if (std::abs(ratio) <= kLogRange) ++votes[k][std::lround((ratio + kLogRange) / kLogStep)];
+      }
+    }
+  return {common_ratio(votes[0]), common_ratio(votes[1]), common_ratio(votes[2])};
+}
+
+// ---- shape ----
+
+cv::Mat disc(int size) { return cv::getStructuringElement(cv::MORPH_ELLIPSE, {size, size}); }
+
+/// An odd number of pixels in proportion to the image.
+int gap_size(cv::Size image) {
+  return 2 * (static_cast<int>(kSizeOfGaps * std::max(image.width, image.height)) / 2) + 1;
+}
+
+void fill_small_holes(cv::Mat& mask) { fill_holes(mask, static_cast<int>(kHoleShare * cv::countNonZero(mask))); }
+
+/// The mask of one person without specks and gaps; empty when the result is too small to be a person.
+cv::Mat clean(const cv::Mat& found, int gap) {
+  cv::Mat result = cv::Mat::zeros(found.size(), CV_8U), mask;
+  // Nothing happens far from the pixels found. The margin is wide enough that the background around the person stays
+  // one large region, as in the whole image.
+  cv::Rect box = cv::boundingRect(found);
+  if (box.empty()) return result;
+  const cv::Point margin(2 * gap + 16, 2 * gap + 16);
+  box = cv::Rect(box.tl() - margin, box.br() + margin) & cv::Rect({}, found.size());
+  cv::medianBlur(found(box), mask, 3);
+  if (gap > 1) cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc(gap));
+  mask = largest_component(mask);
+  if (cv::countNonZero(mask) < kSmallestShare * static_cast<double>(found.total())) return result;
+  fill_small_holes(mask);
+  mask.copyTo(result(box));
+  return result;
+}
+
+/// The pixels that the graph cut may change, and its initial labels. @param changed pixels that differ from the empty
+/// scene, including shadows
+cv::Mat cut_labels(const cv::Mat& person, const cv::Mat& changed, int gap) {
+  cv::Mat inside, near;
+  cv::erode(person, inside, disc(std::max(3, gap)));
+  cv::dilate(changed | person, near, disc(gap + 2));
+  cv::Mat labels(person.size(), CV_8U, cv::Scalar(cv::GC_BGD));
+  labels.setTo(cv::GC_PR_BGD, near);
+  labels.setTo(cv::GC_PR_FGD, person & changed);
+  labels.setTo(cv::GC_FGD, inside);
+  return labels;
+}
+
+/// Moves the outline to the edges of the image. Returns `person` when a cut is not possible.
+cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& changed, int gap) {
+  cv::Mat labels = cut_labels(person, changed, gap);
+  cv::Rect box = cv::boundingRect(labels != cv::GC_BGD);
+  const cv::Point margin(2 * gap + 2, 2 * gap + 2);
+  box = cv::Rect(box.tl() - margin, box.br() + margin) & cv::Rect({}, image.size());
+  cv::Mat window = labels(box), colours_outside, colours_inside;
+  const int enough = 100;  // pixels of either label, for mixtures of five colours
+  if (cv::countNonZero(window == cv::GC_FGD) < enough || cv::countNonZero(window == cv::GC_BGD) < enough) return person;
+  // The mixtures start from random colours. A fixed seed gives the same mask for the same image.
+  cv::RNG& random = cv::theRNG();
+  const std::uint64_t state = random.state;
+  random.state = kSeed;
+  cv::grabCut(image(box), window, {}, colours_outside, colours_inside, 1, cv::GC_INIT_WITH_MASK);
+  random.state = state;
+  cv::Mat cut = largest_component((labels == cv::GC_FGD) | (labels == cv::GC_PR_FGD));
+  fill_small_holes(cut);
+  const double before = cv::countNonZero(person), after = cv::countNonZero(cut);
+  return after > 0.7 * before && after < 1.5 * before ? cut : person;
+}
+
+}  // namespace
+
+struct BackgroundModel::Impl {
+  BackgroundOptions options;
+  TiledMixtures model;
+  std::vector<cv::Mat> few;  ///< the first images, kept to repeat them
+  int learnt = 0, shown = 0;
+  cv::Size size;
+  cv::Mat empty;  ///< the learnt scene; empty before the first mask
+
+  void check(const cv::Mat& image) const {
+    if (image.type() != CV_8UC3) fail("background subtraction needs 8-bit colour images");
+    if (learnt > 0 && image.size() != size)
+      fail("an image has {}x{} pixels, the first of the empty scene {}x{}; they must be equal", image.cols, image.rows,
+           size.width, size.height);
+  }
+
+  /// The n-th image changes the model by 1 / n, so that all images have the same weight.
+  void show(const cv::Mat& image) { model.learn(image, 1.0 / ++shown); }
+
+  void finish_learning() {
+    if (!empty.empty()) return;
+    for (int i = 0; shown < kFewest; ++i) show(few[as_size(i) % few.size()]);
+    few.clear();
+    empty = model.empty_scene();
+  }
+};
+
+BackgroundModel::BackgroundModel(const BackgroundOptions& options) : impl_(std::make_unique<Impl>()) {
+  if (!(options.threshold > 0.0) || !(options.shadow > 0.0) || options.shadow > 1.0)
+    fail<UsageError>(
+        "background subtraction with threshold {} and shadow {}: the threshold must be positive, the shadow in (0, 1]",
+        options.threshold, options.shadow);
+  impl_->options = options;
+}
+
+BackgroundModel::~BackgroundModel() = default;
+BackgroundModel::BackgroundModel(BackgroundModel&&) noexcept = default;
+BackgroundModel& BackgroundModel::operator=(BackgroundModel&&) noexcept = default;
+
+void BackgroundModel::learn(const cv::Mat& image) {
+  if (!impl_->empty.empty()) fail<UsageError>("background subtraction cannot learn after its first mask");
+  impl_->check(image);
+  if (impl_->learnt == 0) impl_->model = TiledMixtures(impl_->options.threshold, impl_->options.shadow, image.size());
+  impl_->size = image.size();
+  ++impl_->learnt;
+  impl_->show(image);
+  if (impl_->few.size() < kFewest) impl_->few.push_back(image.clone());
+}
+
+int BackgroundModel::num_learnt() const { return impl_->learnt; }
+
+cv::Mat BackgroundModel::mask(const cv::Mat& image) {
+  if (impl_->learnt == 0) fail<UsageError>("background subtraction has seen no empty image yet");
+  impl_->check(image);
+  impl_->finish_learning();
+  cv::Mat levelled;
+  cv::divide(image, exposure_ratio(image, impl_->empty), levelled);
+  const cv::Mat found = impl_->model.classes(levelled, impl_->empty);
+  const int gap = gap_size(image.size());
+  const cv::Mat person = clean(found == 255, gap);
+  if (!impl_->options.refine || cv::countNonZero(person) == 0) return person;
+  return refine(levelled, person, found > 0, gap);
+}
+
+}  // namespace doppel

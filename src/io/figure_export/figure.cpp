@@ -1,0 +1,177 @@
+#include "doppel/io/figure_export/figure.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "doppel/character/joint_map.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+const std::vector<std::string> kMixamo{"Hips",         "Neck",          "Head",        "LeftArm",      "RightArm",
+                                       "LeftShoulder", "RightShoulder", "LeftForeArm", "RightForeArm", "LeftHand",
+                                       "RightHand",    "LeftUpLeg",     "RightUpLeg",  "LeftLeg",      "RightLeg",
+                                       "LeftFoot",     "RightFoot",     "LeftToeBase", "RightToeBase"};
+const std::vector<std::string> kMixamoSpine{"Spine", "Spine1", "Spine2", "Spine3"};
+const std::vector<std::string> kVrm{"hips",         "neck",          "head",          "leftUpperArm",  "rightUpperArm",
+                                    "leftShoulder", "rightShoulder", "leftLowerArm",  "rightLowerArm", "leftHand",
+                                    "rightHand",    "leftUpperLeg",  "rightUpperLeg", "leftLowerLeg",  "rightLowerLeg",
+                                    "leftFoot",     "rightFoot",     "leftToes",      "rightToes"};
+const std::vector<std::string> kVrmSpine{"spine", "chest", "upperChest"};
+
+/// The joints that carry bones, parents first.
+void add_nodes(const Character& character, Figure& figure) {
+  const std::set<int> carriers(character.bone_joint.begin(), character.bone_joint.end());
+  std::map<int, int> node_of;
+  std::map<std::string, int> uses;
+  for (const int joint : carriers) {
+    FigureNode node;
+    const Joint& source = character.skeleton.joints[as_size(joint)];
+    const int use = uses[bone_name(source.name)]++;
+    node.name = bone_name(source.name) + (use > 0 ? std::to_string(use + 1) : "");
+    node.joint = joint;
+    for (int above = source.parent; above >= 0 && node.parent < 0;
+         above = character.skeleton.joints[as_size(above)].parent)
+      if (const auto found = node_of.find(above); found != node_of.end()) node.parent = found->second;
+    node_of[joint] = static_cast<int>(figure.nodes.size());
+    figure.nodes.push_back(node);
+  }
+}
+
+/// The nodes between the neck and the hips, from below.
+std::vector<int> spine_of(const Figure& figure, const std::string& hips, const std::string& neck) {
+  std::vector<int> spine;
+  const auto named = [&](const std::string& name) {
+    for (std::size_t i = 0; i < figure.nodes.size(); ++i)
+      if (figure.nodes[i].name == name) return static_cast<int>(i);
+    return -1;
+  };
+  const int low = named(hips), top = named(neck);
+  if (low < 0 || top < 0) return {};
+  int i = figure.nodes[as_size(top)].parent;
+  for (; i >= 0 && i != low; i = figure.nodes[as_size(i)].parent) spine.push_back(i);
+  if (i < 0) return {};
+  std::reverse(spine.begin(), spine.end());
+  return spine;
+}
+
+/// The lowest node above both of two nodes; -1 without one.
+int common_node(const Figure& figure, int a, int b) {
+  while (a != b && a >= 0 && b >= 0) (a > b ? a : b) = figure.nodes[as_size(std::max(a, b))].parent;
+  return a == b ? a : -1;
+}
+
+/// The root of the body where no name says so: the node above both thighs and the neck.
+std::string hips_by_tree(const Figure& figure, const std::map<std::string, std::string>& renamed,
+                         const std::vector<std::string>& parts) {
+  int common = -1;
+  for (std::size_t i = 0; i < figure.nodes.size(); ++i) {
+    const auto found = renamed.find(figure.nodes[i].name);
+    if (found == renamed.end() || std::find(parts.begin(), parts.end(), found->second) == parts.end()) continue;
+    common = common < 0 ? static_cast<int>(i) : common_node(figure, common, static_cast<int>(i));
+    if (common < 0) return "";
+  }
+  return common < 0 || renamed.count(figure.nodes[as_size(common)].name) > 0 ? "" : figure.nodes[as_size(common)].name;
+}
+
+void rename_nodes(Figure& figure, BoneNames names) {
+  const bool vrm = names == BoneNames::vrm;
+  const std::string prefix = vrm ? "" : "mixamorig:";
+  const std::vector<std::string>&words = vrm ? kVrm : kMixamo, &spine_words = vrm ? kVrmSpine : kMixamoSpine;
+  std::vector<std::string> own;
+  for (const FigureNode& node : figure.nodes) own.push_back(node.name);
+  const JointMap map = guess_joint_map(own, words);
+  std::map<std::string, std::string> renamed;
+  for (const JointMap::Pair& pair : map.pairs) renamed[pair.target] = pair.source;
+  std::string hips, neck;
+  for (const auto& [bone, word] : renamed) {
+    if (word == words[0]) hips = bone;
+    if (word == words[1]) neck = bone;
+  }
+  if (hips.empty()) {
+    hips = hips_by_tree(figure, renamed,
+                        vrm ? std::vector<std::string>{"neck", "leftUpperLeg", "rightUpperLeg"}
+                            : std::vector<std::string>{"Neck", "LeftUpLeg", "RightUpLeg"});
+    if (!hips.empty()) renamed[hips] = words[0];
+  }
+  const std::vector<int> spine = spine_of(figure, hips, neck);
+  for (std::size_t i = 0; i < std::min(spine.size(), spine_words.size()); ++i)
+    renamed.emplace(figure.nodes[as_size(spine[i])].name, spine_words[i]);
+  for (FigureNode& node : figure.nodes)
+    if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
+}
+
+/// The weights of a vertex by node, largest first.
+std::vector<std::pair<double, int>> weights_of(const Character& character, const std::map<int, int>& node_of_joint,
+                                               int vertex) {
+  std::map<int, double> sums;
+  const auto& rows = character.skin.vertex_bones;
+  for (int i = rows.offsets[as_size(vertex)]; i < rows.offsets[as_size(vertex) + 1]; ++i)
+    sums[node_of_joint.at(character.bone_joint[as_size(rows.items[as_size(i)])])] += character.skin.weights[as_size(i)];
+  std::vector<std::pair<double, int>> sorted;
+  for (const auto& [node, weight] : sums)
+    if (weight > 0.0) sorted.emplace_back(weight, node);
+  std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  return sorted;
+}
+
+void add_weights(const Character& character, Figure& figure) {
+  std::map<int, int> node_of_joint;
+  for (std::size_t i = 0; i < figure.nodes.size(); ++i) node_of_joint[figure.nodes[i].joint] = static_cast<int>(i);
+  figure.node.assign(as_size(character.num_vertices()), {});
+  figure.weight.assign(as_size(character.num_vertices()), {});
+  for (int v = 0; v < character.num_vertices(); ++v) {
+    auto sorted = weights_of(character, node_of_joint, v);
+    double kept = 0.0, dropped = 0.0;
+    for (std::size_t i = 0; i < sorted.size(); ++i) (i < 4 ? kept : dropped) += sorted[i].first;
+    figure.largest_dropped_weight = std::max(figure.largest_dropped_weight, dropped);
+    sorted.resize(std::min<std::size_t>(sorted.size(), 4));
+    // The largest weight takes the rounding, so that the sum is 1 in single precision.
+    float rest = 1.0F;
+    for (std::size_t i = sorted.size(); i-- > 0;) {
+      const float weight = i == 0 ? rest : static_cast<float>(sorted[i].first / kept);
+      if (!(weight > 0.0F)) continue;
+      figure.node[as_size(v)][i] = sorted[i].second;
+      figure.weight[as_size(v)][i] = weight;
+      rest -= weight;
+    }
+  }
+}
+
+}  // namespace
+
+Figure make_figure(const Character& character, BoneNames names) {
+  Figure figure;
+  add_nodes(character, figure);
+  if (names != BoneNames::skeletool) rename_nodes(figure, names);
+  add_weights(character, figure);
+  figure.rest = pose_nodes(figure, character.skeleton, character.rest_dofs);
+  figure.rest_vertices = character.mesh.vertices;
+  return figure;
+}
+
+std::vector<Eigen::Affine3d> pose_nodes(const Figure& figure, const Skeleton& skeleton,
+                                        const std::vector<double>& dofs) {
+  const std::vector<Eigen::Affine3d> joints = skeleton.pose(dofs);
+  std::vector<Eigen::Affine3d> posed;
+  for (const FigureNode& node : figure.nodes) posed.push_back(joints[as_size(node.joint)]);
+  return posed;
+}
+
+std::vector<Eigen::Affine3d> blend_transforms(const Figure& figure, const std::vector<Eigen::Affine3d>& posed) {
+  std::vector<Eigen::Matrix4d> moved;
+  for (std::size_t i = 0; i < posed.size(); ++i) moved.push_back((posed[i] * figure.rest[i].inverse()).matrix());
+  std::vector<Eigen::Affine3d> blended(figure.node.size());
+  for (std::size_t v = 0; v < blended.size(); ++v) {
+    Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
+    for (std::size_t i = 0; i < 4; ++i)
+      sum += static_cast<double>(figure.weight[v][i]) * moved[as_size(figure.node[v][i])];
+    blended[v] = Eigen::Affine3d(sum);
+  }
+  return blended;
+}
+
+}  // namespace doppel

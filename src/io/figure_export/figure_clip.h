@@ -1,0 +1,57 @@
+#pragma once
+
+#include <vector>
+
+#include "doppel/io/figure_export/figure.h"
+
+namespace doppel {
+
+/// An animated surface: the poses, and the vertices that an actor gave them. Memory: 12 bytes per vertex and frame.
+struct FigureClip {
+  double frames_per_second = 25.0;
+  std::vector<std::vector<double>> dofs;     ///< [T][D]
+  std::vector<std::vector<float>> vertices;  ///< [T][3N] world metres
+
+  int num_frames() const { return static_cast<int>(dofs.size()); }
+};
+
+/// Displacements of the rest vertices. The surface of a frame is the linear blend of rest vertices + sum_k weights(t,
+/// k) targets[k]. The targets hold the motion of the clothes, and what dual quaternions do better than a linear blend.
+struct MorphTargets {
+  std::vector<Eigen::MatrixX3f> targets;  ///< [K] of [N, 3], metres
+  Eigen::MatrixXd weights;                ///< [T, K], 0 to 1
+
+  int count() const { return static_cast<int>(targets.size()); }
+};
+
+/// The mean and the principal components of the frames' displacements in the rest pose, largest first, and for each
+/// frame the weights with the least squared distance from its vertices. Where a vertex would be more than 5 mm off, the
+/// clip is halved, and each half gets targets of its own; up to 256 targets are made. The components are those of at
+/// most 512 frames of a part, spread evenly.
+/// @param count largest number of targets with a weight in any frame; fewer are made where fewer components are there
+MorphTargets fit_morphs(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip, int count);
+
+/// One value of each node and morph target per frame, as a file states them.
+struct FigureTracks {
+  std::vector<std::vector<Eigen::Quaterniond>> rotation;  ///< [B][T] node to parent
+  std::vector<std::vector<Eigen::Vector3d>> translation;  ///< [B][T] node to parent, metres
+  Eigen::MatrixXd weights;                                ///< [T, K]
+  std::vector<std::vector<int>> rotation_keys;            ///< [B] frames that a file needs
+  std::vector<std::vector<int>> translation_keys;         ///< [B]
+  std::vector<int> weight_keys;
+};
+
+/// The tracks with as few keys as keep linear interpolation (spherical for rotations) within `tolerance`. The values
+/// between keys are replaced by the interpolated ones.
+/// @param tolerance metres, of a point one metre from the joint
+FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const FigureClip& clip,
+                         const MorphTargets& morphs, double tolerance);
+
+/// Distance of the vertices that tracks and targets give from those of the clip, over all frames: millimetres.
+struct FigureError {
+  double mean = 0.0, worst = 0.0;
+};
+FigureError figure_error(const Figure& figure, const FigureClip& clip, const MorphTargets& morphs,
+                         const FigureTracks& tracks);
+
+}  // namespace doppel

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+
+#include "doppel/geometry/mesh.h"
+#include "doppel/io/figure_export/figure_clip.h"
+
+namespace doppel {
+
+/// Whose avatar a figure is.
+struct FigureRights {
+  std::vector<std::string> authors;  ///< empty: the file does not say so
+  std::string licence;               ///< address of a licence besides that of VRM; may be empty
+};
+
+/// What an exported file says besides the surface.
+struct FigureFile {
+  std::string name;          ///< of the figure and its animation
+  const TriangleMesh& mesh;  ///< rest pose, metres: faces, UVs, colours, texture
+  const FigureClip& clip;
+  FigureRights rights = {};  ///< with authors, a .glb is an avatar of VRM 1.0
+};
+
+/// Writes a binary glTF 2.0 file: the skinned mesh with morph targets, the texture as PNG, the animation. Metres, y up.
+/// Vertices are split where the UVs are; the attribute `_VERTEX` says which vertex of the mesh each of them is.
+/// With authors it has the extension VRMC_vrm, for which the figure needs the bone names of VRM (vrm.h).
+/// @throws Error when the file cannot be written, or would be larger than 4 GB; UsageError as vrm_extension
+void write_glb(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
+               const MorphTargets& morphs, const FigureTracks& tracks);
+
+/// Writes OpenUSD text: a mesh with one set of points per frame, its UVs, and a material with the texture, which is
+/// written beside it as `<stem>.png`. Metres, y up.
+void write_usda(const std::filesystem::path& path, const FigureFile& file);
+
+/// Writes OpenUSD text with a skeleton (UsdSkel): the rest mesh with linear blend skinning, the animation of the
+/// joints, the morph targets as blend shapes, and a material with the texture. Every frame has a sample of its own.
+/// Metres, y up.
+/// @param texture name of the image, which is written beside the file
+void write_usda_skel(const std::filesystem::path& path, const FigureFile& file, const Figure& figure,
+                     const MorphTargets& morphs, const FigureTracks& tracks, const std::string& texture);
+
+/// Writes the positions of all frames as a PC2 point cache (little endian), for the vertices in the order of write_obj.
+void write_pc2(const std::filesystem::path& path, const FigureClip& clip);
+
+/// Writes the positions of all frames as an MDD point cache (big endian).
+void write_mdd(const std::filesystem::path& path, const FigureClip& clip);
+
+}  // namespace doppel

@@ -1,0 +1,32 @@
+#include <ostream>
+
+#include "doppel/core/as_size.h"
+#include "doppel/io/figure_export/usda_text.h"
+
+namespace doppel {
+namespace {
+
+std::string points_of(const std::vector<float>& vertices) {
+  std::string text = "[";
+  for (std::size_t i = 0; i < vertices.size(); i += 3)
+    fmt::format_to(std::back_inserter(text), "{}({:.7g}, {:.7g}, {:.7g})", i == 0 ? "" : ", ", vertices[i],
+                   vertices[i + 1], vertices[i + 2]);
+  return text + "]";
+}
+
+}  // namespace
+
+void write_usda(const std::filesystem::path& path, const FigureFile& file) {
+  const std::string root = usda_name(file.name), texture = path.stem().string() + ".png";
+  const bool textured = write_usda_texture(path, file.mesh, texture);
+  write_usda_text(path, [&](std::ostream& out) {
+    out << usda_layer(root, file.clip) << "\ndef Xform \"" << root << "\"\n{\n    def Mesh \"Surface\""
+        << usda_surface_schemas(textured, "") << "\n    {\n"
+        << usda_topology(root, file.mesh, textured) << "        point3f[] points.timeSamples = {\n";
+    for (int t = 0; t < file.clip.num_frames(); ++t)
+      out << "            " << t << ": " << points_of(file.clip.vertices[as_size(t)]) << ",\n";
+    out << "        }\n    }\n" << (textured ? usda_material(root, texture) : "") << "}\n";
+  });
+}
+
+}  // namespace doppel

@@ -1,0 +1,133 @@
+#include "doppel/io/motion_import/read_motion_file.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "doppel/character/bvh.h"
+#include "doppel/core/error.h"
+#include "doppel/io/motion_import/landmark_map.h"
+#include "doppel/io/motion_import/marker_motion.h"
+#include "doppel/io/motion_import/smpl_motion.h"
+#include "doppel/io/rig_import/motions_json.h"
+#include "doppel/io/rig_import/rig_tracks.h"
+#include "doppel/io/scene/read_scene.h"
+
+namespace doppel {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kUsualRate = 25.0;
+
+enum class MotionFormat { skeletool, bvh, rig, smpl, markers };
+
+MotionFormat format_of(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (extension == ".motion") return MotionFormat::skeletool;
+  if (extension == ".bvh") return MotionFormat::bvh;
+  if (extension == ".npz") return MotionFormat::smpl;
+  if (extension == ".c3d" || extension == ".trc") return MotionFormat::markers;
+  for (const char* rig : {".glb", ".gltf", ".vrm", ".fbx", ".dae"})
+    if (extension == rig) return MotionFormat::rig;
+  fail<UsageError>(
+      "{}: motions are read from .motion, .bvh, .glb, .gltf, .vrm, .fbx, .dae, .npz (AMASS, SMPL-X), .c3d and .trc "
+      "files; "
+      "this extension is not one of them",
+      path.string());
+}
+
+SourceMotion read_rig_motion(const fs::path& path, const MotionFileOptions& options) {
+  SceneLimits limits;
+  limits.surface_needed = false;
+  RigTracksOptions rig;
+  rig.animation = options.source.animation;
+  rig.metres_per_unit = options.source.metres_per_unit;
+  rig.up = options.source.up;
+  rig.frames_per_second = options.frames_per_second;
+  const Scene scene = read_scene(path, limits);
+  try {
+    RigTracks read = rig_tracks(scene, rig);
+    return {std::move(read.tracks), 0.1, std::move(read.warnings)};
+  } catch (const UsageError& error) {
+    fail<UsageError>("{}: {}", path.string(), error.what());
+  }
+}
+
+/// The joints of a skeleton in a `.motion` or `.bvh` file.
+SourceMotion read_skeleton_motion(const fs::path& path, const MotionFileOptions& options, MotionFormat format) {
+  SourceMotion motion;
+  if (format == MotionFormat::bvh) {
+    motion.tracks = joint_tracks(read_bvh(path, options.source.metres_per_unit));
+    return motion;
+  }
+  const Skeleton skeleton = read_skeleton(options.source_skeleton);
+  double rate = options.source.frames_per_second;
+  if (!(rate > 0)) rate = options.frames_per_second > 0 ? options.frames_per_second : kUsualRate;
+  motion.tracks = joint_tracks(skeleton, read_motion(path, skeleton.num_dofs()), rate);
+  return motion;
+}
+
+SourceMotion read_source(const fs::path& path, const MotionFileOptions& options, MotionFormat format) {
+  switch (format) {
+    case MotionFormat::rig:
+      return read_rig_motion(path, options);
+    case MotionFormat::smpl:
+      return read_smpl_motion(path, options.source);
+    case MotionFormat::markers:
+      return read_marker_motion(path, options.source);
+    default:
+      return read_skeleton_motion(path, options, format);
+  }
+}
+
+JointMap map_of_names_of(const Skeleton& skeleton, const JointTracks& source) {
+  std::vector<std::string> joints;
+  for (const Joint& joint : skeleton.joints) joints.push_back(joint.name);
+  return guess_joint_map(joints, source.names);
+}
+
+}  // namespace
+
+bool is_foreign_motion(const fs::path& path) { return format_of(path) != MotionFormat::skeletool; }
+
+MotionFromFile read_motion_file(const fs::path& path, const Character& character, const MotionFileOptions& options) {
+  const MotionFormat format = format_of(path);
+  MotionFromFile result;
+  if (format == MotionFormat::skeletool && options.source_skeleton.empty()) {
+    if (!options.map.empty())
+      fail<UsageError>("--map is for motions of another skeleton; give a file of one, or --source-skeleton");
+    result.motion = read_motion(path, character.num_dofs());
+    result.frames_per_second = options.frames_per_second;
+    if (!(result.frames_per_second > 0)) result.frames_per_second = imported_rate(path).value_or(kUsualRate);
+    return result;
+  }
+  SourceMotion source = read_source(path, options, format);
+  const bool by_names = format == MotionFormat::bvh || format == MotionFormat::skeletool;
+  JointMap map;
+  if (!options.map.empty())
+    map = read_joint_map(options.map);
+  else
+    result.guessed_map = map = by_names ? map_of_names_of(character.skeleton, source.tracks)
+                                        : landmark_joint_map(character.skeleton, character.rest_dofs, source.tracks);
+  if (by_names && options.source.up) {
+    if (*options.source.up == 'x') fail<UsageError>("{}: of this format, y or z is the vertical, not x", path.string());
+    map.z_up = *options.source.up == 'z';
+  } else if (map.z_up && !by_names)
+    fail<UsageError>("{}: `up: z` is for BVH files; {} is brought to y up already, with --up if need be",
+                     options.map.string(), path.string());
+  RetargetOptions retargeting;
+  retargeting.frames_per_second =
+      options.frames_per_second > 0 ? options.frames_per_second : 1.0 / source.tracks.seconds_per_frame;
+  retargeting.rest_dofs = character.rest_dofs;
+  retargeting.rotation_weight = source.rotation_weight;
+  result.retargeting = retarget(character.skeleton, source.tracks, map, retargeting);
+  result.motion = std::move(result.retargeting->motion);
+  result.frames_per_second = retargeting.frames_per_second;
+  result.notes = std::move(source.notes);
+  return result;
+}
+
+}  // namespace doppel

@@ -1,0 +1,352 @@
+#include "doppel/io/scene/gltf_file.h"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/io/scene/scene_images.h"
+
+namespace doppel {
+
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kDeepestJson = 64;
+/// Bytes of all buffers together, and how often all values of the largest mesh may be read: several accessors may read
+/// the same bytes, so a small file could ask for any amount of work.
+constexpr std::size_t kMostBufferBytes = std::size_t{1} << 32;
+constexpr double kMostReadings = 64;
+
+constexpr std::uint32_t kGlbMark = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
+
+std::uint32_t little_endian(const std::string& bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    value |= static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + i])) << (8 * i);
+  return value;
+}
+
+int base64_digit(char c) {
+  if (c >= 'A' && c <= 'Z') return c - 'A';
+  if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+  if (c >= '0' && c <= '9') return c - '0' + 52;
+  if (c == '+' || c == '-') return 62;
+  if (c == '/' || c == '_') return 63;
+  return -1;
+}
+
+/// Stops at the first character that is no digit, as the padding is.
+std::string decode_base64(std::string_view text) {
+  std::string bytes;
+  unsigned bits = 0;
+  int held = 0;
+  for (const char c : text) {
+    const int digit = base64_digit(c);
+    if (digit < 0) break;
+    bits = (bits << 6) | static_cast<unsigned>(digit);
+    held += 6;
+    if (held < 8) continue;
+    held -= 8;
+    bytes += static_cast<char>((bits >> held) & 0xFF);
+  }
+  return bytes;
+}
+
+std::size_t component_size(int type) {
+  switch (type) {
+    case 5120:
+    case 5121:
+      return 1;
+    case 5122:
+    case 5123:
+      return 2;
+    case 5125:
+    case 5126:
+      return 4;
+    default:
+      return 0;
+  }
+}
+
+template <typename T>
+double component_as(const char* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof value);
+  return static_cast<double>(value);
+}
+
+double component(const char* bytes, int type, bool normalized) {
+  switch (type) {
+    case 5120:
+      return normalized ? std::max(component_as<std::int8_t>(bytes) / 127, -1.0) : component_as<std::int8_t>(bytes);
+    case 5121:
+      return component_as<std::uint8_t>(bytes) / (normalized ? 255 : 1);
+    case 5122:
+      return normalized ? std::max(component_as<std::int16_t>(bytes) / 32767, -1.0) : component_as<std::int16_t>(bytes);
+    case 5123:
+      return component_as<std::uint16_t>(bytes) / (normalized ? 65535 : 1);
+    case 5125:
+      return component_as<std::uint32_t>(bytes);
+    default:
+      return component_as<float>(bytes);
+  }
+}
+
+std::size_t width_of_type(const std::string& type) {
+  static const std::pair<const char*, std::size_t> kWidths[] = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
+                                                                {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
+  for (const auto& [name, width] : kWidths)
+    if (type == name) return width;
+  return 0;
+}
+
+}  // namespace
+
+GltfFile::GltfFile(const std::filesystem::path& path, const SceneLimits& limits) : path_(path), limits_(limits) {
+  read_container(read_file(path));
+  if (!root_.is_object()) fail_here("the JSON of the glTF file is not an object");
+  const std::string version = text(object(root_, "asset"), "version");
+  if (version.empty() || version[0] != '2')
+    fail_here("is glTF version '{}'; only version 2.0 is read. Export it again as glTF 2.0", version);
+  read_buffers();
+}
+
+/// The depth is bounded, because copying and printing nested values is recursive. (The library's own callback for the
+/// depth needs time with the square of the longest list.)
+void GltfFile::parse_json(std::string_view text) {
+  int depth = 0;
+  bool quoted = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"') quoted = !quoted;
+    if (quoted && c == '\\') ++i;
+    if (quoted) continue;
+    depth += (c == '{' || c == '[') - (c == '}' || c == ']');
+    if (depth > kDeepestJson) fail_here("the JSON of the glTF file is nested more than {} deep", kDeepestJson);
+  }
+  root_ = Json::parse(text, nullptr, false);
+  if (root_.is_discarded()) fail_here("the JSON of the glTF file cannot be read: the file is truncated or damaged");
+}
+
+void GltfFile::read_container(const std::string& file) {
+  std::string_view json = file;
+  if (file.size() >= 12 && little_endian(file, 0) == kGlbMark) {
+    const std::size_t length = little_endian(file, 8);
+    if (length > file.size())
+      fail_here("the file is truncated: its header announces {} bytes, it has {}", length, file.size());
+    json = {};
+    for (std::size_t at = 12; at + 8 <= length;) {
+      const std::size_t size = little_endian(file, at), type = little_endian(file, at + 4);
+      if (size > length - at - 8)
+        fail_here("the chunk at byte {} announces {} bytes, but {} are left: the file is truncated or damaged", at,
+                  size, length - at - 8);
+      if (type == kJsonChunk && json.empty()) json = std::string_view(file).substr(at + 8, size);
+      if (type == kBinaryChunk && !has_binary_) {
+        binary_ = file.substr(at + 8, size);
+        has_binary_ = true;
+      }
+      at += 8 + size;
+    }
+    if (json.empty()) fail_here("the file has no JSON chunk: it is truncated or no glTF file");
+  }
+  parse_json(json);
+}
+
+void GltfFile::read_buffers() {
+  const Json& buffers = list("buffers");
+  std::size_t total = 0;
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    const std::string where = fmt::format("buffers[{}]", i), uri = text(buffers[i], "uri");
+    const double length = number(buffers[i], "byteLength", 0, where);
+    std::string bytes = uri.empty() && i == 0 && has_binary_ ? std::move(binary_) : buffer_of_uri(uri, where);
+    if (!(length >= 0) || length > static_cast<double>(bytes.size()))
+      fail_here("{} announces {} bytes, but {} are there: the file is truncated", where, length, bytes.size());
+    total += bytes.size();
+    if (total > kMostBufferBytes) fail_here("the buffers hold more than {} bytes together", kMostBufferBytes);
+    buffers_.push_back(std::move(bytes));
+  }
+}
+
+std::string GltfFile::buffer_of_uri(const std::string& uri, const std::string& where) const {
+  if (uri.empty()) fail_here("{} has no data: neither a uri nor a binary chunk", where);
+  if (uri.rfind("data:", 0) == 0) {
+    const std::size_t comma = uri.find(',');
+    return comma == std::string::npos ? std::string() : decode_base64(std::string_view(uri).substr(comma + 1));
+  }
+  const std::filesystem::path found = find_image(path_, uri);
+  if (found.empty()) fail_here("{} names the file '{}', which does not lie beside the glTF file", where, uri);
+  return read_file(found);
+}
+
+const Json& GltfFile::list(const char* name) const { return array(root_, name, name); }
+
+const Json& GltfFile::array(const Json& object, const char* name, const std::string& where) const {
+  static const Json kNone = Json::array();
+  const auto found = object.find(name);
+  if (found == object.end()) return kNone;
+  if (!found->is_array()) fail_here("{}: '{}' is not a list", where, name);
+  return *found;
+}
+
+const Json& GltfFile::object(const Json& parent, const char* name) const {
+  static const Json kNone = Json::object();
+  if (!parent.is_object()) return kNone;
+  const auto found = parent.find(name);
+  return found != parent.end() && found->is_object() ? *found : kNone;
+}
+
+double GltfFile::number(const Json& object, const char* name, double fallback, const std::string& where) const {
+  if (!object.is_object()) fail_here("{} is not an object", where);
+  const auto found = object.find(name);
+  if (found == object.end()) return fallback;
+  if (!found->is_number()) fail_here("{}.{} is not a number", where, name);
+  return found->get<double>();
+}
+
+std::string GltfFile::text(const Json& object, const char* name) const {
+  if (!object.is_object()) return {};
+  const auto found = object.find(name);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+int GltfFile::whole(const Json& object, const char* name, int fallback, const std::string& where) const {
+  const double value = number(object, name, fallback, where);
+  if (!(std::abs(value) < 1e9) || value != std::floor(value)) fail_here("{}.{} is {}", where, name, value);
+  return static_cast<int>(value);
+}
+
+int GltfFile::index(const Json& object, const char* name, std::size_t count, const std::string& where,
+                    bool needed) const {
+  const double value = number(object, name, -1, where);
+  if (value == -1 && !needed) return -1;
+  if (!(value >= 0) || value != std::floor(value) || value >= static_cast<double>(count))
+    fail_here("{}.{} is {}, but the file has {} of them", where, name, value, count);
+  return static_cast<int>(value);
+}
+
+std::vector<double> GltfFile::vector(const Json& object, const char* name, std::size_t count,
+                                     const std::string& where) const {
+  if (!object.is_object()) fail_here("{} is not an object", where);
+  const Json& list = array(object, name, where);
+  if (list.empty()) return {};
+  if (list.size() != count) fail_here("{}.{} has {} numbers, expected {}", where, name, list.size(), count);
+  std::vector<double> values;
+  for (const Json& value : list) {
+    if (!value.is_number()) fail_here("{}.{} holds something that is not a number", where, name);
+    values.push_back(value.get<double>());
+  }
+  return values;
+}
+
+GltfFile::View GltfFile::view(int index, const std::string& where) const {
+  const Json& views = list("bufferViews");
+  const Json& view = views[as_size(index)];
+  const std::string place = fmt::format("bufferViews[{}]", index);
+  if (!object(object(view, "extensions"), "EXT_meshopt_compression").empty())
+    fail_here("{} is compressed by meshopt, which is not read; export the file without compression", place);
+  const std::string& buffer = buffers_[as_size(this->index(view, "buffer", buffers_.size(), place, true))];
+  const double offset = number(view, "byteOffset", 0, place), length = number(view, "byteLength", -1, place);
+  if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
+    fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", place, where, offset, offset + length,
+              buffer.size());
+  const double stride = number(view, "byteStride", 0, place);
+  if (!(stride >= 0) || stride > 65536) fail_here("{}.byteStride is {}", place, stride);
+  return {std::string_view(buffer).substr(as_size(offset), as_size(length)), as_size(stride)};
+}
+
+GltfNumbers GltfFile::numbers(std::size_t accessor, std::size_t width, const char* what) const {
+  const Json& accessors = list("accessors");
+  if (accessor >= accessors.size())
+    fail_here("{} name accessor {}, but the file has {}", what, accessor, accessors.size());
+  const Json& entry = accessors[accessor];
+  const std::string where = fmt::format("accessors[{}]", accessor);
+  GltfNumbers result;
+  result.width = width_of_type(text(entry, "type"));
+  const int type = whole(entry, "componentType", 0, where);
+  const std::size_t size = component_size(type) * result.width;
+  if (size == 0) fail_here("{} has the type '{}' of components {}", where, text(entry, "type").substr(0, 40), type);
+  if (width != 0 && result.width != width)
+    fail_here("{} ({}) has {} values per row, expected {}", where, what, result.width, width);
+  const int index_of_view = index(entry, "bufferView", list("bufferViews").size(), where);
+  result.count = count_of(entry, result.width, index_of_view >= 0, where);
+  const bool normalized = entry.contains("normalized") && entry["normalized"] == true;
+  if (index_of_view < 0 && object(entry, "sparse").empty())
+    fail_here("{} ({}) has no data; a compressed file is not read, export it without compression", where, what);
+  if (index_of_view >= 0) {
+    const View data = view(index_of_view, where);
+    const std::size_t stride = data.stride > 0 ? data.stride : size;
+    const double offset = number(entry, "byteOffset", 0, where);
+    const double count = static_cast<double>(result.count);
+    const double needed =
+        offset + (count > 0 ? (count - 1) * static_cast<double>(stride) + static_cast<double>(size) : 0);
+    if (!(offset >= 0) || needed > static_cast<double>(data.bytes.size()))
+      fail_here("{} ({}) needs {} bytes, but its view has {}: the file is truncated or damaged", where, what, needed,
+                data.bytes.size());
+    result.values.reserve(result.count * result.width);
+    for (std::size_t i = 0; i < result.count; ++i)
+      for (std::size_t c = 0; c < result.width; ++c)
+        result.values.push_back(
+            component(data.bytes.data() + as_size(offset) + i * stride + c * component_size(type), type, normalized));
+  } else {
+    result.values.assign(result.count * result.width, 0.0);
+  }
+  fill_sparse(entry, where, result, type, normalized);
+  return result;
+}
+
+/// @param stored whether a buffer view has the rows; without one they are 0, and nothing in the file bounds their
+/// number
+std::size_t GltfFile::count_of(const Json& accessor, std::size_t width, bool stored, const std::string& where) const {
+  const double count = number(accessor, "count", 0, where);
+  const std::int64_t most = stored ? 3 * limits_.triangles : limits_.vertices;
+  if (!(count >= 0) || count > static_cast<double>(most) || (!stored && width > 4))
+    fail_here("{}.count is {}; at most {} are read", where, count, most);
+  values_read_ += std::floor(count) * static_cast<double>(width);
+  if (values_read_ > kMostReadings * static_cast<double>(limits_.triangles + limits_.vertices))
+    fail_here("the meshes and animations use the accessors more often than any figure does: the file is damaged");
+  return as_size(count);
+}
+
+void GltfFile::fill_sparse(const Json& accessor, const std::string& where, GltfNumbers& numbers, int type,
+                           bool normalized) const {
+  const Json& sparse = object(accessor, "sparse");
+  if (sparse.empty()) return;
+  const Json &indices = object(sparse, "indices"), &values = object(sparse, "values");
+  const double count = number(sparse, "count", 0, where + ".sparse");
+  const std::size_t views = list("bufferViews").size();
+  const View index_view = view(index(indices, "bufferView", views, where + ".sparse.indices", true), where);
+  const View value_view = view(index(values, "bufferView", views, where + ".sparse.values", true), where);
+  const int index_type = whole(indices, "componentType", 0, where + ".sparse.indices");
+  const std::size_t index_size = component_size(index_type), size = component_size(type) * numbers.width;
+  const double index_start = number(indices, "byteOffset", 0, where), start = number(values, "byteOffset", 0, where);
+  if (index_size == 0 || !(count >= 0) || !(index_start >= 0) || !(start >= 0) ||
+      index_start + count * static_cast<double>(index_size) > static_cast<double>(index_view.bytes.size()) ||
+      start + count * static_cast<double>(size) > static_cast<double>(value_view.bytes.size()))
+    fail_here("{}.sparse covers more bytes than its views have", where);
+  for (std::size_t i = 0; i < as_size(count); ++i) {
+    const double row = component(index_view.bytes.data() + as_size(index_start) + i * index_size, index_type, false);
+    if (!(row >= 0) || row >= static_cast<double>(numbers.count))
+      fail_here("{}.sparse names row {}, but there are {}", where, row, numbers.count);
+    for (std::size_t c = 0; c < numbers.width; ++c)
+      numbers.values[as_size(row) * numbers.width + c] =
+          component(value_view.bytes.data() + as_size(start) + i * size + c * component_size(type), type, normalized);
+  }
+}
+
+std::string GltfFile::image_bytes(std::size_t image) const {
+  const Json& entry = list("images")[image];
+  const std::string where = fmt::format("images[{}]", image), uri = text(entry, "uri");
+  if (uri.rfind("data:", 0) == 0) return buffer_of_uri(uri, where);
+  if (!uri.empty()) {
+    const std::filesystem::path found = find_image(path_, uri);
+    return found.empty() ? std::string() : read_file(found);
+  }
+  const int index_of_view = index(entry, "bufferView", list("bufferViews").size(), where);
+  return index_of_view < 0 ? std::string() : std::string(view(index_of_view, where).bytes);
+}
+
+}  // namespace doppel

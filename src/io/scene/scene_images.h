@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <map>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+#include "doppel/io/scene/scene_limits.h"
+
+namespace doppel {
+
+/// Width and height that the header of a PNG, JPEG, WebP, BMP or TIFF file announces; nothing for other bytes.
+std::optional<Eigen::Vector2i> announced_image_size(const std::string& bytes);
+
+/// The image file that a surface names: as it is written, else by its name alone in the folder of the scene and in
+/// folders beside it. Empty when there is none. Slashes of both kinds and `%20` are understood.
+std::filesystem::path find_image(const std::filesystem::path& scene_file, std::string name);
+
+/// The images of one scene file. Decoders allocate what a header announces, so the header is looked at first, and all
+/// images together have a bound.
+class SceneImages {
+ public:
+  SceneImages(const std::filesystem::path& scene_file, const SceneLimits& limits)
+      : scene_file_(scene_file), limits_(limits) {}
+
+  /// An 8-bit BGR image from the bytes of an image file; empty when they are none, damaged, or larger than the limit.
+  cv::Mat of_bytes(const std::string& bytes);
+  /// As above, of a file that the scene names (find_image). Each file is decoded once.
+  cv::Mat of_file(const std::string& name);
+
+ private:
+  std::filesystem::path scene_file_;
+  SceneLimits limits_;
+  double pixels_ = 0;  ///< of all images so far
+  std::map<std::filesystem::path, cv::Mat> known_;
+};
+
+}  // namespace doppel

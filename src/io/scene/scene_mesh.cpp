@@ -1,0 +1,206 @@
+#include "doppel/io/scene/scene_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <unordered_map>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+#include "doppel/io/scene/texture_atlas.h"
+
+namespace doppel {
+
+namespace {
+
+constexpr int kPatch = 8;      // pixels of a patch of one colour
+constexpr int kMostTiles = 4;  // a texture that repeats is laid out at most so often along each side
+
+int material_of(const ScenePrimitive& primitive, std::size_t face) {
+  return primitive.face_materials.empty() ? primitive.material : primitive.face_materials[face];
+}
+
+/// What one material needs of the atlas.
+struct MaterialUse {
+  bool textured = false;
+  Eigen::Vector2i low = Eigen::Vector2i::Zero(), high = Eigen::Vector2i::Ones();  ///< tiles of the texture
+  std::size_t image = 0;                                                          ///< in the atlas
+};
+
+/// The whole tiles by which the UVs of a triangle are moved, so that its middle lies in [0,1).
+Eigen::Vector2d tile_of(const ScenePrimitive& primitive, std::size_t face) {
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const int uv : primitive.face_uvs[face]) middle += primitive.uvs[as_size(uv)] / 3;
+  return {std::floor(middle.x()), std::floor(middle.y())};
+}
+
+/// Joins the surfaces of a scene: vertices, faces, colours, and one texture.
+class MeshJoiner {
+ public:
+  MeshJoiner(const Scene& scene, std::vector<Eigen::Vector3d> vertices, const SceneMeshOptions& options)
+      : scene_(scene), options_(options) {
+    mesh_.vertices = std::move(vertices);
+  }
+
+  TriangleMesh join() {
+    int first = 0;
+    for (const ScenePrimitive& primitive : scene_.primitives) {
+      for (Triangle face : primitive.faces) {
+        for (int& corner : face) corner += first;
+        mesh_.faces.push_back(face);
+      }
+      first += primitive.num_vertices();
+    }
+    if (as_size(first) != mesh_.vertices.size())
+      fail("the scene has {} vertices, but {} positions are given", first, mesh_.vertices.size());
+    find_uses();
+    join_colours();
+    if (!any_texture_) return std::move(mesh_);
+    if (single_texture())
+      keep_uvs();
+    else
+      join_textures();
+    return std::move(mesh_);
+  }
+
+ private:
+  const SceneMaterial& material(int index) const {
+    static const SceneMaterial kNone{"", Eigen::Vector4d(0.8, 0.8, 0.8, 1), {}};
+    return index < 0 ? kNone : scene_.materials[as_size(index)];
+  }
+  void find_uses();
+  bool single_texture() const {
+    return uses_.size() == 1 && uses_.begin()->second.textured &&
+           std::all_of(scene_.primitives.begin(), scene_.primitives.end(), [](const ScenePrimitive& primitive) {
+             return primitive.faces.empty() || !primitive.face_uvs.empty();
+           });
+  }
+  void join_colours();
+  void keep_uvs();
+  void join_textures();
+  cv::Mat image_of(int index, const MaterialUse& use) const;
+
+  const Scene& scene_;
+  SceneMeshOptions options_;
+  TriangleMesh mesh_;
+  std::map<int, MaterialUse> uses_;
+  bool any_texture_ = false;
+};
+
+void MeshJoiner::find_uses() {
+  for (const ScenePrimitive& primitive : scene_.primitives)
+    for (std::size_t f = 0; f < primitive.faces.size(); ++f) {
+      const int index = material_of(primitive, f);
+      MaterialUse& use = uses_[index];
+      if (material(index).texture.empty() || primitive.face_uvs.empty()) continue;
+      use.textured = any_texture_ = true;
+      const Eigen::Vector2d tile = tile_of(primitive, f);
+      for (const int uv : primitive.face_uvs[f]) {
+        const Eigen::Vector2d at = primitive.uvs[as_size(uv)] - tile;
+        for (int axis = 0; axis < 2; ++axis) {
+          const double low = std::clamp(std::floor(at[axis] + 1e-6), -double(kMostTiles), 0.0);
+          const double high = std::clamp(std::ceil(at[axis] - 1e-6), 1.0, double(kMostTiles));
+          use.low[axis] = std::min(use.low[axis], static_cast<int>(low));
+          use.high[axis] = std::max(use.high[axis], static_cast<int>(high));
+        }
+      }
+    }
+}
+
+/// Colours of vertices where the file has them, or where materials differ and none has a texture.
+void MeshJoiner::join_colours() {
+  const bool given = std::any_of(scene_.primitives.begin(), scene_.primitives.end(),
+                                 [](const ScenePrimitive& primitive) { return !primitive.colours.empty(); });
+  if (!given && (any_texture_ || uses_.size() < 2)) return;
+  for (const ScenePrimitive& primitive : scene_.primitives) {
+    const std::size_t first = mesh_.colours.size();
+    if (!primitive.colours.empty()) {
+      mesh_.colours.insert(mesh_.colours.end(), primitive.colours.begin(), primitive.colours.end());
+      continue;
+    }
+    mesh_.colours.resize(first + primitive.vertices.size(), material(primitive.material).colour.head<3>());
+    for (std::size_t f = 0; f < primitive.face_materials.size(); ++f)
+      for (const int vertex : primitive.faces[f])
+        mesh_.colours[first + as_size(vertex)] = material(primitive.face_materials[f]).colour.head<3>();
+  }
+}
+
+void MeshJoiner::keep_uvs() {
+  for (const ScenePrimitive& primitive : scene_.primitives) {
+    const int first = static_cast<int>(mesh_.uvs.size());
+    mesh_.uvs.insert(mesh_.uvs.end(), primitive.uvs.begin(), primitive.uvs.end());
+    for (Triangle face : primitive.face_uvs) {
+      for (int& uv : face) uv += first;
+      mesh_.face_uvs.push_back(face);
+    }
+  }
+  mesh_.texture = image_of(uses_.begin()->first, MaterialUse{true});
+}
+
+/// A texture, repeated as often as it is needed and in the colour of the material; or a patch of that colour.
+cv::Mat MeshJoiner::image_of(int index, const MaterialUse& use) const {
+  const SceneMaterial& from = material(index);
+  const cv::Scalar colour(from.colour[2], from.colour[1], from.colour[0]);
+  if (!use.textured) return cv::Mat(kPatch, kPatch, CV_8UC3, 255 * colour);
+  cv::Mat image = from.texture;
+  if (from.colour.head<3>() != Eigen::Vector3d::Ones()) cv::multiply(image, colour, image = image.clone());
+  const Eigen::Vector2i tiles = use.high - use.low;
+  if (tiles == Eigen::Vector2i::Ones()) return image;
+  // All tiles together become no larger than the atlas may be.
+  const double shrink = std::min({1.0, double(options_.atlas_side) / (double(tiles.x()) * image.cols),
+                                  double(options_.atlas_side) / (double(tiles.y()) * image.rows)});
+  const cv::Size size(std::max(1, static_cast<int>(shrink * image.cols)),
+                      std::max(1, static_cast<int>(shrink * image.rows)));
+  cv::Mat tile = image;
+  if (size != image.size()) cv::resize(image, tile, size, 0, 0, cv::INTER_AREA);
+  return cv::repeat(tile, tiles.y(), tiles.x());
+}
+
+void MeshJoiner::join_textures() {
+  std::vector<cv::Mat> images;
+  for (auto& [index, use] : uses_) {
+    use.image = images.size();
+    images.push_back(image_of(index, use));
+  }
+  const TextureAtlas atlas(std::move(images), options_.atlas_side);
+  for (const ScenePrimitive& primitive : scene_.primitives) {
+    // One UV of the atlas for each UV, tile and material of the primitive.
+    std::map<std::array<int, 4>, int> known;
+    for (std::size_t f = 0; f < primitive.faces.size(); ++f) {
+      const MaterialUse& use = uses_.at(material_of(primitive, f));
+      const bool textured = use.textured && !primitive.face_uvs.empty();
+      const Eigen::Vector2d tile = textured ? tile_of(primitive, f) : Eigen::Vector2d::Zero();
+      Triangle face{};
+      for (std::size_t c = 0; c < 3; ++c) {
+        const int uv = textured ? primitive.face_uvs[f][c] : -1;
+        const auto [entry, added] =
+            known.try_emplace({uv, static_cast<int>(std::clamp(tile.x(), -1e9, 1e9)),
+                               static_cast<int>(std::clamp(tile.y(), -1e9, 1e9)), static_cast<int>(use.image)},
+                              static_cast<int>(mesh_.uvs.size()));
+        if (added) {
+          Eigen::Vector2d at(0.5, 0.5);
+          if (textured)
+            at = (primitive.uvs[as_size(uv)] - tile - use.low.cast<double>())
+                     .cwiseQuotient((use.high - use.low).cast<double>());
+          mesh_.uvs.push_back(atlas.place(use.image, at.cwiseMax(0.0).cwiseMin(1.0)));
+        }
+        face[c] = entry->second;
+      }
+      mesh_.face_uvs.push_back(face);
+    }
+  }
+  mesh_.texture = atlas.image();
+}
+
+}  // namespace
+
+TriangleMesh scene_mesh(const Scene& scene, std::vector<Eigen::Vector3d> vertices, const SceneMeshOptions& options) {
+  return MeshJoiner(scene, std::move(vertices), options).join();
+}
+
+TriangleMesh scene_mesh(const Scene& scene, const SceneMeshOptions& options) {
+  return scene_mesh(scene, posed_vertices(scene, node_transforms(scene)), options);
+}
+
+}  // namespace doppel

@@ -1,0 +1,123 @@
+#include "doppel/io/vmc/vmc_pose.h"
+
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <set>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/error.h"
+
+namespace doppel {
+namespace {
+
+const std::set<std::string> kHumanBones{
+    "hips",         "spine",         "chest",        "upperChest",    "neck",         "head",
+    "leftShoulder", "rightShoulder", "leftUpperArm", "rightUpperArm", "leftLowerArm", "rightLowerArm",
+    "leftHand",     "rightHand",     "leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg",
+    "leftFoot",     "rightFoot",     "leftToes",     "rightToes"};
+
+std::string capitalised(std::string name) {
+  name[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(name[0])));
+  return name;
+}
+
+Eigen::Matrix3d smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+}
+
+/// The rotation of a transform without scale.
+Eigen::Matrix3d rotation_of(const Eigen::Affine3d& transform) { return transform.rotation(); }
+
+Eigen::Vector3d in_unity(const Eigen::Vector3d& v) { return {-v.x(), v.y(), v.z()}; }
+Eigen::Quaterniond in_unity(const Eigen::Matrix3d& rotation) {
+  const Eigen::Quaterniond q(rotation);
+  return Eigen::Quaterniond(q.w(), q.x(), -q.y(), -q.z()).normalized();
+}
+
+}  // namespace
+
+VmcAvatar::VmcAvatar(const Character& character)
+    : skeleton_(character.skeleton), figure_(make_figure(character, BoneNames::vrm)) {
+  add_parts();
+  for (const char* name : {"Hips", "Head", "LeftUpperArm", "RightUpperArm", "LeftUpperLeg", "RightUpperLeg"})
+    if (part_named(name) < 0)
+      fail<UsageError>("sending poses of {}: no joint was recognised as {}; name the joints as Mixamo or VRM do",
+                       character.name, name);
+  turn_to_t_pose();
+}
+
+int VmcAvatar::part_named(const std::string& name) const {
+  for (std::size_t i = 0; i < parts_.size(); ++i)
+    if (parts_[i].name == name) return static_cast<int>(i);
+  return -1;
+}
+
+void VmcAvatar::add_parts() {
+  std::vector<int> part_of(figure_.nodes.size(), -1);
+  for (std::size_t n = 0; n < figure_.nodes.size(); ++n) {
+    const FigureNode& node = figure_.nodes[n];
+    const int above = node.parent < 0 ? -1 : part_of[as_size(node.parent)];
+    part_of[n] = above;
+    const bool human = kHumanBones.contains(node.name);
+    if (!human || (above < 0 && node.name != "hips")) continue;  // a bone is below the hips
+    Part part;
+    part.name = capitalised(node.name);
+    part.parent = above;
+    part.node = static_cast<int>(n);
+    part_of[n] = static_cast<int>(parts_.size());
+    parts_.push_back(part);
+  }
+}
+
+Eigen::Vector3d VmcAvatar::rest_place(int part) const {
+  return facing_ * figure_.rest[as_size(parts_[as_size(part)].node)].translation();
+}
+
+void VmcAvatar::turn_to_t_pose() {
+  const Eigen::Vector3d left = rest_place(part_named("LeftUpperLeg")) - rest_place(part_named("RightUpperLeg"));
+  facing_ = Eigen::AngleAxisd(std::atan2(left.z(), left.x()), Eigen::Vector3d::UnitY()).toRotationMatrix();
+  struct Limb {
+    const char *bone, *end;
+    Eigen::Vector3d direction;
+  };
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), down = -Eigen::Vector3d::UnitY();
+  const std::array<Limb, 8> limbs{{{"LeftUpperArm", "LeftLowerArm", x},
+                                   {"LeftLowerArm", "LeftHand", x},
+                                   {"RightUpperArm", "RightLowerArm", -x},
+                                   {"RightLowerArm", "RightHand", -x},
+                                   {"LeftUpperLeg", "LeftLowerLeg", down},
+                                   {"LeftLowerLeg", "LeftFoot", down},
+                                   {"RightUpperLeg", "RightLowerLeg", down},
+                                   {"RightLowerLeg", "RightFoot", down}}};
+  for (const Limb& limb : limbs) {
+    const int bone = part_named(limb.bone), end = part_named(limb.end);
+    if (bone < 0 || end < 0) continue;
+    parts_[as_size(bone)].t_pose = smallest_turn(rest_place(end) - rest_place(bone), limb.direction);
+  }
+  for (Part& part : parts_) {
+    if (part.parent < 0) continue;
+    Part& parent = parts_[as_size(part.parent)];
+    if (part.name.ends_with("Hand")) part.t_pose = parent.t_pose;  // a hand goes on in the direction of the arm
+    part.offset = parent.t_pose * (rest_place(part_named(part.name)) - rest_place(part.parent));
+  }
+}
+
+std::vector<VmcBone> VmcAvatar::bones(const std::vector<double>& dofs) const {
+  const std::vector<Eigen::Affine3d> posed = pose_nodes(figure_, skeleton_, dofs);
+  std::vector<Eigen::Matrix3d> world;
+  std::vector<VmcBone> bones;
+  for (const Part& part : parts_) {
+    const Eigen::Matrix3d turned = facing_ * rotation_of(posed[as_size(part.node)]) *
+                                   rotation_of(figure_.rest[as_size(part.node)]).transpose() * facing_.transpose();
+    world.push_back(turned * part.t_pose.transpose());
+    const bool root = part.parent < 0;
+    const Eigen::Vector3d place = root ? facing_ * posed[as_size(part.node)].translation() : part.offset;
+    const Eigen::Matrix3d local =
+        root ? world.back() : Eigen::Matrix3d(world[as_size(part.parent)].transpose() * world.back());
+    bones.push_back({part.name, part.parent, in_unity(place), in_unity(local)});
+  }
+  return bones;
+}
+
+}  // namespace doppel

@@ -1,0 +1,243 @@
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/rigging/joints/body_skeleton.h"
+#include "doppel/rigging/joints/head_measures.h"
+
+namespace doppel {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Fixes points of the rest pose to joints.
+class MarkerBuilder {
+ public:
+  MarkerBuilder(BodySkeleton& body, const BodyJoints& all_joints, const TriangleMesh& template_mesh)
+      : joints(all_joints), mesh(template_mesh), body_(body), rest_from_joint_(body.skeleton.pose(body.rest_dofs)) {}
+
+  /// @param bone the last joint of this bone carries the marker
+  void add(const std::string& name, const std::string& bone, const Vector3d& place) {
+    constexpr double kSize = 0.02;
+    const int joint = body_.skeleton.joint_of_bone(bone, BoneRule::exact);
+    body_.skeleton.markers.push_back({name, joint, rest_from_joint_[joint].inverse(Eigen::Isometry) * place, kSize});
+  }
+  /// The direction in the rest pose of an axis of a bone's frame.
+  Vector3d direction(const std::string& bone, const Vector3d& axis) const {
+    return rest_from_joint_[body_.skeleton.joint_of_bone(bone, BoneRule::exact)].linear() * axis;
+  }
+  /// The surface on a ray, or a point at `otherwise` metres when the ray leaves without a hit.
+  Vector3d surface(const Vector3d& from, const Vector3d& direction, double farthest, double otherwise) const {
+    const auto hit = last_hit(mesh, from, direction, farthest);
+    return hit ? *hit : Vector3d(from + otherwise * direction);
+  }
+
+  const BodyJoints& joints;
+  const TriangleMesh& mesh;
+
+ private:
+  BodySkeleton& body_;
+  std::vector<Eigen::Affine3d> rest_from_joint_;
+};
+
+struct Side {
+  std::string bone, name;  // "Left", "left_"
+  double sign;
+};
+const std::array<Side, 2> kSides{{{"Left", "left_", 1.0}, {"Right", "right_", -1.0}}};
+
+/// A point of the face or the head: on the surface in its direction from the middle of the head.
+Vector3d on_head(const MarkerBuilder& b, const HeadMeasures& head, const Vector3d& local) {
+  const Vector3d middle = head.world({0.3 * local.x(), local.y(), -0.5}), guess = head.world(local);
+  const double away = (guess - middle).norm();
+  const auto hit = last_hit(b.mesh, middle, (guess - middle) / away, 1.4 * away);
+  return hit ? *hit : guess;
+}
+
+void add_head_markers(MarkerBuilder& b) {
+  const HeadMeasures head = measure_head(b.mesh, b.joints);
+  const auto add = [&](const std::string& name, const Vector3d& local) {
+    b.add(name, "Head", b.joints.has(name) ? b.joints.at(name) : on_head(b, head, local));
+  };
+  b.add("nose", "Head", head.nose);
+  b.add("head_top", "Head", head.top);
+  for (const Side& side : kSides) {
+    add(side.name + "eye", {side.sign * 0.14, 0.17, -0.12});
+    add(side.name + "eye_inner", {side.sign * 0.075, 0.165, -0.1});
+    add(side.name + "eye_outer", {side.sign * 0.205, 0.17, -0.18});
+    add(side.name + "mouth", {side.sign * 0.11, -0.17, -0.1});
+    add(side.name + "ear", {side.sign * 0.33, 0.08, -0.53});
+  }
+  const std::vector<Vector3d> face = face_points();
+  for (std::size_t i = 0; i < face.size(); ++i) add("face-" + std::to_string(i), face[i]);
+}
+
+void add_trunk_markers(MarkerBuilder& b) {
+  const auto middle = [&](const char* part) {
+    return Vector3d(0.5 * (b.joints.at(std::string("left_") + part) + b.joints.at(std::string("right_") + part)));
+  };
+  b.add("neck", "Chest", middle("shoulder"));
+  b.add("neck_base", "Neck", 0.5 * (b.joints.at("neck") + b.joints.at("head")));
+  b.add("mid_hip", "Root", middle("hip"));
+  b.add("spine", "Spine1", 0.5 * (middle("hip") + middle("shoulder")));
+}
+
+/// The direction to the thumb: across the flat of the hand where the surface tells, else as the elbow bends.
+Vector3d thumb_direction(const MarkerBuilder& b, const Side& side, const Vector3d& along, double length) {
+  const Vector3d& wrist = b.joints.at(side.name + "wrist");
+  Vector3d ahead = b.direction(side.bone + "Hand", Vector3d::UnitZ());
+  ahead = (ahead - ahead.dot(along) * along).normalized();
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  Vector3d sum = Vector3d::Zero();
+  std::vector<Vector3d> across;
+  for (const Vector3d& p : b.mesh.vertices) {
+    const Vector3d away = p - wrist;
+    const double t = away.dot(along);
+    if (t < 0.25 * length || t > 0.6 * length || (away - t * along).norm() > 0.4 * length) continue;
+    across.push_back(away - t * along);
+    sum += across.back();
+  }
+  if (across.size() < 12) return ahead;
+  for (const Vector3d& p : across) {
+    const Vector3d d = p - sum / static_cast<double>(across.size());
+    spread += d * d.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
+  if (axes.eigenvalues()[2] < 2.5 * axes.eigenvalues()[1]) return ahead;
+  const Vector3d wide = axes.eigenvectors().col(2);
+  return wide.dot(ahead) < 0 ? Vector3d(-wide) : wide;
+}
+
+void add_hand_markers(MarkerBuilder& b, const Side& side) {
+  const Vector3d& wrist = b.joints.at(side.name + "wrist");
+  const Vector3d hand = b.joints.at(side.name + "fingertip") - wrist;
+  const double length = hand.norm();
+  const Vector3d along = hand / length, thumb = thumb_direction(b, side, along, length);
+  const auto place = [&](double a, double t) { return Vector3d(wrist + length * (a * along + t * thumb)); };
+  const std::string bone = side.bone + "Hand";
+  b.add(side.name + "hand_root", bone, wrist);
+  constexpr std::array<std::array<double, 2>, 4> kThumb{{{0.13, 0.13}, {0.33, 0.24}, {0.48, 0.31}, {0.62, 0.35}}};
+  for (std::size_t k = 0; k < 4; ++k)
+    b.add(side.name + "thumb" + std::to_string(k + 1), bone, place(kThumb[k][0], kThumb[k][1]));
+  struct Finger {
+    const char* name;
+    double knuckle, tip, across_knuckle, across_tip;
+  };
+  constexpr std::array<Finger, 4> kFingers{{{"forefinger", 0.49, 0.93, 0.12, 0.15},
+                                            {"middle_finger", 0.49, 1.0, 0.02, 0.03},
+                                            {"ring_finger", 0.46, 0.94, -0.07, -0.08},
+                                            {"pinky_finger", 0.42, 0.79, -0.15, -0.18}}};
+  constexpr std::array<double, 4> kJoint{0.0, 0.45, 0.75, 1.0};
+  for (const Finger& f : kFingers)
+    for (std::size_t k = 0; k < 4; ++k)
+      b.add(side.name + f.name + std::to_string(k + 1), bone,
+            place(f.knuckle + kJoint[k] * (f.tip - f.knuckle),
+                  f.across_knuckle + kJoint[k] * (f.across_tip - f.across_knuckle)));
+  b.add(side.name + "thumb", bone, place(kThumb[1][0], kThumb[1][1]));
+  b.add(side.name + "index", bone, place(kFingers[0].knuckle, kFingers[0].across_knuckle));
+  b.add(side.name + "pinky", bone, place(kFingers[3].knuckle, kFingers[3].across_knuckle));
+}
+
+void add_arm_markers(MarkerBuilder& b, const Side& side) {
+  const Vector3d shoulder = b.joints.at(side.name + "shoulder"), elbow = b.joints.at(side.name + "elbow");
+  b.add(side.name + "shoulder", side.bone + "Arm", shoulder);
+  b.add(side.name + "elbow", side.bone + "ForeArm", elbow);
+  b.add(side.name + "wrist", side.bone + "Hand", b.joints.at(side.name + "wrist"));
+  const double arm = (elbow - shoulder).norm();
+  const Vector3d up = b.direction("Chest", Vector3d::UnitY()),
+                 ahead = b.direction(side.bone + "Arm", Vector3d::UnitZ());
+  b.add(side.name + "acromion", side.bone + "Shoulder", b.surface(shoulder, up, 0.3 * arm, 0.1 * arm));
+  b.add(side.name + "olecranon", side.bone + "ForeArm", b.surface(elbow, -ahead, 0.25 * arm, 0.12 * arm));
+  b.add(side.name + "cubital_fossa", side.bone + "ForeArm", b.surface(elbow, ahead, 0.25 * arm, 0.12 * arm));
+}
+
+/// The vertices of a foot: nearer to its line than to that of the other foot, and not above the ankle.
+std::vector<Vector3d> foot_vertices(const MarkerBuilder& b, const Side& side, double shin, const Vector3d& down) {
+  const auto from_line = [&](const Vector3d& p, const std::string& name) {
+    const Vector3d a = b.joints.at(name + "ankle"), along = b.joints.at(name + "toe_end") - a;
+    return (p - a - std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0, 1.0) * along).norm();
+  };
+  const std::string other = side.name == "left_" ? "right_" : "left_";
+  std::vector<Vector3d> found;
+  for (const Vector3d& p : b.mesh.vertices) {
+    if ((p - b.joints.at(side.name + "ankle")).dot(down) < 0.05 * shin) continue;
+    const double away = from_line(p, side.name);
+    if (away < 0.35 * shin && away < from_line(p, other)) found.push_back(p);
+  }
+  return found;
+}
+
+void add_leg_markers(MarkerBuilder& b, const Side& side) {
+  const Vector3d knee = b.joints.at(side.name + "knee"), ankle = b.joints.at(side.name + "ankle");
+  b.add(side.name + "hip", side.bone + "UpLeg", b.joints.at(side.name + "hip"));
+  b.add(side.name + "knee", side.bone + "Leg", knee);
+  b.add(side.name + "ankle", side.bone + "Foot", ankle);
+  const double shin = (ankle - knee).norm();
+  const Vector3d down = (ankle - knee) / shin, foot = b.joints.at(side.name + "toe_end") - ankle;
+  const Vector3d ahead = (foot - foot.dot(down) * down).normalized(), outward = side.sign * ahead.cross(down);
+  const std::vector<Vector3d> vertices = foot_vertices(b, side, shin, down);
+  // The vertex that lies farthest in a direction.
+  const auto extreme = [&](const Vector3d& direction, const Vector3d& otherwise) {
+    const auto best = std::max_element(vertices.begin(), vertices.end(), [&](const Vector3d& p, const Vector3d& q) {
+      return p.dot(direction) < q.dot(direction);
+    });
+    return best == vertices.end() ? otherwise : *best;
+  };
+  const Vector3d& toe_end = b.joints.at(side.name + "toe_end");
+  const Vector3d& heel = b.joints.at(side.name + "heel");
+  b.add(side.name + "big_toe", side.bone + "ToeBase", extreme(ahead - 0.4 * outward, toe_end));
+  b.add(side.name + "small_toe", side.bone + "ToeBase", extreme(ahead + outward, toe_end + 0.1 * shin * outward));
+  b.add(side.name + "heel", side.bone + "Foot", extreme(-ahead + 0.3 * down, heel));
+}
+
+int label_of_head(const Vector3d& local) {
+  constexpr int kHair = 2, kFace = 13;
+  const bool front = local.z() > -0.5 && local.y() < 0.3;
+  const bool below = local.y() < -0.2 && local.z() > -0.75;
+  return front || below ? kFace : kHair;
+}
+
+}  // namespace
+
+void add_body_markers(BodySkeleton& body, const BodyJoints& given, const TriangleMesh& mesh) {
+  BodyJoints joints = given;
+  complete_joints(joints);
+  MarkerBuilder builder(body, joints, mesh);
+  add_head_markers(builder);
+  add_trunk_markers(builder);
+  for (const Side& side : kSides) {
+    add_arm_markers(builder, side);
+    add_hand_markers(builder, side);
+    add_leg_markers(builder, side);
+  }
+}
+
+std::vector<int> region_labels(const TriangleMesh& mesh, const SkinningWeights& skin, const BodyJoints& given) {
+  constexpr int kUpperClothes = 5, kPants = 9, kFace = 13, kLeftArm = 14, kLeftShoe = 18;
+  BodyJoints joints = given;
+  complete_joints(joints);
+  const HeadMeasures head = measure_head(mesh, joints);
+  const Vector3d up = pelvis_frame(joints).up;
+  std::vector<int> labels;
+  for (int v = 0; v < mesh.num_vertices(); ++v) {
+    const Vector3d& p = mesh.vertices[v];
+    const std::string& bone = skin.bones[skin.vertex_bones.row(v).front()];
+    const int right = bone.starts_with("Right") ? 1 : 0;
+    const auto ends = [&](const char* part) { return bone.ends_with(part); };
+    if (bone == "Head")
+      labels.push_back(label_of_head(head.local(p)));
+    else if (bone == "Neck")
+      labels.push_back(kFace);
+    else if (ends("ForeArm") || ends("ForeArmRoll") || ends("Hand"))
+      labels.push_back(kLeftArm + right);
+    else if (ends("Foot") || ends("ToeBase"))
+      labels.push_back(kLeftShoe + right);
+    else if (ends("Leg") || (bone == "Root" && (p - joints.at("pelvis")).dot(up) < 0))
+      labels.push_back(kPants);
+    else
+      labels.push_back(kUpperClothes);
+  }
+  return labels;
+}
+
+}  // namespace doppel

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "doppel/track/energy/evidence.h"
+#include "doppel/track/energy/pose_model.h"
+#include "doppel/track/energy/terms/silhouette_term.h"
+
+namespace doppel {
+
+/// Finds the vertices on the outline of a surface in every camera (`boundary_vertices`). The surface is drawn in the
+/// window of each camera's outline field.
+class OutlineFinder {
+ public:
+  /// @param pixels side of the windows @param most vertices of one camera; more are thinned out evenly
+  OutlineFinder(const Character& character, std::vector<PinholeCamera> cameras, int pixels, int most);
+  ~OutlineFinder();
+  OutlineFinder(OutlineFinder&&) noexcept;
+  OutlineFinder& operator=(OutlineFinder&&) noexcept;
+
+  /// @param vertices [N] world metres
+  std::vector<OutlineVertex> find(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+  /// Intersection over union of the drawn surface and the mask in the windows, mean over the cameras that see the
+  /// person; 0 when none does.
+  double overlap(const FrameEvidence& frame, const std::vector<Eigen::Vector3d>& vertices) const;
+
+ private:
+  struct State;
+  struct Windows;
+  std::unique_ptr<const State> state_;
+};
+
+/// Thins out the vertices from index `first` on, evenly, to at most `most`. Those before `first` stay.
+void thin_out(std::vector<OutlineVertex>& vertices, std::size_t first, int most);
+
+/// The posed surface, [N] world metres.
+std::vector<Eigen::Vector3d> posed_vertices(const PoseModel& model, const PosedBody& body);
+
+}  // namespace doppel

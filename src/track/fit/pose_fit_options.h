@@ -1,0 +1,38 @@
+#pragma once
+
+#include "doppel/core/config.h"
+#include "doppel/solver/least_squares.h"
+#include "doppel/track/fit/config_terms.h"
+
+namespace doppel {
+
+/// Options of every fit of a pose to keypoints and outlines, for any number of cameras. A weight of 0 switches a term
+/// off. Pixels are reference pixels (image 1024 wide). Defaults are those of the multi-view fit.
+struct PoseFitOptions {
+  double keypoint_weight = 1.0;     ///< per squared pixel
+  double keypoint_scale = 20.0;     ///< of the Geman-McClure kernel, pixels; 0: no kernel
+  double silhouette_weight = 5.0;   ///< per squared pixel
+  double silhouette_scale = 20.0;   ///< of the Geman-McClure kernel, pixels; 0: no kernel
+  double limit_weight = 2000.0;     ///< per squared radian, DoFs beyond their limits
+  double temporal_weight = 5000.0;  ///< per squared metre, positions of landmarks
+  double steady_weight = 100.0;     ///< per squared radian, DoFs to their predicted values
+  double prior_weight = 3.0;        ///< per squared radian, DoFs to the rest pose
+
+  int outline_pixels = 256;    ///< side of the windows in which outlines are found
+  int outline_vertices = 200;  ///< largest number of outline vertices per camera
+  SolverOptions solver;        ///< of each fit
+
+  double inlier_threshold = 40.0;  ///< largest distance of an inlier from its landmark, pixels
+  double min_inlier_ratio = 0.5;   ///< inliers among the confident keypoints; below, the frame is lost
+  int min_keypoints = 8;           ///< confident keypoints in a frame; below, the frame is not fitted
+};
+
+/// @throws Error for an option that is negative or not finite @param name of the option in the message
+void check_not_negative(const char* name, double value);
+/// @throws Error for options out of range
+void check_fit(const PoseFitOptions& options);
+/// Reads the keys that the configurations of all these fits share. A missing key leaves its option unchanged.
+/// @param units of the configuration @throws FileError for values out of range
+void read_pose_fit(const ConfigReader& root, PoseFitOptions& options, const ConfigUnits& units = {});
+
+}  // namespace doppel

@@ -1,0 +1,130 @@
+#include "doppel/track/surface/surface_viewer.h"
+
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "doppel/core/as_size.h"
+#include "doppel/render/projection.h"
+#include "doppel/render/rasterizer.h"
+#include "doppel/render/render_mesh.h"
+
+namespace doppel {
+namespace {
+
+constexpr float kDepthTolerance = 0.02f;  // metres, so that a slanted surface does not occlude itself
+
+torch::Tensor to_tensor(const Eigen::Matrix3Xd& vertices) {
+  torch::Tensor result = torch::empty({1, vertices.cols(), 3});
+  Eigen::Map<Eigen::Matrix3Xf>(result.data_ptr<float>(), 3, vertices.cols()) = vertices.cast<float>();
+  return result;
+}
+
+}  // namespace
+
+struct SurfaceViewer::State {
+  PinholeCamera camera;
+  int pixels;
+  torch::Tensor faces;  ///< int32 [F,3]
+  Rasterizer rasterizer;
+  std::vector<char> vertex_parts, face_parts;
+
+  State(const Character& character, const PinholeCamera& camera_in, int pixels_in)
+      : camera(camera_in),
+        pixels(pixels_in),
+        faces(RenderMesh(character.mesh).faces),
+        rasterizer(faces),
+        vertex_parts(body_parts(character.skin)) {
+    for (const Triangle& face : character.mesh.faces) face_parts.push_back(vertex_parts[as_size(face[0])]);
+  }
+
+  cv::Mat parts(const int* face_id) const {
+    cv::Mat result(pixels, pixels, CV_8UC1);
+    for (int i = 0; i < pixels * pixels; ++i)
+      result.data[i] = face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[as_size(face_id[i])]);
+    return result;
+  }
+
+  bool on_outline(const int* face_id, int column, int row) const {
+    for (int y = row - 1; y <= row + 1; ++y)
+      for (int x = column - 1; x <= column + 1; ++x)
+        if (face_id[y * pixels + x] < 0) return true;
+    return false;
+  }
+
+  /// Signed distance of a pixel to the outline of the drawn surface, - inside: the distance to the nearest pixel on the
+  /// other side, less half a pixel. Exact for pixels that have one of the other side among the 5x5 around them.
+  double distance_of_pixel(const int* face_id, int column, int row) const {
+    const bool inside = face_id[row * pixels + column] >= 0;
+    int nearest = 9;  // squared
+    for (int y = std::max(0, row - 2); y <= std::min(pixels - 1, row + 2); ++y)
+      for (int x = std::max(0, column - 2); x <= std::min(pixels - 1, column + 2); ++x)
+        if ((face_id[y * pixels + x] >= 0) != inside)
+          nearest = std::min(nearest, (x - column) * (x - column) + (y - row) * (y - row));
+    const double distance = std::sqrt(static_cast<double>(nearest)) - 0.5;
+    return inside ? -distance : distance;
+  }
+
+  /// Signed distance of a point of the window to the outline of the drawn surface, pixels of the window, - inside.
+  /// Interpolated like `OutlineField`, so that a surface that covers exactly the mask has residual 0.
+  double distance(const int* face_id, double u, double v) const {
+    const double x = u - 0.5, y = v - 0.5;
+    const int column = std::clamp(static_cast<int>(x), 0, pixels - 2),
+              row = std::clamp(static_cast<int>(y), 0, pixels - 2);
+    const double fx = x - column, fy = y - row;
+    const auto at = [&](int down, int right) { return distance_of_pixel(face_id, column + right, row + down); };
+    return (1.0 - fy) * ((1.0 - fx) * at(0, 0) + fx * at(0, 1)) + fy * ((1.0 - fx) * at(1, 0) + fx * at(1, 1));
+  }
+};
+
+SurfaceViewer::SurfaceViewer(const Character& character, const PinholeCamera& camera, int pixels)
+    : state_(new State(character, camera, pixels)) {}
+SurfaceViewer::~SurfaceViewer() = default;
+SurfaceViewer::SurfaceViewer(SurfaceViewer&&) noexcept = default;
+SurfaceViewer& SurfaceViewer::operator=(SurfaceViewer&&) noexcept = default;
+
+const std::vector<char>& SurfaceViewer::vertex_parts() const { return state_->vertex_parts; }
+
+SurfaceView SurfaceViewer::look(const PosedSurface& surface, const CropBox& window, double growth) {
+  const torch::NoGradGuard no_grad;
+  const int pixels = state_->pixels;
+  const PinholeCamera camera = crop_camera(state_->camera, window, pixels);
+  const RasterImage& image = state_->rasterizer.rasterize_projected(
+      to_tensor(surface.vertices), projection_tensor({camera}).unsqueeze(0), pixels, pixels);
+  const int* face_id = image.face_id.data_ptr<int>();
+  const float* depth = image.depth.data_ptr<float>();
+  const auto count = as_size(surface.vertices.cols());
+  const Eigen::Vector3d centre = camera.centre();
+  const double reference = reference_pixels(state_->camera) * window.image_pixels_per_pixel(pixels);
+  SurfaceView view;
+  view.visible.assign(count, 0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3d vertex = surface.vertices.col(static_cast<Eigen::Index>(i));
+    const Eigen::Vector3d seen = camera.K * camera.camera_from_world(vertex);
+    if (!(seen.z() > 0.0)) continue;
+    const double u = seen.x() / seen.z(), v = seen.y() / seen.z();
+    if (!(u >= 1.0 && v >= 1.0 && u < pixels - 1 && v < pixels - 1)) continue;
+    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    view.visible[i] = surface.normals[i].dot(centre - vertex) > 0.0 &&
+                      depth[row * pixels + column] >= static_cast<float>(seen.z()) - kDepthTolerance;
+    if (state_->on_outline(face_id, column, row))
+      view.outline.push_back({0, static_cast<int>(i), reference * state_->distance(face_id, u, v)});
+  }
+  const int grown = static_cast<int>(std::lround(growth / window.image_pixels_per_pixel(pixels)));
+  view.parts = PartMask(state_->parts(face_id), window, std::max(1, grown));
+  return view;
+}
+
+double SurfaceViewer::overlap(const Eigen::Matrix3Xd& vertices, const cv::Mat& mask) {
+  const torch::NoGradGuard no_grad;
+  torch::Tensor covered =
+      state_->rasterizer.coverage_projected(to_tensor(vertices), projection_tensor({state_->camera}).unsqueeze(0),
+                                            state_->camera.height, state_->camera.width);
+  const cv::Mat drawn(state_->camera.height, state_->camera.width, CV_8UC1, covered.data_ptr());
+  const int both = cv::countNonZero(drawn & (mask > 0)), either = cv::countNonZero(drawn | mask);
+  return either > 0 ? static_cast<double>(both) / either : 0.0;
+}
+
+}  // namespace doppel

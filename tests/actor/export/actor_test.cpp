@@ -1,0 +1,329 @@
+#include <gtest/gtest.h>
+#include <torch/script.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "actor/export/dressed_actor.h"
+#include "doppel/actor/export/actor_file.h"
+#include "doppel/actor/export/animation.h"
+#include "doppel/actor/trained_actor.h"
+#include "doppel/character/character.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/core/error.h"
+#include "doppel/core/npy.h"
+#include "doppel/layers/surface.h"
+#include "doppel/nets/egnet.h"
+#include "support/temporary_folder.h"
+#include "support/test_character.h"
+
+namespace doppel::actor_test {
+namespace {
+
+using support::TemporaryFolder;
+
+/// A character, an untrained network with outputs large enough to see, and the actor made of both.
+struct Actor {
+  Character character = make_test_character();
+  EgNet net;
+  CharacterSurface surface;
+  ActorDescription description;
+
+  Actor() : net(character, EgNetConfig::preset("paper")), surface(character) {
+    torch::NoGradGuard no_grad;
+    auto generator = at::detail::createCPUGenerator(5);
+    for (torch::Tensor& p : net->parameters()) p.copy_(0.2 * torch::randn(p.sizes(), generator));
+    net->eval();
+    description.name = character.name;
+    description.past_frames = net->config().past_frames;
+    for (const Dof& dof : character.skeleton.dofs) description.dof_names.push_back(dof.name);
+    for (const Joint& joint : character.skeleton.joints) description.joint_names.push_back(joint.name);
+    description.num_vertices = character.num_vertices();
+    description.fingerprint = character.fingerprint();
+  }
+
+  torch::Tensor forward(const torch::Tensor& window) {
+    const auto [rotation, translation] = net->forward(window);
+    return surface->deformed(window.select(1, window.size(1) - 1), rotation, translation, {});
+  }
+
+  void write(const std::filesystem::path& path) {
+    write_actor(path, character, description,
+                {[this](const torch::Tensor& window) { return forward(window); }, nullptr}, {{"egnet", net.get()}});
+  }
+};
+
+Motion test_motion(int num_dofs, int frames) {
+  Motion motion;
+  for (int f = 0; f < frames; ++f) {
+    std::vector<double> row;
+    for (int d = 0; d < num_dofs; ++d) row.push_back(0.2 * std::sin(0.3 * f + d));
+    motion.frames.push_back(row);
+    motion.ids.push_back(f);
+  }
+  return motion;
+}
+
+double largest_difference(const std::vector<float>& a, const std::vector<float>& b) {
+  if (a.size() != b.size()) return 1e9;
+  double worst = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) worst = std::max(worst, std::abs(double(a[i]) - double(b[i])));
+  return worst;
+}
+
+TEST(ActorFileRejects, ResultsOfAnotherShape) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  torch::jit::ExtraFilesMap parts{{"metadata.json", ""}, {"faces.npy", ""}};
+  torch::jit::load((folder / "actor.pt").string(), c10::nullopt, parts);
+  torch::jit::Module other("__torch__.doppel.Actor");
+  other.define("def forward(self, window):\n  return window\n");
+  other.save((folder / "other.pt").string(), parts);
+  const ActorFile file = ActorFile::load(folder / "other.pt");
+  const int dofs = actor.character.num_dofs();
+  EXPECT_THROW(file.forward(torch::zeros({1, actor.description.past_frames + 1, dofs})), Error);
+}
+
+TEST(ActorFileAgrees, WithTheModelOnUnseenWindowsAndBatches) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  EXPECT_EQ(file.description().dof_names, actor.description.dof_names);
+  EXPECT_EQ(file.description().fingerprint, actor.character.fingerprint());
+  torch::NoGradGuard no_grad;
+  for (int batch : {1, 2, 5}) {
+    const torch::Tensor window = 0.4 * torch::randn({batch, 3, actor.character.num_dofs()});
+    const torch::Tensor expected = actor.forward(window), found = file.forward(window);
+    ASSERT_EQ(found.sizes(), expected.sizes());
+    EXPECT_LT((found - expected).abs().max().item<double>(), 1e-5) << "batch " << batch;
+  }
+}
+
+TEST(ActorFileAgrees, ParametersStayParameters) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  torch::jit::Module module = torch::jit::load((folder / "actor.pt").string());
+  EXPECT_EQ(module.parameters().size(), actor.net->parameters().size());
+  // Changing a parameter of the loaded file changes what it computes: nothing was baked in as a constant.
+  torch::NoGradGuard no_grad;
+  const torch::Tensor window = 0.4 * torch::randn({1, 3, actor.character.num_dofs()});
+  const torch::Tensor before = module.forward({window}).toTensor();
+  for (const torch::Tensor& p : module.parameters()) p.zero_();
+  EXPECT_GT((module.forward({window}).toTensor() - before).abs().max().item<double>(), 1e-4);
+}
+
+TEST(ActorFileAgrees, WithThePythonAndTheCppHost) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const Motion motion = test_motion(actor.character.num_dofs(), 7);
+  write_motion(folder / "m.motion", motion, true);
+  const ActorFile file = ActorFile::load(folder / "actor.pt");
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_npy_writer(folder / "ours", actor.character.num_vertices()));
+  animate(actor.character, motion, &file, writers);
+  const std::vector<float> ours = read_npy(folder / "ours" / "vertices.npy").as<float>();
+
+  const std::string arguments = " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() + "' '";
+  ASSERT_EQ(
+      std::system((std::string(ACTOR_HOST) + arguments + (folder / "host.f32").string() + "' >/dev/null").c_str()), 0);
+  const std::string raw = read_file(folder / "host.f32");
+  std::vector<float> host(raw.size() / sizeof(float));
+  std::memcpy(host.data(), raw.data(), raw.size());
+  EXPECT_LT(largest_difference(ours, host), 1e-5);
+
+  if (std::system("/usr/bin/python3 -c 'import torch' 2>/dev/null") != 0)
+    GTEST_SKIP() << "Debian's python3-torch is not installed: the Python host was not tried";
+  ASSERT_EQ(
+      std::system(
+          ("/usr/bin/python3 " PLAY_ACTOR + arguments + (folder / "python.npy").string() + "' >/dev/null").c_str()),
+      0);
+  EXPECT_LT(largest_difference(ours, read_npy(folder / "python.npy").as<float>()), 1e-5);
+}
+
+/// Runs a host of the C API on an actor and a motion. @return the vertices that it wrote
+std::vector<float> played_by(const std::string& host, const TemporaryFolder& folder) {
+  const std::string command = host + " '" + (folder / "actor.pt").string() + "' '" + (folder / "m.motion").string() +
+                              "' '" + (folder / "host.f32").string() + "' >/dev/null";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  const std::string raw = read_file(folder / "host.f32");
+  std::vector<float> vertices(raw.size() / sizeof(float));
+  std::memcpy(vertices.data(), raw.data(), raw.size());
+  return vertices;
+}
+
+TEST(ActorHostAgrees, InCAndInPythonWithoutPyTorch) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const Motion motion = test_motion(actor.character.num_dofs(), 9);
+  write_motion(folder / "m.motion", motion, true);
+  std::vector<float> ours;
+  const torch::NoGradGuard no_grad;
+  for (int f = 0; f < motion.num_frames(); ++f) {
+    const torch::Tensor frame = actor.forward(motion_window(motion, f, actor.description.past_frames).unsqueeze(0));
+    ours.insert(ours.end(), frame.data_ptr<float>(), frame.data_ptr<float>() + frame.numel());
+  }
+  EXPECT_LT(largest_difference(ours, played_by(PLAY_ACTOR_C, folder)), 1e-5);
+  EXPECT_LT(largest_difference(ours, played_by("/usr/bin/python3 " ACTOR_CTYPES " " DOPPEL_LIBRARY, folder)), 1e-5);
+}
+
+TEST(ActorHostBehaves, NormalsWindowErrorsAndMemory) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  EXPECT_EQ(std::system((std::string(HOST_CHECK) + " '" + (folder / "actor.pt").string() + "'").c_str()), 0);
+}
+
+TEST(TextureInputReference, SeesTheFinishedSurfaceOnDemandInTheLastFrameAlone) {
+  TrainedActor actor = support::dressed_actor();
+  TexNetConfig config = actor.texnet->config();
+  ASSERT_TRUE(config.surface_normals);
+  const torch::Tensor window =
+      0.3 * torch::randn({2, 3, actor.character.num_dofs()}, at::detail::createCPUGenerator(4));
+  const torch::Tensor projection = torch::eye(4).slice(0, 0, 3).unsqueeze(0).repeat({2, 1, 1});
+  const torch::Tensor surface = actor.fine(window);
+  const auto input = [&] { return texture_input(actor, *actor.texture_space, config, window, projection, surface); };
+  const TexNetInput finished = input();
+  config.surface_normals = false;
+  const TexNetInput skinned = input();
+  EXPECT_TRUE(torch::equal(finished.normals.narrow(1, 6, 3), actor.texture_space->normals(surface)));
+  EXPECT_GT((finished.normals.narrow(1, 6, 3) - skinned.normals.narrow(1, 6, 3)).abs().max().item<float>(), 0.01f);
+  EXPECT_TRUE(torch::equal(finished.normals.narrow(1, 0, 6), skinned.normals.narrow(1, 0, 6)));
+  EXPECT_TRUE(torch::equal(finished.camera, skinned.camera));
+}
+
+TEST(ActorFileAgrees, GeometryAndTextureOfAWholeActorInAllHosts) {
+  const TemporaryFolder folder;
+  TrainedActor actor = support::dressed_actor();
+  const ActorDescription description = support::description_of(actor);
+  const auto path = folder / "actor.pt";
+  write_actor(path, actor.character, description,
+              {[&](const torch::Tensor& window) { return actor.fine(window); },
+               [&](const auto& window, const auto& p, const auto& v) { return actor.texture(window, p, v); }},
+              {{"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}});
+
+  const ActorFile file = ActorFile::load(path);
+  EXPECT_EQ(file.description().texture_size, 256);
+  const torch::Tensor window = 0.3 * torch::randn({2, 3, actor.character.num_dofs()});
+  const torch::Tensor projection =
+      torch::tensor({600.f, 0.f, 200.f, 900.f, 0.f, 600.f, 200.f, 500.f, 0.f, 0.f, 1.f, 2.5f})
+          .view({1, 3, 4})
+          .repeat({2, 1, 1});
+  const auto [vertices, texture] = file.textured(window, projection);
+  EXPECT_LT((vertices - actor.fine(window)).abs().max().item<float>(), 1e-5f);
+  EXPECT_LT((texture - actor.texture(window, projection)).abs().max().item<float>(), 1e-4f);
+  EXPECT_LT((vertices - file.forward(window)).abs().max().item<float>(), 1e-6f);
+  EXPECT_LT((texture - file.texture(window, projection, vertices)).abs().max().item<float>(), 1e-6f);
+  EXPECT_THROW(file.textured(window, projection.slice(0, 0, 1)), Error);
+
+  write_motion(folder / "m.motion", test_motion(actor.character.num_dofs(), 3), true);
+  const std::string arguments = " '" + path.string() + "' '" + (folder / "m.motion").string() + "' '";
+  ASSERT_EQ(std::system((std::string(ACTOR_HOST) + arguments + (folder / "host.f32").string() + "' '" +
+                         (folder / "host.ppm").string() + "' >/dev/null")
+                            .c_str()),
+            0);
+  const cv::Mat host = cv::imread((folder / "host.ppm").string());
+  ASSERT_EQ(host.size(), cv::Size(512, 512));
+  const int drawn = cv::countNonZero(host.reshape(1) != 230) / 3;
+  EXPECT_GT(drawn, 2000);
+  if (std::system("/usr/bin/python3 -c 'import torch' 2>/dev/null") != 0)
+    GTEST_SKIP() << "Debian's python3-torch is not installed: the Python host was not tried";
+  ASSERT_EQ(std::system(("/usr/bin/python3 " PLAY_ACTOR + arguments + (folder / "python.npy").string() + "' '" +
+                         (folder / "python.ppm").string() + "' >/dev/null")
+                            .c_str()),
+            0);
+  const cv::Mat python = cv::imread((folder / "python.ppm").string());
+  ASSERT_EQ(python.size(), host.size());
+  // Two rasterizers: pixels on edges may differ.
+  cv::Mat difference;
+  cv::absdiff(host, python, difference);
+  EXPECT_LT(cv::countNonZero(difference.reshape(1) > 2) / 3, drawn / 50);
+}
+
+TEST(ActorFileRejects, ATextureWhereThereIsNone) {
+  const TemporaryFolder folder;
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  EXPECT_THROW(ActorFile::load(folder / "actor.pt")
+                   .textured(torch::zeros({1, 3, actor.character.num_dofs()}), torch::zeros({1, 3, 4})),
+               Error);
+}
+
+TEST(ActorFileRejects, WhatIsNotAnActor) {
+  const TemporaryFolder folder;
+  EXPECT_THROW(ActorFile::load(folder / "missing.pt"), FileError);
+  write_atomically(folder / "text.pt", "hello");
+  EXPECT_THROW(ActorFile::load(folder / "text.pt"), FileError);
+  torch::jit::Module other("other");
+  other.define("def forward(self, x):\n  return x\n");
+  other.save((folder / "other.pt").string());
+  EXPECT_THROW(ActorFile::load(folder / "other.pt"), FileError);
+
+  Actor actor;
+  actor.write(folder / "actor.pt");
+  const std::string whole = read_file(folder / "actor.pt");
+  for (std::size_t length : {whole.size() / 10, whole.size() / 2, whole.size() - 20}) {
+    write_atomically(folder / "cut.pt", whole.substr(0, length));
+    EXPECT_THROW(ActorFile::load(folder / "cut.pt"), FileError) << length;
+  }
+  EXPECT_THROW(ActorFile::load(folder / "actor.pt").forward(torch::zeros({1, 3, 1})), Error);
+}
+
+TEST(AnimationReference, WithoutAModelItIsPureSkinning) {
+  const TemporaryFolder folder;
+  const Character character = make_test_character();
+  const Motion motion = test_motion(character.num_dofs(), 20);
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_npy_writer(folder.path(), character.num_vertices()));
+  writers.push_back(make_obj_writer(folder.path(), character));
+  animate(character, motion, nullptr, writers);
+  const NpyArray array = read_npy(folder / "vertices.npy");
+  EXPECT_EQ(array.shape, (std::vector<std::int64_t>{20, character.num_vertices(), 3}));
+
+  CharacterSurface surface(character);
+  const torch::Tensor last = surface->skinned(motion_window(motion, 19, 0));
+  const std::vector<float> all = array.as<float>();
+  const std::vector<float> expected(last.data_ptr<float>(), last.data_ptr<float>() + last.numel());
+  EXPECT_LT(largest_difference({all.end() - last.numel(), all.end()}, expected), 1e-7);
+
+  const TriangleMesh mesh = read_obj(folder / "frame_000019.obj", 1.0);
+  EXPECT_EQ(mesh.faces, character.mesh.faces);
+  EXPECT_NEAR(mesh.vertices.back().x(), expected[expected.size() - 3], 1e-6);
+}
+
+TEST(AnimationReference, ATexturedObjSequenceKeepsItsTexture) {
+  const TemporaryFolder folder;
+  Character character = make_test_character();
+  character.mesh.uvs = {{0, 0}, {1, 0}, {0, 1}};
+  character.mesh.face_uvs.assign(character.mesh.faces.size(), {0, 1, 2});
+  character.mesh.texture = cv::Mat(4, 4, CV_8UC3, cv::Scalar(10, 20, 200));
+  std::vector<std::unique_ptr<SequenceWriter>> writers;
+  writers.push_back(make_obj_writer(folder.path(), character));
+  animate(character, test_motion(character.num_dofs(), 2), nullptr, writers);
+  const TriangleMesh mesh = read_obj(folder / "frame_000001.obj", 1.0);
+  ASSERT_FALSE(mesh.texture.empty());
+  EXPECT_EQ(mesh.texture.at<cv::Vec3b>(0, 0), cv::Vec3b(10, 20, 200));
+  EXPECT_EQ(mesh.face_uvs, character.mesh.face_uvs);
+}
+
+TEST(AnimationReference, TheFirstFrameRepeatsBeforeTheStart) {
+  const Motion motion = test_motion(4, 5);
+  const torch::Tensor window = motion_window(motion, 1, 2);
+  EXPECT_TRUE(torch::equal(window[0], window[1]));
+  EXPECT_FLOAT_EQ(window[2][2].item<float>(), static_cast<float>(motion.frames[1][2]));
+}
+
+TEST(AnimationRejects, AMotionOfAnotherSkeleton) {
+  const TemporaryFolder folder;
+  const Character character = make_test_character();
+  EXPECT_THROW(animate(character, test_motion(character.num_dofs() + 1, 2), nullptr, {}), Error);
+  EXPECT_THROW(animate(character, Motion{}, nullptr, {}), Error);
+}
+
+}  // namespace
+}  // namespace doppel::actor_test

@@ -1,0 +1,46 @@
+#pragma once
+
+#include "doppel/actor/export/actor_metadata.h"
+#include "doppel/actor/trained_actor.h"
+#include "support/test_character.h"
+
+namespace doppel::support {
+
+/// An actor with all networks, untrained, TexNet at its smallest and under light.
+inline TrainedActor dressed_actor() {
+  TrainedActor actor;
+  actor.character = make_test_character();
+  actor.surface = CharacterSurface(actor.character);
+  actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
+  actor.egnet = EgNet(actor.character, EgNetConfig::preset("paper"));
+  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::preset("paper"));
+  TexNetConfig config = TexNetConfig::preset("paper");
+  config.size = 256;
+  config.levels = 4;
+  config.unet.width = 0.1;
+  config.residual = config.lit = config.surface_normals = true;
+  actor.static_texture = torch::full({1, 256, 256, 3}, 0.5);
+  actor.lighting = Lighting(1, std::vector<int>{0});
+  actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(3));
+  actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
+  torch::NoGradGuard no_grad;
+  auto generator = at::detail::createCPUGenerator(7);
+  for (torch::nn::Module* module : std::initializer_list<torch::nn::Module*>{actor.egnet.get(), actor.deltanet.get()}) {
+    for (torch::Tensor& p : module->parameters()) p.copy_(0.1 * torch::randn(p.sizes(), generator));
+    module->eval();
+  }
+  actor.texnet->eval();
+  return actor;
+}
+
+inline ActorDescription description_of(const TrainedActor& actor) {
+  ActorDescription description;
+  description.name = "dressed";
+  description.past_frames = actor.past_frames();
+  for (const Dof& dof : actor.character.skeleton.dofs) description.dof_names.push_back(dof.name);
+  description.num_vertices = actor.character.num_vertices();
+  description.texture_size = actor.texnet->config().size;
+  return description;
+}
+
+}  // namespace doppel::support

@@ -1,0 +1,91 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "actor/export/dressed_actor.h"
+#include "actor/export/untrained_pose.h"
+#include "doppel/actor/export/onnx_file.h"
+#include "doppel/actor/export/pose_trace.h"
+#include "doppel/core/npy.h"
+#include "support/temporary_folder.h"
+
+namespace doppel::onnx_test {
+namespace {
+
+using support::TemporaryFolder;
+using torch::Tensor;
+
+void write(const std::filesystem::path& path, const Tensor& values) {
+  const Tensor plain = values.detach().contiguous().to(torch::kFloat32);
+  write_npy(path, plain.data_ptr<float>(), plain.sizes().vec());
+}
+
+/// What `node check_onnx.mjs` says of the models of a folder; 77 where the packages cannot be installed.
+int check(const TemporaryFolder& folder, const std::string& options = "") {
+  const int installed = std::system(WEB_TESTS "/modules.sh");
+  if (installed != 0) return WEXITSTATUS(installed);
+  return WEXITSTATUS(
+      std::system(("node " WEB_TESTS "/check_onnx.mjs " + options + " '" + (folder / "").string() + "'").c_str()));
+}
+
+/// An actor as two models, with values on windows and batch sizes that the export has not seen.
+void write_dressed(const TemporaryFolder& folder) {
+  const torch::NoGradGuard no_grad;
+  TrainedActor actor = support::dressed_actor();
+  ActorDescription description = support::description_of(actor);
+  const ActorFunction geometry = [&](const Tensor& window) { return actor.fine(window); };
+  const TextureFunction texture = [&](const Tensor& window, const Tensor& p, const Tensor& v) {
+    return actor.texture(window, p, v);
+  };
+  const ScriptModules modules{
+      {"egnet", actor.egnet.get()}, {"deltanet", actor.deltanet.get()}, {"texnet", actor.texnet.get()}};
+  write_actor_onnx(folder / "textured.onnx", actor.character, description, {geometry, texture}, modules);
+  description.texture_size = 0;
+  write_actor_onnx(folder / "geometry.onnx", actor.character, description, {geometry, nullptr}, modules);
+  for (const auto& [name, batch] : {std::pair{"textured", 3}, std::pair{"geometry", 1}}) {
+    const auto path = [&](const char* value) { return folder / (std::string(name) + "." + value + ".npy"); };
+    const Tensor window = random_windows(description, batch, 21), projection = random_projections(batch, 22);
+    write(path("window"), window);
+    write(path("vertices"), geometry(window));
+    write(path("projection"), projection);
+    write(path("texture"), texture(window, projection, geometry(window)));
+  }
+}
+
+TEST(OnnxFileAgrees, GeometryAndTextureInOnnxRuntime) {
+  const TemporaryFolder folder;
+  write_dressed(folder);
+  const int code = check(folder);
+  if (code == 77) GTEST_SKIP() << "node or its packages are missing: ONNX Runtime was not tried";
+  EXPECT_EQ(code, 0);
+}
+
+TEST(OnnxFileAgrees, GeometryAndTextureInABrowser) {
+  if (std::system("command -v chromium >/dev/null") != 0) GTEST_SKIP() << "chromium is not installed";
+  const TemporaryFolder folder;
+  write_dressed(folder);
+  const int code = check(folder, "--browser");
+  if (code == 77) GTEST_SKIP() << "node or its packages are missing: the browser was not tried";
+  EXPECT_EQ(code, 0);
+}
+
+TEST(OnnxFileAgrees, PoseAndSurfaceFromImages) {
+  const TemporaryFolder folder;
+  const torch::NoGradGuard no_grad;
+  TrainedPose trained = support::untrained_pose(/*with_defnet=*/true);
+  write_pose_onnx(folder / "pose.onnx", trained);
+  const auto traced = traced_pose(trained);
+  const torch::jit::Stack inputs = sample_of_placed(traced.description, 4);
+  write(folder / "pose.image.npy", inputs[0].toTensor());
+  write(folder / "pose.rotation.npy", inputs[2].toTensor());
+  const auto outputs = traced.file.module().get_method("forward")({inputs[0], inputs[2]}).toTuple();
+  write(folder / "pose.dofs.npy", outputs->elements()[0].toTensor());
+  write(folder / "pose.landmarks.npy", outputs->elements()[1].toTensor());
+  write(folder / "pose.vertices.npy", outputs->elements()[2].toTensor());
+  const int code = check(folder);
+  if (code == 77) GTEST_SKIP() << "node or its packages are missing: ONNX Runtime was not tried";
+  EXPECT_EQ(code, 0);
+}
+
+}  // namespace
+}  // namespace doppel::onnx_test

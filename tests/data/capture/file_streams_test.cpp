@@ -1,0 +1,57 @@
+#include "doppel/data/capture/file_streams.h"
+
+#include <gtest/gtest.h>
+
+namespace doppel::file_streams_test {
+namespace {
+
+std::vector<std::string> paths_of(const std::vector<FileStream>& streams) {
+  std::vector<std::string> paths;
+  for (const FileStream& stream : streams) paths.push_back(stream.path);
+  return paths;
+}
+
+using Paths = std::vector<std::string>;
+
+TEST(FileStreamsReference, ImagesOfAFolderAreFrames) {
+  const auto streams =
+      group_streams({"a/000007.jpg", "a/000008.jpg", "a/000009.jpg", "b/1.png", "b/2.png", "b/10.png"});
+  EXPECT_EQ(paths_of(streams), (Paths{"a/{frame:06}.jpg", "b/{frame}.png"}));
+  EXPECT_EQ(streams[0].first_frame, 7);
+  EXPECT_EQ(streams[0].files, 3);
+  EXPECT_EQ(streams[0].first_file, "a/000007.jpg");
+  EXPECT_TRUE(streams[0].per_frame);
+  EXPECT_EQ(streams[0].stem(), "a/.");
+}
+
+TEST(FileStreamsReference, TheNumberWithMostValuesCountsTheFrames) {
+  Paths files;
+  for (const char* camera : {"0", "1"})
+    for (const char* frame : {"3", "4", "5"})
+      files.push_back(std::string("image_c_") + camera + "_f_" + frame + ".jpg");
+  EXPECT_EQ(paths_of(group_streams(files)), (Paths{"image_c_0_f_{frame:01}.jpg", "image_c_1_f_{frame:01}.jpg"}));
+  files.clear();
+  for (const char* frame : {"0001", "0002", "0003"})
+    for (const char* camera : {"1", "2"}) files.push_back(std::string("frame_") + frame + "_cam" + camera + ".jpg");
+  EXPECT_EQ(paths_of(group_streams(files)), (Paths{"frame_{frame:04}_cam1.jpg", "frame_{frame:04}_cam2.jpg"}));
+}
+
+TEST(FileStreamsReference, VideosAndTablesStandAlone) {
+  EXPECT_EQ(paths_of(group_streams({"v/cam10.MP4", "v/cam2.MP4", "k.csv", "readme.txt", "a.b/c"})),
+            (Paths{"k.csv", "v/cam2.MP4", "v/cam10.MP4"}));
+  EXPECT_EQ(paths_of(group_streams({"cam01.0000.json", "cam01.0001.json"})), (Paths{"cam01.{frame:04}.json"}));
+  EXPECT_EQ(paths_of(group_streams({"cam01.json", "cam02.json"}, false)), (Paths{"cam01.json", "cam02.json"}));
+  EXPECT_EQ(paths_of(group_streams({"0001_2d.png", "0002_2d.png"})), (Paths{"{frame:04}_2d.png"}));
+}
+
+TEST(FileStreamsReference, BracesCannotBeNamed) { EXPECT_TRUE(group_streams({"a{b}.mp4"}).empty()); }
+
+TEST(FileStreamsReference, AnyPathsAreTaken) {
+  const std::string long_number(400, '9');
+  const auto streams =
+      group_streams({"", "/", ".jpg", "a/.jpg", long_number + ".jpg", "8" + long_number + ".jpg", "a.jpg/b"});
+  for (const FileStream& stream : streams) EXPECT_FALSE(stream.per_frame) << stream.path;
+}
+
+}  // namespace
+}  // namespace doppel::file_streams_test

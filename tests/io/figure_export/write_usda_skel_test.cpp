@@ -1,0 +1,182 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/atomic_file.h"
+#include "doppel/io/figure_export/write_figure.h"
+#include "io/figure_export/waving_clip.h"
+#include "support/temporary_folder.h"
+#include "support/test_character.h"
+
+namespace doppel::write_usda_skel_test {
+namespace {
+
+using support::TemporaryFolder;
+
+/// All numbers of a text.
+std::vector<double> numbers_in(const std::string& text) {
+  std::vector<double> values;
+  for (const char* at = text.c_str(); *at != '\0';) {
+    char* end = nullptr;
+    const double value = std::strtod(at, &end);
+    if (end != at) values.push_back(value);
+    at = end != at ? end : at + 1;
+  }
+  return values;
+}
+
+/// A figure as a reader of UsdSkel sees it.
+class SkelFile {
+ public:
+  explicit SkelFile(const std::filesystem::path& path) : text_(read_file(path)) {
+    const std::string joints = list("uniform token[] joints = ");
+    std::vector<std::string> paths;
+    for (std::size_t at = joints.find('"'); at != std::string::npos;) {
+      const std::size_t end = joints.find('"', at + 1);
+      paths.push_back(joints.substr(at + 1, end - at - 1));
+      at = joints.find('"', end + 1);
+    }
+    for (const std::string& joint : paths) {
+      const std::size_t slash = joint.rfind('/');
+      const auto parent =
+          slash == std::string::npos ? paths.end() : std::find(paths.begin(), paths.end(), joint.substr(0, slash));
+      parents_.push_back(parent == paths.end() ? -1 : static_cast<int>(parent - paths.begin()));
+    }
+    for (std::size_t at = text_.find("def BlendShape"); at != std::string::npos;
+         at = text_.find("def BlendShape", at + 1))
+      offsets_.push_back(numbers_in(list("offsets = ", at)));
+  }
+
+  const std::string& text() const { return text_; }
+  const std::vector<int>& parents() const { return parents_; }
+
+  /// The list that follows `key`, with its brackets.
+  std::string list(const std::string& key, std::size_t from = 0) const {
+    const std::size_t at = text_.find(key, from);
+    if (at == std::string::npos) throw std::runtime_error("the file has no " + key);
+    const std::size_t begin = text_.find('[', at + key.size() - 1);
+    return text_.substr(begin, text_.find(']', begin) - begin + 1);
+  }
+  /// The sample of a frame.
+  std::vector<double> sample(const std::string& attribute, int frame) const {
+    const std::size_t at = text_.find(attribute + ".timeSamples");
+    return numbers_in(list(" " + std::to_string(frame) + ": ", at));
+  }
+  std::vector<Eigen::Affine3d> matrices(const std::string& attribute) const {
+    const std::vector<double> values = numbers_in(list("matrix4d[] " + attribute + " = "));
+    std::vector<Eigen::Affine3d> result;
+    for (std::size_t i = 0; i + 16 <= values.size(); i += 16)
+      result.emplace_back(Eigen::Map<const Eigen::Matrix4d>(&values[i]));  // rows in the file, columns in Eigen
+    return result;
+  }
+  /// Transforms of the joints to the skeleton, given those to their parents.
+  std::vector<Eigen::Affine3d> chained(std::vector<Eigen::Affine3d> transforms) const {
+    for (std::size_t j = 0; j < transforms.size(); ++j)
+      if (parents_[j] >= 0) transforms[j] = transforms[as_size(parents_[j])] * transforms[j];
+    return transforms;
+  }
+
+  /// The equations of UsdSkel: blend shapes are added to the points, then sum_i w_i (bind^-1 joint) moves them.
+  std::vector<Eigen::Vector3d> vertices(int frame) const {
+    const auto shift = sample("translations", frame), turn = sample("rotations", frame);
+    std::vector<Eigen::Affine3d> joints;
+    for (std::size_t j = 0; j < parents_.size(); ++j)
+      joints.push_back(Eigen::Translation3d(shift[3 * j], shift[3 * j + 1], shift[3 * j + 2]) *
+                       Eigen::Quaterniond(turn[4 * j], turn[4 * j + 1], turn[4 * j + 2], turn[4 * j + 3]));
+    joints = chained(joints);
+    const auto bind = matrices("bindTransforms");
+    for (std::size_t j = 0; j < joints.size(); ++j) joints[j] = joints[j] * bind[j].inverse();
+    std::vector<double> points = numbers_in(list("point3f[] points = "));
+    const auto shapes = offsets_.empty() ? std::vector<double>() : sample("blendShapeWeights", frame);
+    for (std::size_t k = 0; k < shapes.size(); ++k)
+      for (std::size_t i = 0; i < points.size(); ++i) points[i] += shapes[k] * offsets_[k][i];
+    const auto index = numbers_in(list("skel:jointIndices = ")), weight = numbers_in(list("skel:jointWeights = "));
+    std::vector<Eigen::Vector3d> moved(points.size() / 3, Eigen::Vector3d::Zero());
+    for (std::size_t v = 0; v < moved.size(); ++v)
+      for (std::size_t i = 4 * v; i < 4 * v + 4; ++i)
+        moved[v] += weight[i] * (joints[static_cast<std::size_t>(index[i])] *
+                                 Eigen::Vector3d(points[3 * v], points[3 * v + 1], points[3 * v + 2]));
+    return moved;
+  }
+
+ private:
+  std::string text_;
+  std::vector<int> parents_;
+  std::vector<std::vector<double>> offsets_;
+};
+
+class WriteUsdaSkel : public testing::Test {
+ protected:
+  WriteUsdaSkel() : clip_(support::waving_clip(actor_, 12, 0.03)) {}
+
+  SkelFile written(int count) {
+    const MorphTargets morphs = fit_morphs(figure_, actor_.skeleton, clip_, count);
+    const FigureTracks tracks = thin_tracks(figure_, actor_.skeleton, clip_, morphs, 1e-4);
+    error_ = figure_error(figure_, clip_, morphs, tracks);
+    write_usda_skel(folder_ / "a.usda", {actor_.name, actor_.mesh, clip_}, figure_, morphs, tracks, "skin.png");
+    return SkelFile(folder_ / "a.usda");
+  }
+  FigureError error_of(const SkelFile& file) const {
+    FigureError error;
+    for (int t = 0; t < clip_.num_frames(); ++t) {
+      const auto found = file.vertices(t);
+      EXPECT_EQ(found.size(), actor_.mesh.vertices.size());
+      for (std::size_t v = 0; v < found.size(); ++v) {
+        const float* truth = &clip_.vertices[as_size(t)][3 * v];
+        const double off = 1000.0 * (found[v] - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
+        error.worst = std::max(error.worst, off);
+        error.mean += off / static_cast<double>(found.size() * clip_.vertices.size());
+      }
+    }
+    return error;
+  }
+
+  const TemporaryFolder folder_;
+  const Character& actor_ = test_actor();
+  const Figure figure_ = make_figure(actor_, BoneNames::skeletool);
+  FigureClip clip_;
+  FigureError error_;
+};
+
+TEST_F(WriteUsdaSkel, TheFileMovesAsTheClipByTheEquationsOfTheSpecification) {
+  const FigureError error = error_of(written(8));
+  EXPECT_LT(error.mean, 2.0);
+  EXPECT_LT(error.worst, 8.0);
+  EXPECT_NEAR(error.mean, error_.mean, 0.01);
+  EXPECT_NEAR(error.worst, error_.worst, 0.05);
+}
+
+TEST_F(WriteUsdaSkel, WithoutBlendShapesTheSkinAloneMoves) {
+  const SkelFile file = written(0);
+  EXPECT_EQ(file.text().find("blendShape"), std::string::npos);
+  const FigureError error = error_of(file);
+  EXPECT_GT(error.worst, 8.0);
+  EXPECT_NEAR(error.worst, error_.worst, 0.05);
+}
+
+TEST_F(WriteUsdaSkel, RestAndBindTransformsAreThoseOfTheFigure) {
+  const SkelFile file = written(2);
+  for (std::size_t j = 0; j < figure_.nodes.size(); ++j) EXPECT_EQ(file.parents()[j], figure_.nodes[j].parent);
+  const auto bind = file.matrices("bindTransforms"), rest = file.chained(file.matrices("restTransforms"));
+  ASSERT_EQ(bind.size(), figure_.rest.size());
+  for (std::size_t j = 0; j < bind.size(); ++j) {
+    EXPECT_LT((bind[j].matrix() - figure_.rest[j].matrix()).norm(), 1e-6);
+    EXPECT_LT((bind[j].matrix() - rest[j].matrix()).norm(), 1e-6);
+  }
+}
+
+TEST_F(WriteUsdaSkel, TheTextIsWhole) {
+  const std::string text = written(3).text();
+  EXPECT_EQ(text.substr(0, 10), "#usda 1.0\n");
+  for (const auto& [open, close] : {std::pair{'{', '}'}, {'(', ')'}, {'[', ']'}})
+    EXPECT_EQ(std::count(text.begin(), text.end(), open), std::count(text.begin(), text.end(), close)) << open;
+  EXPECT_EQ(text.find("nan"), std::string::npos);
+  const bool textured = !actor_.mesh.texture.empty();
+  EXPECT_EQ(text.find("@./skin.png@") != std::string::npos, textured);
+  EXPECT_EQ(std::filesystem::exists(folder_ / "skin.png"), textured);
+}
+
+}  // namespace
+}  // namespace doppel::write_usda_skel_test

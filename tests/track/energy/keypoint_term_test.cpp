@@ -1,0 +1,77 @@
+#include "doppel/track/energy/terms/keypoint_term.h"
+
+#include <gtest/gtest.h>
+
+#include "doppel/core/as_size.h"
+#include "track/energy/body_fixture.h"
+#include "track/energy/term_check.h"
+
+namespace doppel::keypoint_term_test {
+namespace {
+
+class KeypointTermTest : public ::testing::Test {
+ protected:
+  KeypointTermTest()
+      : character_(make_test_character(4)),
+        model_(character_, tube_landmarks(4), all_dofs(character_)),
+        cameras_(ring_of_cameras(3, 256, middle_of(character_))),
+        frame_(keypoints_of(model_, cameras_, character_.rest_dofs)) {}
+
+  Residuals rows_at(const std::vector<double>& dofs) const {
+    Residuals rows;
+    KeypointTerm<PoseModel>(cameras_, frame_, 2.0, kernel_).evaluate(model_, model_.pose(dofs, true), true, rows);
+    return rows;
+  }
+
+  Character character_;
+  PoseModel model_;
+  std::vector<PinholeCamera> cameras_;
+  FrameEvidence frame_;
+  RobustKernel kernel_{RobustKernel::Kind::geman_mcclure, 30.0};
+};
+
+TEST_F(KeypointTermTest, CountsPixelsOfAImage1024Wide) {
+  frame_[1].keypoints[2].x += 3.0f;
+  frame_[1].keypoints[2].y -= 1.0f;
+  const Residuals rows = rows_at(character_.rest_dofs);
+  ASSERT_EQ(rows.num_rows(), 2 * 3 * model_.num_landmarks());
+  const Eigen::Index first = 2 * (model_.num_landmarks() + 2);
+  EXPECT_NEAR(rows.value(first), -3.0 * 1024 / 256, 1e-3);
+  EXPECT_NEAR(rows.value(first + 1), 1.0 * 1024 / 256, 1e-3);
+  EXPECT_NEAR(rows.value(0), 0.0, 1e-3);
+  EXPECT_NEAR(rows.weight(0), 2.0 * 0.9, 1e-6);
+}
+
+TEST_F(KeypointTermTest, LeavesOutWhatTheDetectorDoubts) {
+  frame_[0].keypoints[0].confidence = 0.39f;
+  frame_[0].keypoints[1].confidence = 0.0f;
+  frame_[0].keypoints[3].confidence = 0.4f;
+  EXPECT_EQ(rows_at(character_.rest_dofs).num_rows(), 2 * (3 * model_.num_landmarks() - 2));
+}
+
+TEST_F(KeypointTermTest, JacobianAreCentralDifferences) {
+  KeypointTerm<PoseModel> term(cameras_, frame_, 2.0, kernel_);
+  support::check_term(term, model_, bent_pose(character_, 0.15), 1e-5);
+  support::check_energy_gradient(term, model_, bent_pose(character_, 0.15));
+  support::check_weight([&](double weight) { return KeypointTerm<PoseModel>(cameras_, frame_, weight, kernel_); },
+                        model_, bent_pose(character_, 0.15));
+}
+
+TEST_F(KeypointTermTest, JacobianThereWhereTheResidualIsZero) {
+  Residuals rows = rows_at(character_.rest_dofs);
+  EXPECT_LT(std::abs(rows.value(0)), 1e-3);
+  EXPECT_GT(rows.jacobian(0).norm(), 10.0);
+}
+
+TEST_F(KeypointTermTest, ALandmarkBehindACameraIsFarFromWhereItWasSeen) {
+  std::vector<double> dofs = character_.rest_dofs;
+  const Eigen::Vector3d beyond = 2.0 * (cameras_[0].centre() - middle_of(character_));
+  for (int i = 0; i < 3; ++i) dofs[as_size(i)] += beyond[i];
+  const Residuals rows = rows_at(dofs);
+  ASSERT_EQ(rows.num_rows(), 2 * 3 * model_.num_landmarks());
+  EXPECT_EQ(rows.value(0), kBehindCamera);
+  EXPECT_EQ(rows.value(1), 0.0);
+}
+
+}  // namespace
+}  // namespace doppel::keypoint_term_test
