@@ -9,7 +9,15 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright COMPO
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 get_property(modules GLOBAL PROPERTY DOPPEL_MODULES)
 install(TARGETS ${modules} doppel_flags doppel_torch EXPORT DoppelTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(DIRECTORY src/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/doppel FILES_MATCHING PATTERN "*.h")
+get_property(headers GLOBAL PROPERTY DOPPEL_PUBLIC_HEADERS)
+foreach(header IN LISTS headers)
+  cmake_path(GET header PARENT_PATH folder)
+  install(FILES src/${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/doppel/${folder})
+endforeach()
+# scripts/docs.sh makes API pages of these.
+list(TRANSFORM headers PREPEND src/)
+list(JOIN headers "\n" lines)
+file(WRITE ${CMAKE_BINARY_DIR}/public_headers.txt "${lines}\n")
 install(EXPORT DoppelTargets NAMESPACE Doppel:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)
 configure_package_config_file(cmake/DoppelConfig.cmake.in DoppelConfig.cmake
   INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Doppel)

@@ -5,7 +5,8 @@
 #   KERNELS         sources compiled once per instruction set and chosen when the program starts (core/cpu_dispatch.h)
 #   GENERATED       sources written by the build
 #   PUBLIC_HEADERS  the interface: installed, documented and stable. They include no other headers of Doppel.
-#   SHARED_HEADERS  what other modules include besides; not installed. All other headers are private to the module.
+#   SHARED_HEADERS  what other modules include besides; not installed. All other headers are private to the module;
+#                   tests/levels reads both lists.
 #   DEPENDS         modules of lower levels (doppel_core, ...) and outside libraries, all public
 #
 # doppel_builtin_files(SOURCE TABLE FOLDER NAME ...)
@@ -17,9 +18,11 @@
 #   without it.
 #
 # Sources are compiled several at a time (unity builds): most of the time of a source goes into the headers it includes.
-# DOPPEL_UNITY_BATCH says how many; 1 compiles each alone.
+# DOPPEL_UNITY_BATCH and DOPPEL_TEST_BATCH say how many; 1 compiles each alone. The preset `dev` does so, and links the
+# modules as shared libraries: a changed source is one short compilation and one short link.
 
 set(DOPPEL_UNITY_BATCH 10 CACHE STRING "How many sources are compiled as one; 1: each alone")
+set(DOPPEL_TEST_BATCH 8 CACHE STRING "How many tests are compiled as one; 1: each alone")
 
 # Includes read the same in the tree and in an installed copy: this link makes "doppel/core/error.h" of src/core/error.h.
 set(DOPPEL_INCLUDE_DIR ${CMAKE_BINARY_DIR}/include)
@@ -91,9 +94,9 @@ function(doppel_kernels target)
   endforeach()
 endfunction()
 
-# Compiles up to `batch` sources of a target as one, 0: all of them; never sources of two folders.
+# Compiles up to `batch` sources of a target as one, never sources of two folders.
 function(doppel_unity target batch)
-  if(DOPPEL_UNITY_BATCH LESS_EQUAL 1)
+  if(batch LESS_EQUAL 1)
     return()
   endif()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
@@ -105,10 +108,7 @@ function(doppel_unity target batch)
     if(NOT DEFINED count_${folder})
       set(count_${folder} 0)
     endif()
-    set(part 0)
-    if(batch GREATER 0)
-      math(EXPR part "${count_${folder}} / ${batch}")
-    endif()
+    math(EXPR part "${count_${folder}} / ${batch}")
     math(EXPR count_${folder} "${count_${folder}} + 1")
     set_source_files_properties(${source} PROPERTIES UNITY_GROUP "${folder}_${part}")
   endforeach()
@@ -160,16 +160,6 @@ const std::span<const BuiltinFile> @table@ = kFiles;
 ]])
 endfunction()
 
-# Notes the headers of a module for the installation and for scripts/docs.sh.
-function(doppel_headers name)
-  foreach(header IN LISTS ARGN)
-    if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${header})
-      message(FATAL_ERROR "src/${name}/CMakeLists.txt lists the header ${header}, which is not there")
-    endif()
-    set_property(GLOBAL APPEND PROPERTY DOPPEL_PUBLIC_HEADERS src/${name}/${header})
-  endforeach()
-endfunction()
-
 function(doppel_module name)
   cmake_parse_arguments(ARG "TORCH" "" "TORCH_SOURCES;KERNELS;GENERATED;PUBLIC_HEADERS;SHARED_HEADERS;DEPENDS" ${ARGN})
   set(target doppel_${name})
@@ -203,7 +193,8 @@ function(doppel_module name)
   if(ARG_KERNELS)
     doppel_kernels(${target} ${ARG_KERNELS})
   endif()
-  doppel_headers(${name} ${ARG_PUBLIC_HEADERS})
+  list(TRANSFORM ARG_PUBLIC_HEADERS PREPEND ${name}/)
+  set_property(GLOBAL APPEND PROPERTY DOPPEL_PUBLIC_HEADERS ${ARG_PUBLIC_HEADERS})
   set_property(GLOBAL APPEND PROPERTY DOPPEL_MODULES ${target})
   if(DOPPEL_BUILD_TESTS)
     doppel_module_headers(${name} "${ARG_TORCH}")
@@ -226,7 +217,7 @@ function(doppel_test module)
   target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
   target_compile_definitions(${target} PRIVATE DOPPEL_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
   target_link_libraries(${target} PRIVATE doppel_test_base ${ARG_DEPENDS} GTest::gtest_main)
-  doppel_unity(${target} 0)  # the tests of a module as one
+  doppel_unity(${target} ${DOPPEL_TEST_BATCH})
   if(ARG_TORCH)
     doppel_reuse_torch_header(${target} doppel_test_pch)
   endif()

@@ -50,13 +50,45 @@ TEST(LevelsReference, EveryIncludeOfThisTreeGoesDown) {
   EXPECT_EQ(all(check_includes(DOPPEL_SOURCE_DIR)), "");
 }
 
-TEST(LevelsReference, EveryModuleOfThisTreeIsSmall) { EXPECT_EQ(all(check_sizes(DOPPEL_SOURCE_DIR)), ""); }
+TEST(LevelsReference, EveryHeaderThatAnotherModuleIncludesIsOffered) {
+  EXPECT_EQ(all(check_headers(DOPPEL_SOURCE_DIR)), "");
+}
 
-TEST(LevelsRejects, ModulesThatGrewTooLarge) {
+Tree& with_listed_headers(Tree& tree) {
+  with_good_files(tree);
+  tree.add("src/core/CMakeLists.txt", "doppel_module(core PUBLIC_HEADERS error.h)\n");
+  tree.add("src/geometry/CMakeLists.txt", "doppel_module(geometry\n  SHARED_HEADERS mesh.h\n  DEPENDS doppel_core)\n");
+  tree.add("src/layers/CMakeLists.txt", "doppel_module(layers PUBLIC_HEADERS\n    skinning/skinning.h\n  DEPENDS x)\n");
+  return tree;
+}
+
+TEST(LevelsReference, APublicHeaderIncludesPublicHeadersOnly) {
   Tree tree;
-  with_good_files(tree).add("src/core/long.cpp", std::string(7001, '\n'));
-  EXPECT_THAT(all(check_sizes(tree.folder())), AllOf(HasSubstr("src/core"), HasSubstr("split the module")));
-  EXPECT_THAT(all(check_sizes(tree.folder())), Not(HasSubstr("src/geometry")));
+  with_listed_headers(tree);
+  EXPECT_EQ(all(check_headers(tree.folder())),
+            "src/layers/skinning/skinning.h:1: is public and includes a shared header: src/geometry/mesh.h\n");
+}
+
+TEST(LevelsRejects, PrivateHeadersOfOtherModules) {
+  Tree tree;
+  with_listed_headers(tree).add("src/layers/skinning/skinning.h", "");
+  tree.add("src/layers/use.cpp", "#include \"doppel/geometry/mesh.h\"\n");
+  EXPECT_EQ(all(check_headers(tree.folder())), "");
+  tree.add("src/geometry/part.h", "");
+  tree.add("src/geometry/mesh.cpp", "#include \"doppel/geometry/part.h\"\n");
+  EXPECT_EQ(all(check_headers(tree.folder())), "");
+  tree.add("tools/use.cpp", "#include \"doppel/geometry/part.h\"\n");
+  EXPECT_THAT(all(check_headers(tree.folder())),
+              HasSubstr("tools/use.cpp:1: includes a private header of another module: src/geometry/part.h"));
+}
+
+TEST(LevelsRejects, SharedHeadersInExamplesAndWithoutUsers) {
+  Tree tree;
+  with_listed_headers(tree).add("src/layers/skinning/skinning.h", "");
+  tree.add("examples/cpp/use.cpp", "#include <doppel/geometry/mesh.h>\n");
+  EXPECT_THAT(all(check_headers(tree.folder())), HasSubstr("examples/cpp/use.cpp:1: includes a shared header"));
+  tree.add("examples/cpp/use.cpp", "");
+  EXPECT_THAT(all(check_headers(tree.folder())), HasSubstr("src/geometry/mesh.h:0: is shared, but no other module"));
 }
 
 TEST(LevelsReference, AGoodTreeIsClean) {
@@ -73,9 +105,10 @@ TEST(LevelsRejects, IncludesThatGoUp) {
 
 TEST(LevelsRejects, IncludesThatGoSideways) {
   Tree tree;
-  with_good_files(tree).add("src/layers/bad.cpp", "#include <doppel/render/raster.h>\n");
-  EXPECT_THAT(all(tree.check()), AllOf(HasSubstr("src/layers/bad.cpp:1: "),
-                                       HasSubstr("layers (level 3) includes sideways render (level 3)")));
+  with_good_files(tree).add("src/render/bad.cpp", "#include <doppel/character/skeleton.h>\n");
+  tree.add("src/character/skeleton.h", "");
+  EXPECT_THAT(all(tree.check()), AllOf(HasSubstr("src/render/bad.cpp:1: "),
+                                       HasSubstr("render (level 2) includes sideways character (level 2)")));
 }
 
 TEST(LevelsRejects, IncludesWrittenRelatively) {
@@ -87,7 +120,7 @@ TEST(LevelsRejects, IncludesWrittenRelatively) {
 TEST(LevelsRejects, IncludesOfTheProgram) {
   Tree tree;
   with_good_files(tree).add("src/render/bad.cpp", "#include \"tools/command.h\"\n");
-  EXPECT_THAT(all(tree.check()), HasSubstr("includes upwards tools (level 10)"));
+  EXPECT_THAT(all(tree.check()), HasSubstr("includes upwards tools (level 9)"));
 }
 
 TEST(LevelsRejects, Circles) {
