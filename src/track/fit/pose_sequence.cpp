@@ -28,8 +28,8 @@ std::vector<Segment> segments_of(std::size_t frames, const std::vector<long>& cu
 }
 
 /// Interpolates between poses: a at s = 0, b at s = 1.
-std::vector<double> between(const std::vector<double>& a, const std::vector<double>& b, double s,
-                            const std::optional<RootRotation>& root) {
+std::vector<double> interpolated(const std::vector<double>& a, const std::vector<double>& b, double s,
+                                 const std::optional<RootRotation>& root) {
   std::vector<double> pose = a;
   for (std::size_t d = 0; d < pose.size(); ++d) pose[d] += s * (b[d] - a[d]);
   if (!root) return pose;
@@ -108,7 +108,7 @@ void bridge_poses(Poses& poses, const std::vector<bool>& found, const std::vecto
         poses[f] = poses[good.back()];
       } else {
         const std::size_t a = *(after - 1), b = *after;
-        poses[f] = between(poses[a], poses[b], static_cast<double>(f - a) / static_cast<double>(b - a), root);
+        poses[f] = interpolated(poses[a], poses[b], static_cast<double>(f - a) / static_cast<double>(b - a), root);
       }
     }
   }
