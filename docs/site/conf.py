@@ -7,15 +7,17 @@ from pathlib import Path
 from docutils import nodes
 from sphinx import addnodes
 
+ROOT = Path(__file__).resolve().parents[2]
+
 project = "Doppel"
 copyright = "the authors of Doppel, Apache License 2.0"
 extensions = ["myst_parser"]
 exclude_patterns = ["docs/site", "README.md", "tests", "benchmarks", "examples", "configs", "**/node_modules"]
 myst_heading_anchors = 4
 highlight_language = "none"  # of blocks that name no language: equations, mostly
+suppress_warnings = ["misc.highlighting_failure"]  # a block may leave parts out, as "..."
 
 html_theme = "furo"
-html_title = "Doppel"
 html_copy_source = False
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
@@ -30,7 +32,8 @@ linked_sources = set()
 def api_pages(tags):
     """The page of each header that Doxygen has read."""
     files = ElementTree.parse(tags).getroot().iterfind("compound[@kind='file']")
-    return {file.findtext("path") + file.findtext("name"): "api/" + file.findtext("filename") for file in files}
+    return {os.path.relpath(file.findtext("path") + file.findtext("name"), ROOT): "api/" + file.findtext("filename")
+            for file in files}
 
 
 def link_sources(app, doctree):
@@ -57,7 +60,7 @@ def link_sources(app, doctree):
         path = in_tree(node["reftarget"])
         if path == "README.md":
             link(node, "index.html")
-        elif (Path(app.srcdir) / path).is_dir():
+        elif (ROOT / path).is_dir():
             pages = [page for page in (f"{path}/README", os.path.basename(path)) if page in app.env.found_docs]
             if pages:
                 link(node, f"{pages[0]}.html")
@@ -67,9 +70,10 @@ def link_sources(app, doctree):
 
 def source_pages(app):
     for path in sorted(linked_sources):
-        text = (Path(app.srcdir) / path).read_text()
-        code = app.builder.highlighter.highlight_block(text, LANGUAGES.get(Path(path).suffix, "none"), linenos="table")
-        yield f"source/{path}", {"title": path, "body": f"<h1>{path}</h1>{code}"}, "page.html"
+        file = ROOT / path
+        code = app.builder.highlighter.highlight_block(file.read_text(), LANGUAGES.get(file.suffix, "none"))
+        body = f"<h1>{file.name}</h1><p><code>{path}</code></p>{code}"
+        yield f"source/{path}", {"title": path, "body": body}, "page.html"
 
 
 def setup(app):
