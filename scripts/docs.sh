@@ -35,11 +35,16 @@ list_headers() { if [ -n "$headers" ]; then cat "$headers"; else git ls-files sr
   printf '%s = "%s"\n' PROJECT_NUMBER "$version" OUTPUT_DIRECTORY "$site" HTML_OUTPUT api GENERATE_TAGFILE "$work/api.tag"
   list_headers | sed 's/.*/INPUT += "&"/'
 } | doxygen -
+# Doxygen takes the words "file:line" for an address.
+grep -rlZ 'href="file:' "$site/api" | xargs -0 -r sed -i 's#<a href="file:[^"]*">\([^<]*\)</a>#\1#g'
 
 # The pages lie as in the tree, so that links between them hold. The first page lies at the root.
 for entry in $(git ls-files | cut -d/ -f1 | sort -u); do ln -s "$PWD/$entry" "$work/pages/"; done
 ln -s "$PWD"/docs/site/*.md "$work/pages/"
 DOPPEL_API_TAGS="$work/api.tag" /usr/bin/sphinx-build -b html -c docs/site -d "$work/doctrees" -q -W --keep-going \
   -D "html_title=Doppel $version" ${actor:+-t actor} "$work/pages" "$site"
+# Debian's furo takes this file from the root of the server.
+cp /usr/share/nodejs/normalize.css/normalize.css "$site/_static/styles/"
+sed -i 's#/javascript/normalize.css/##' "$site/_static/styles/furo.css"
 [ -z "$actor" ] || cp -r "$actor" "$site/actor"
 echo "The site is in $site. Look at it with: python3 -m http.server --directory $site"
