@@ -9,12 +9,16 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 usage() { echo "docs.sh: $1 (allowed: --actor DIR, --headers FILE)" >&2; exit 2; }
-actor= headers=
+actor=''
+headers=''
 while [ $# -gt 0 ]; do
   case "$1" in
-    --actor) [ -f "${2:-}/double/description.json" ] || usage "--actor needs a folder of \`doppel export --format web\`, found '${2:-}'"
+    --actor)
+      [ -f "${2:-}/double/description.json" ] ||
+        usage "--actor needs a folder of \`doppel export --format web\`, found '${2:-}'"
       actor=$2 ;;
-    --headers) [ -f "${2:-}" ] || usage "--headers needs a file, found '${2:-}'"
+    --headers)
+      [ -f "${2:-}" ] || usage "--headers needs a file, found '${2:-}'"
       headers=$2 ;;
     *) usage "unknown argument '$1'" ;;
   esac
@@ -25,7 +29,8 @@ done
 
 scripts/install_dependencies.sh docs
 version=$(sed -n 's/^project(.* VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
-site=build/docs work=build/docs_work
+site=build/docs
+work=build/docs_work
 rm -rf "$site" "$work"
 mkdir -p "$site" "$work/pages"
 
@@ -36,7 +41,7 @@ list_headers() { if [ -n "$headers" ]; then cat "$headers"; else git ls-files sr
   list_headers | sed 's/.*/INPUT += "&"/'
 } | doxygen -
 # Doxygen takes the words "file:line" for an address.
-grep -rlZ 'href="file:' "$site/api" | xargs -0 -r sed -i 's#<a href="file:[^"]*">\([^<]*\)</a>#\1#g'
+find "$site/api" -name '*.html' -exec sed -i 's#<a href="file:[^"]*">\([^<]*\)</a>#\1#g' {} +
 
 # The pages lie as in the tree, so that links between them hold. The first page lies at the root.
 for entry in $(git ls-files | cut -d/ -f1 | sort -u); do ln -s "$PWD/$entry" "$work/pages/"; done

@@ -42,28 +42,29 @@ def link_sources(app, doctree):
     A link to a header leads to its API page, to another file to a page that shows it, to a folder to the page of the
     folder, and without such a page it is plain text.
     """
-    docname = app.env.docname
+    folder = os.path.dirname(app.env.docname)
 
     def in_tree(target):
-        return os.path.normpath(os.path.join(os.path.dirname(docname), target.split("#")[0]))
+        return os.path.normpath(os.path.join(folder, target))
 
-    def link(node, target):
-        uri = os.path.relpath(target, os.path.dirname(docname) or ".")
-        node.replace_self(nodes.reference("", "", *node.children, refuri=uri, internal=True))
+    def from_here(path):
+        return os.path.relpath(path, folder or ".")
 
     for node in list(doctree.findall(addnodes.download_reference)):
         path = in_tree(node["reftarget"])
         if path not in app.api_pages:
             linked_sources.add(path)
-        link(node, app.api_pages.get(path, f"source/{path}.html"))
+        uri = from_here(app.api_pages.get(path, f"source/{path}.html"))
+        node.replace_self(nodes.reference("", "", *node.children, refuri=uri, internal=True))
     for node in list(doctree.findall(addnodes.pending_xref)):
-        path = in_tree(node["reftarget"])
-        if path == "README.md":
-            link(node, "index.html")
-        elif (ROOT / path).is_dir():
+        file, mark, heading = node["reftarget"].partition("#")
+        path = in_tree(file)
+        if file and path == "README.md":
+            node["reftarget"] = from_here("index.md") + mark + heading
+        elif file and (ROOT / path).is_dir():
             pages = [page for page in (f"{path}/README", os.path.basename(path)) if page in app.env.found_docs]
             if pages:
-                link(node, f"{pages[0]}.html")
+                node["reftarget"] = from_here(f"{pages[0]}.md")
             else:
                 node.replace_self(node.children)
 
