@@ -5,6 +5,7 @@
 #   scripts/install_dependencies.sh benchmarks also the libraries with which the benchmarks compare
 #   scripts/install_dependencies.sh packages   also the tools that build Debian packages
 #   scripts/install_dependencies.sh arm64      also the cross-compiler of scripts/arm64.sh
+#   scripts/install_dependencies.sh docs       also the tools of scripts/docs.sh
 #   scripts/install_dependencies.sh --list     prints the packages for building and running, and installs nothing
 set -euo pipefail
 
@@ -21,9 +22,10 @@ for extra in "$@"; do
     tests) packages+=(libgtest-dev libgmock-dev libceres-dev python3-torch python3-numpy chromium) ;;
     benchmarks) packages+=(libembree-dev libosmesa6-dev libceres-dev) ;;
     packages) packages+=(dpkg-dev file) ;;
+    docs) packages+=(doxygen doxygen-awesome-css python3-sphinx furo python3-myst-parser) ;;
     arm64) packages+=(g++-aarch64-linux-gnu qemu-user mmdebstrap) ;;
     --list) echo "${packages[*]}"; exit ;;
-    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks, packages, arm64, --list)" >&2; exit 2 ;;
+    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks, packages, arm64, docs, --list)" >&2; exit 2 ;;
   esac
 done
 

@@ -14,8 +14,8 @@ enum class RunMode {
   overwrite   ///< start again
 };
 
-/// The files of a run: `config.yaml`, `checkpoints/`, `metrics.jsonl`, `validation.jsonl`, `events.out.tfevents.*`,
-/// `pictures/`, `report.html`, `evaluation.json`.
+/// The files of a run. They are `config.yaml`, `checkpoints/`, `metrics.jsonl`, `validation.jsonl`,
+/// `events.out.tfevents.*`, `pictures/`, `report.html`, `evaluation.json`.
 class RunFolder {
  public:
   explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}

@@ -76,8 +76,8 @@ Character load_character(const std::filesystem::path& path, const CharacterOptio
 /// @throws FileError as load_character
 Skeleton read_character_skeleton(const std::filesystem::path& path);
 
-/// Writes the character as a folder of Skeletool files: `<name>.{character,skeleton,skin,obj,mtl,png,motion}`,
-/// `<name>_graph.obj`, `segmentation.txt`. Reading the folder back gives the same character.
+/// Writes the character as a folder of Skeletool files. They are `<name>.{character,skeleton,skin,obj,mtl,png,motion}`,
+/// `<name>_graph.obj` and `segmentation.txt`. Reading the folder back gives the same character.
 /// @return the path of the `.character` file
 std::filesystem::path write_character(const std::filesystem::path& folder, const Character& character);
 

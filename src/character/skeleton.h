@@ -44,7 +44,7 @@ struct Marker {
 enum class MarkerReading { joint_relative, zero_pose_world };
 
 /// The rule that finds the joint of a bone of a `.skin` file: the last joint whose name up to the first `_` equals the
-/// bone's name (`exact`), or the last joint whose name starts with it (`prefix`)..
+/// bone's name (`exact`), or the last joint whose name starts with it (`prefix`).
 enum class BoneRule { exact, prefix };
 
 /// J joints, parents before children, D DoFs and M markers. Metres and radians.

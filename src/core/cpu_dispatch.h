@@ -14,8 +14,8 @@
 ///   // caller
 ///   kernels::skin_forward(params, 0, n);
 /// @endcode
-/// Kernel files may include only <cmath>, <cstdint>, <cstring>, intrinsics and headers of plain structs. Containers and
-/// LibTorch are forbidden, because the linker could share their inline functions with other files.
+/// Kernel files may include only `<cmath>`, `<cstdint>`, `<cstring>`, intrinsics and headers of plain structs.
+/// Containers and LibTorch are forbidden, because the linker could share their inline functions with other files.
 
 namespace doppel {
 

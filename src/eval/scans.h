@@ -14,8 +14,8 @@
 namespace doppel {
 
 /// Scans of frames: a mesh per frame, of any topology, in the world of the cameras (Table 6.6). The scan of a frame is
-/// `FOLDER/<sequence>/<frame>.obj`. A sequence without such a folder has its scans in `FOLDER/<frame>.obj`. <frame> is
-/// the row of the motion; it may begin with zeros. Frames may lack a scan.
+/// `FOLDER/<sequence>/<frame>.obj`. A sequence without such a folder has its scans in `FOLDER/<frame>.obj`. `<frame>`
+/// is the row of the motion; it may begin with zeros. Frames may lack a scan.
 class Scans {
  public:
   /// Finds the scans of these samples. The files are read when they are needed.

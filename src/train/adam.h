@@ -62,8 +62,8 @@ class Adam {
 
   /// Whether a parameter of this name can still get a gradient.
   using IsTrained = std::function<bool(const std::string& parameter)>;
-  /// Saves moments, means and step count under `optimizer.*`. The moments of a parameter that has had no gradient are
-  /// 0, and those of a parameter that gets none any more are not needed; neither are saved.
+  /// Saves moments, means and step count. Their names begin with `optimizer.`. The moments of a parameter that has had
+  /// no gradient are 0, and those of a parameter that gets none any more are not needed; neither are saved.
   /// @param is_trained empty: every parameter
   void save(Checkpoint& checkpoint, const IsTrained& is_trained = {}) const;
   /// Moments that the checkpoint need not hold may be there, as in the checkpoints of earlier versions.

@@ -73,7 +73,7 @@ class Stage {
   virtual std::string identity() const = 0;
 
   /// Whether a parameter can get a gradient in a step at or after `step`. A checkpoint holds the optimiser's moments of
-  /// these parameters only. @param parameter its name in `model` @param step steps done so far
+  /// these parameters only. `step` counts the steps done so far; `parameter` is a name in `model`.
   virtual bool is_trained_from(std::int64_t /*step*/, const std::string& /*parameter*/) const { return true; }
 
   /// Recomputes buffers that depend on the weights. Called just before buffers are saved as `evaluation.*`, with the
@@ -83,8 +83,8 @@ class Stage {
   /// Whether `validation_loss` has frames to measure.
   virtual bool has_validation_frames() const { return false; }
   /// The loss on frames of the validation split, with the evaluation weights in the model, which is in evaluation mode.
-  /// Nothing when there are no such frames. Must not change the model or use the run's random numbers.
-  /// @param step steps done so far
+  /// Nothing when there are no such frames. Must not change the model or use the run's random numbers. The argument
+  /// counts the steps done so far.
   virtual std::optional<double> validation_loss(std::int64_t /*step*/) { return std::nullopt; }
   /// Images of the current state for the report. Must not change the model or use random numbers.
   virtual std::vector<ReportImage> images() { return {}; }

@@ -10,8 +10,8 @@
 
 namespace doppel {
 
-/// Appends to a TensorBoard event file `<folder>/events.out.tfevents.<time>.<host>.<process>`. A resumed run opens a
-/// new file, whose first record tells TensorBoard to ignore later steps in older files.
+/// Appends to a TensorBoard event file. Its name is `<folder>/events.out.tfevents.<time>.<host>.<process>`. A resumed
+/// run opens a new file, whose first record tells TensorBoard to ignore later steps in older files.
 class TensorBoardWriter {
  public:
   TensorBoardWriter(const std::filesystem::path& folder, std::int64_t first_step);

@@ -7,11 +7,10 @@
 
 namespace doppel {
 
-/// Writes what a host of one's own needs, without code: a safetensors file with the parameters and buffers of the
-/// networks (`egnet.`, `deltanet.`, `texnet.`, ...) and the character (`template.`, `skin.`, `skeleton.`, `graph.`),
-/// and
-/// `<stem>.json` beside it, which describes the actor as metadata.json does and says what each tensor of the character
-/// is. docs/export.md has the table.
+/// Writes what a host of one's own needs, without code. A safetensors file holds the parameters and buffers of the
+/// networks (`egnet.`, `deltanet.`, `texnet.`, ...) and the character (`template.`, `skin.`, `skeleton.`, `graph.`).
+/// `<stem>.json` beside it describes the actor as metadata.json does and says what each tensor of the character is.
+/// docs/export.md has the table.
 void write_actor_weights(const std::filesystem::path& path, const Character& character,
                          const ActorDescription& description, const ScriptModules& modules);
 

@@ -30,7 +30,7 @@ void single_material(ScenePrimitive& primitive);
 /// @throws FileError as read_scene
 void finish_scene(const std::filesystem::path& path, Scene& scene, const SceneLimits& limits);
 
-/// A polygon as a fan of triangles from its first corner. @param corner called with three positions in the polygon
+/// A polygon as a fan of triangles from its first corner. @param emit called with three positions in the polygon
 template <typename Emit>
 void split_polygon(int corners, const Emit& emit) {
   for (int i = 2; i < corners; ++i) emit(0, i - 1, i);
