@@ -15,7 +15,7 @@ if [ ! -e "$root/complete" ]; then
   packages="$(scripts/install_dependencies.sh --list | tr ' ' '\n' | grep -E -- '-dev$|-dev3$|zlib1g' | paste -sd,)"
   mmdebstrap --variant=extract --architectures=arm64 --include="$packages,libgtest-dev,libgmock-dev,libgomp1" bookworm "$root"
   # The packages are unpacked and not configured: merge /lib into /usr/lib, make links relative, choose the BLAS.
-  cp -a "$root/lib/." "$root/usr/lib/" && rm -r "$root/lib" && ln -s usr/lib "$root/lib"
+  cp -a "$root/lib/." "$root/usr/lib/" && rm -r "${root:?}/lib" && ln -s usr/lib "$root/lib"
   find "$root" -type l -lname '/*' -print0 | while IFS= read -r -d '' link; do
     ln -sfnr "$root$(readlink "$link")" "$link"
   done

@@ -1,16 +1,21 @@
 #!/usr/bin/env bash
 # Checks before each merge.
-#   scripts/check.sh                     format tests headers tidy
+#   scripts/check.sh                     format shell text tests headers tidy
 #   scripts/check.sh PIECE...            the pieces of these names:
-#     format    the sources have the form that clang-format gives them
-#     tests     release build and all tests (including the include levels)
-#     headers   every header compiles alone
-#     tidy      static checks by clang-tidy
-#     asan      tests with the sanitizers of addresses and undefined behaviour
-#     leak      the same build: memory that is never freed
-#     tsan      tests with the sanitizer of threads
+#     format        the sources have the form that clang-format gives them
+#     shell         static checks of the scripts by shellcheck
+#     text          no white space at the ends of lines; YAML files can be read
+#     tests         release build and all tests (including the include levels)
+#     headers       every header compiles alone
+#     tidy          static checks by clang-tidy, half an hour
+#     tidy-changed  the same for the files that differ from DOPPEL_BASE, at most five minutes; the default is where this
+#                   branch left origin/main, or HEAD~1 without origin/main
+#     asan          tests with the sanitizers of addresses and undefined behaviour
+#     leak          the same build: memory that is never freed
+#     tsan          tests with the sanitizer of threads
 #   scripts/check.sh --format            only reformat the sources
 # SANITIZED_TESTS names the tests of the last three; a build for all takes half an hour, so only theirs are built.
+# scripts/install_dependencies.sh checks installs the tools. The sources have the form of clang-format 14, as in Debian 12.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 mapfile -t sources < <(git ls-files '*.h' '*.cpp')
@@ -20,10 +25,31 @@ if [ "${1:-}" = "--format" ]; then
 fi
 export CMAKE_BUILD_PARALLEL_LEVEL="${CMAKE_BUILD_PARALLEL_LEVEL:-$(nproc)}"
 
+need() {
+  command -v "$1" >/dev/null || { echo "check.sh: $1 is missing; run scripts/install_dependencies.sh checks" >&2; exit 1; }
+}
+
 check_format() {
-  command -v clang-format >/dev/null ||
-    { echo "check.sh needs clang-format and clang-tidy (Debian packages of that name)" >&2; exit 1; }
-  clang-format --dry-run --Werror "${sources[@]}"
+  need clang-format
+  printf '%s\0' "${sources[@]}" | xargs -0 -n 50 -P "$(nproc)" clang-format --dry-run --Werror
+}
+
+check_shell() {
+  need shellcheck
+  git ls-files -z '*.sh' '*.sbatch' .ci/run | xargs -0 shellcheck --external-sources --severity=warning
+}
+
+check_text() {
+  if git grep -nIE '[[:space:]]+$' -- ':!web/dist' ':!LICENSE'; then
+    echo "check.sh: these lines end in white space; remove it" >&2
+    exit 1
+  fi
+  git ls-files -z '*.yaml' '*.yml' '*.cff' .clang-format .clang-tidy | xargs -0 python3 -c '
+import sys, yaml
+for name in sys.argv[1:]:
+    with open(name) as file:
+        list(yaml.parse(file))
+'
 }
 
 check_tests() { scripts/test.sh; }
@@ -33,26 +59,74 @@ check_headers() {
   cmake --build build/release --target headers
 }
 
-# clang-tidy checks each unity batch as a whole: most of the time goes into LibTorch's headers. It cannot read GCC's
-# precompiled headers. Clang 14 reports errors inside LibTorch's own headers, so only messages about our files count.
-check_tidy() {
-  cmake --preset release -B build/tidy >/dev/null
-  cmake --build build/tidy --target src/train/tensorboard.pb.h
-  find build/tidy -name '*.gch' -delete
-  local ours='/(src|tools|tests)/[a-z0-9_/]*\.(h|cpp)'
-  run-clang-tidy -p build/tidy -j "$(nproc)" -quiet -checks=-bugprone-suspicious-include -header-filter="$ours\$" \
-    '^(?!.*/(headers|pch)/|.*_pch\.dir/).*\.(cpp|cxx)$' >build/tidy/report.txt 2>/dev/null || true
-  if sed 's/\x1b\[[0-9;]*m//g' build/tidy/report.txt | grep -E "^$PWD$ours:.*(warning|error):" | sort -u | grep .; then
-    echo "check.sh: clang-tidy reports these; build/tidy/report.txt has the details" >&2
+# Clang 14 reports errors inside LibTorch's own headers, so only messages about our files count. The compiler finds our
+# headers through the link build/tidy/include/doppel.
+ours='/(src|tools|tests|build/tidy/include/doppel)/[a-z0-9_/]*\.(h|cpp)'
+
+# configure_tidy BATCH: compile commands in build/tidy, and the headers that the build generates. Nothing is compiled: a
+# target of a generated header would build all modules below its own first. So there are no precompiled headers of GCC,
+# which clang-tidy cannot read.
+configure_tidy() {
+  need clang-tidy
+  cmake --preset release -B build/tidy -DDOPPEL_UNITY_BATCH="$1" >/dev/null
+  local header
+  for header in $(ninja -C build/tidy -t targets rule CUSTOM_COMMAND | grep '^src/.*\.h$'); do
+    sh -c "$(ninja -C build/tidy -t commands -s "$header")" >/dev/null
+  done
+}
+
+# report_tidy FILE...: fails if the reports say something about our files
+report_tidy() {
+  if sed 's/\x1b\[[0-9;]*m//g' "$@" | grep -E "^$PWD$ours:.*(warning|error):" | sort -u | grep .; then
+    echo "check.sh: clang-tidy reports these; the details: $*" >&2
     exit 1
   fi
+}
+
+# Each unity batch is checked as a whole: most of the time goes into LibTorch's headers.
+check_tidy() {
+  configure_tidy 10
+  run-clang-tidy -p build/tidy -j "$(nproc)" -quiet -checks=-bugprone-suspicious-include -header-filter="$ours\$" \
+    '^(?!.*/(headers|pch)/|.*_pch\.dir/).*\.(cpp|cxx)$' >build/tidy/report.txt 2>/dev/null || true
+  report_tidy build/tidy/report.txt
+}
+
+# Sources that differ from revision $1, those with the most new lines first. A header stands for the source of the same
+# name beside it. Moved files are compared with what they were.
+changed_sources() {
+  git diff --numstat -z -M -l0 --diff-filter=d "$1" -- '*.cpp' '*.h' | tr '\0' '\n' |
+    awk -F '\t' '{ lines = $1; name = $3; if (name == "") { getline; getline; name = $0 }; print lines "\t" name }' |
+    sort -rn | cut -f2 | sed 's/\.h$/.cpp/' | awk '!seen[$0]++' | while read -r source; do
+      ! grep -qF "\"$PWD/$source\"" build/tidy/compile_commands.json || echo "$source"
+    done
+}
+
+check_tidy-changed() {
+  local base="${DOPPEL_BASE:-}" changed source checked=0
+  [ -n "$base" ] || base="$(git merge-base origin/main HEAD 2>/dev/null || echo HEAD~1)"
+  git rev-parse --quiet --verify "$base^{commit}" >/dev/null ||
+    { echo "check.sh: there is no revision '$base' to compare with; name one by DOPPEL_BASE" >&2; exit 1; }
+  configure_tidy 1
+  mapfile -t changed < <(changed_sources "$base")
+  rm -rf build/tidy/reports && mkdir build/tidy/reports
+  SECONDS=0
+  for source in "${changed[@]}"; do
+    [ $SECONDS -lt 300 ] || break
+    [ "$(jobs -rp | wc -l)" -lt "$(nproc)" ] || wait -n || true
+    clang-tidy -p build/tidy --quiet --header-filter="$ours\$" "$source" >"build/tidy/reports/${source//\//-}.txt" 2>/dev/null &
+    checked=$((checked + 1))
+  done
+  wait
+  echo "$checked of the ${#changed[@]} sources that differ from $(git rev-parse --short "$base") were checked"
+  [ $checked -eq 0 ] || report_tidy build/tidy/reports/*
 }
 
 # run_sanitized CONFIGURE_PRESET TEST_PRESET TEST...
 run_sanitized() {
   local build=$1 preset=$2
   shift 2
-  local tests=(${SANITIZED_TESTS:-$*})
+  local tests
+  read -ra tests <<<"${SANITIZED_TESTS:-$*}"
   cmake --preset "$build" >/dev/null
   cmake --build --preset "$build" --target "${tests[@]/%/_test}"
   OMP_NUM_THREADS=1 ctest --preset "$preset" -R "^($(IFS='|' && echo "${tests[*]}"))\$"
@@ -62,7 +136,7 @@ check_leak() { run_sanitized asan leak core geometry character calibration keypo
 check_tsan() { run_sanitized tsan tsan core capture data train track; }
 
 pieces=("$@")
-[ $# -gt 0 ] || pieces=(format tests headers tidy)
+[ $# -gt 0 ] || pieces=(format shell text tests headers tidy)
 for piece in "${pieces[@]}"; do
   declare -F "check_$piece" >/dev/null || { echo "check.sh: unknown piece '$piece'; see the head of the script" >&2; exit 2; }
   echo "== $piece"

@@ -25,7 +25,8 @@ stages() {
 
 # candidate INSET CHROMA TAKE
 candidate() {
-  local base="{run: $(realpath "$folder")/base-$3}"
+  local base
+  base="{run: $(realpath "$folder")/base-$3}"
   stages "inset$1-chroma$2" "$3" deltanet egnet="$base" lighting="$base" deltanet.loss.inset="$1" deltanet.loss.chroma="$2"
 }
 

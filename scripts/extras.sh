@@ -34,6 +34,8 @@ variant() {
 row() { echo "| $1 | $(over_seeds "$5" of_seed "${@:2:3}") |"; }
 of_seed() { figure "$1-$4.json" "$2" "$3" 6; }
 
+pass=  # of geometry_variant and its like: `train` starts the trainings, `row` prints the row
+
 weights=(egnet.loss.model_to_data=30 egnet.loss.arap=300)
 inertia=(egnet.model.inertia=12)
 outline=(egnet.loss.boundary=outline)

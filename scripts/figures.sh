@@ -1,6 +1,7 @@
+# shellcheck shell=bash disable=SC2154
 # Functions of the scripts that write the tables of docs/results; source this file from the root of the repository.
 # They need $folder, the folder of the runs. SEEDS="1 2 3" (the default) become the array `seeds`.
-seeds=(${SEEDS:-1 2 3})
+read -ra seeds <<<"${SEEDS:-1 2 3}"
 doppel="${DOPPEL:-build/release/tools/doppel}"
 [ -x "$doppel" ] || { scripts/install_dependencies.sh; cmake --preset release >/dev/null; cmake --build --preset release --target doppel; }
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that Doppel needs. Prints nothing and does nothing if all are installed.
+# Installs the packages of Debian 12 or 13 that Doppel needs. Prints nothing and does nothing if all are installed.
 #   scripts/install_dependencies.sh            packages for building and running
 #   scripts/install_dependencies.sh tests      also packages for the tests
+#   scripts/install_dependencies.sh checks     also the tools of scripts/check.sh
 #   scripts/install_dependencies.sh benchmarks also the libraries with which the benchmarks compare
 #   scripts/install_dependencies.sh packages   also the tools that build Debian packages
 #   scripts/install_dependencies.sh arm64      also the cross-compiler of scripts/arm64.sh
@@ -19,13 +20,18 @@ packages=(
 )
 for extra in "$@"; do
   case "$extra" in
-    tests) packages+=(libgtest-dev libgmock-dev libceres-dev python3-torch python3-numpy chromium) ;;
+    tests)
+      packages+=(libgtest-dev libgmock-dev libceres-dev python3-torch python3-numpy)
+      # Ubuntu has Chromium as a snap alone, which containers cannot run. Without Chromium the tests in a browser are skipped.
+      grep -qs '^ID=ubuntu' /etc/os-release || packages+=(chromium)
+      ;;
+    checks) packages+=(clang-format clang-tidy shellcheck python3-yaml) ;;
     benchmarks) packages+=(libembree-dev libosmesa6-dev libceres-dev) ;;
     packages) packages+=(dpkg-dev file) ;;
     docs) packages+=(doxygen doxygen-awesome-css python3-sphinx furo python3-myst-parser) ;;
     arm64) packages+=(g++-aarch64-linux-gnu qemu-user mmdebstrap) ;;
     --list) echo "${packages[*]}"; exit ;;
-    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, benchmarks, packages, arm64, docs, --list)" >&2; exit 2 ;;
+    *) echo "install_dependencies.sh: unknown set '$extra' (allowed: tests, checks, benchmarks, packages, arm64, docs, --list)" >&2; exit 2 ;;
   esac
 done
 
@@ -41,7 +47,10 @@ if [ ${#missing[@]} -gt 0 ]; then
   fi
   echo "Installing ${#missing[@]} packages: ${missing[*]}"
   "${as_root[@]}" apt-get update -qq
-  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null || {
+    echo "Installing the packages failed. Debian 12 and 13 have all of them; docs/platforms.md lists what was tried." >&2
+    exit 1
+  }
 fi
 
 # The reference BLAS is many times slower than OpenBLAS. A new installation of OpenBLAS is selected automatically.

@@ -16,6 +16,7 @@
 #include "doppel/data/capture/capture_layouts.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
+#include "versions.h"
 
 namespace doppel::tools {
 
@@ -27,7 +28,7 @@ using Json = nlohmann::ordered_json;
 struct InfoOptions {
   std::string path, bone_rule = "exact", metric = "hops", unit, up, picture;
   double metres_per_unit = 0.001;
-  bool verbose = false;
+  bool verbose = false, versions = false;
 };
 
 const char* const kLabelNames[] = {"background", "hat",        "hair",       "glove",     "sunglasses", "upper clothes",
@@ -438,8 +439,7 @@ Command add_info(CLI::App& program) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
-                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder")
-      ->required();
+                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder");
   app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
@@ -455,8 +455,17 @@ Command add_info(CLI::App& program) {
   app->add_option("--picture", options->picture,
                   "Picture of a calibration's cameras from above and from the side (.png)");
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
+  app->add_flag("--versions", options->versions,
+                "Describe this program instead of a file: versions, compiler, instruction set, threads")
+      ->excludes("path");
   app->footer("Example: doppel info actor/actor.character --verbose");
   return {app, [options](const CommonOptions& common) {
+            if (options->versions) {
+              print_report(describe_versions(), common.json);
+              return 0;
+            }
+            if (options->path.empty())
+              fail<UsageError>("doppel info: found no path; name a file or a folder, or ask for --versions");
             const Report report = describe(options->path, *options);
             if (common.json || report.text.empty())
               print_report(report.json, common.json);
