@@ -18,10 +18,12 @@
 #   without it.
 #
 # Sources are compiled several at a time (unity builds): most of the time of a source goes into the headers it includes.
-# DOPPEL_UNITY_BATCH and DOPPEL_TEST_BATCH say how many; 1 compiles each alone. The preset `dev` does so, and links the
-# modules as shared libraries: a changed source is one short compilation and one short link.
+# DOPPEL_UNITY_BATCH and DOPPEL_TEST_BATCH say how many; 1 compiles each alone. The preset `dev` links the modules as shared
+# libraries and compiles each test alone, and each source of the modules in DOPPEL_DEV_MODULES: there a change is one short
+# compilation and one short link.
 
 set(DOPPEL_UNITY_BATCH 10 CACHE STRING "How many sources are compiled as one; 1: each alone")
+set(DOPPEL_DEV_MODULES "" CACHE STRING "Modules whose sources are compiled each alone, whatever DOPPEL_UNITY_BATCH says")
 set(DOPPEL_TEST_BATCH 8 CACHE STRING "How many tests are compiled as one; 1: each alone")
 
 # Includes read the same in the tree and in an installed copy: this link makes "doppel/core/error.h" of src/core/error.h.
@@ -53,23 +55,33 @@ endif()
 add_library(doppel_torch INTERFACE)
 target_include_directories(doppel_torch SYSTEM INTERFACE "$<BUILD_INTERFACE:${TORCH_INCLUDE_DIRS}>")
 target_link_libraries(doppel_torch INTERFACE ${TORCH_LIBRARIES} OpenMP::OpenMP_CXX)
+# The library's choice of the C++ ABI, for all sources: precompiled headers are shared.
 separate_arguments(doppel_torch_flags UNIX_COMMAND "${TORCH_CXX_FLAGS}")
 target_compile_options(doppel_torch INTERFACE ${doppel_torch_flags})
+target_compile_options(doppel_flags INTERFACE "$<BUILD_INTERFACE:${doppel_torch_flags}>")
 
-# The torch headers that most sources need, compiled once for the modules and once for the tests. GCC instantiates the
-# templates of a precompiled header again in each unit. This takes 6 s with all of <torch/torch.h>, 3 s with these.
-set(DOPPEL_TORCH_HEADERS <torch/types.h> <torch/autograd.h> <torch/nn/module.h> <torch/nn/pimpl.h> <ATen/Parallel.h>)
+# Precompiled headers: what most sources of others' libraries include, once for sources without LibTorch and once with.
+# GCC instantiates the templates of a precompiled header again in each unit. This takes 6 s with all of
+# <torch/torch.h>, 3 s with these.
+set(DOPPEL_PLAIN_HEADERS
+  <algorithm> <filesystem> <functional> <map> <memory> <optional> <set> <span> <sstream> <string> <vector>
+  <fmt/format.h> <Eigen/Core> <Eigen/Geometry> <opencv2/core.hpp> <nlohmann/json.hpp>)
+set(DOPPEL_PLAIN_LIBRARIES Threads::Threads OpenMP::OpenMP_CXX fmt::fmt Eigen3::Eigen opencv_core nlohmann_json::nlohmann_json)
+set(DOPPEL_TORCH_HEADERS
+  ${DOPPEL_PLAIN_HEADERS} <torch/types.h> <torch/autograd.h> <torch/nn/module.h> <torch/nn/pimpl.h> <ATen/Parallel.h>)
+set(DOPPEL_TORCH_LIBRARIES ${DOPPEL_PLAIN_LIBRARIES} doppel_torch)
 
-# doppel_precompiled_torch(NAME HEADERS ... LIBRARIES ...): an object library that holds a precompiled header.
-function(doppel_precompiled_torch name)
+# doppel_precompiled(NAME HEADERS ... LIBRARIES ...): an object library that holds a precompiled header.
+function(doppel_precompiled name)
   cmake_parse_arguments(ARG "" "" "HEADERS;LIBRARIES" ${ARGN})
   file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/pch/${name}.cpp CONTENT "// Holds a precompiled header.\n")
   add_library(${name} OBJECT ${CMAKE_BINARY_DIR}/pch/${name}.cpp)
-  target_link_libraries(${name} PRIVATE doppel_torch Threads::Threads ${ARG_LIBRARIES})
+  target_link_libraries(${name} PRIVATE ${ARG_LIBRARIES})
   target_precompile_headers(${name} PRIVATE ${ARG_HEADERS})
 endfunction()
 
-doppel_precompiled_torch(doppel_torch_pch HEADERS ${DOPPEL_TORCH_HEADERS} LIBRARIES doppel_flags)
+doppel_precompiled(doppel_plain_pch HEADERS ${DOPPEL_PLAIN_HEADERS} LIBRARIES ${DOPPEL_PLAIN_LIBRARIES} doppel_flags)
+doppel_precompiled(doppel_torch_pch HEADERS ${DOPPEL_TORCH_HEADERS} LIBRARIES ${DOPPEL_TORCH_LIBRARIES} doppel_flags)
 
 set(DOPPEL_ISA_FLAGS_avx2 -mavx2 -mfma -mf16c)
 set(DOPPEL_ISA_FLAGS_avx512 -mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx2 -mfma -mf16c -mprefer-vector-width=512)
@@ -163,6 +175,10 @@ endfunction()
 function(doppel_module name)
   cmake_parse_arguments(ARG "TORCH" "" "TORCH_SOURCES;KERNELS;GENERATED;PUBLIC_HEADERS;SHARED_HEADERS;DEPENDS" ${ARGN})
   set(target doppel_${name})
+  set(batch ${DOPPEL_UNITY_BATCH})
+  if(name IN_LIST DOPPEL_DEV_MODULES)
+    set(batch 1)
+  endif()
   file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
   set(torch_sources)
   if(ARG_TORCH_SOURCES)
@@ -177,16 +193,21 @@ function(doppel_module name)
     $<BUILD_INTERFACE:${DOPPEL_INCLUDE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_link_libraries(${target} PUBLIC doppel_flags Threads::Threads ${ARG_DEPENDS})
-  doppel_unity(${target} ${DOPPEL_UNITY_BATCH})
+  doppel_unity(${target} ${batch})
   if(ARG_TORCH)
     target_link_libraries(${target} PUBLIC doppel_torch)
     target_precompile_headers(${target} REUSE_FROM doppel_torch_pch)
-  elseif(torch_sources)
+  else()
+    # GCC takes a precompiled header only where -fopenmp and the definitions that it read are the same.
+    target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:${DOPPEL_PLAIN_LIBRARIES}>)
+    target_precompile_headers(${target} REUSE_FROM doppel_plain_pch)
+  endif()
+  if(torch_sources)
     add_library(${target}_torch OBJECT ${torch_sources})
-    target_link_libraries(${target}_torch PRIVATE doppel_flags doppel_torch Threads::Threads ${ARG_DEPENDS})
+    target_link_libraries(${target}_torch PRIVATE doppel_flags ${DOPPEL_TORCH_LIBRARIES} ${ARG_DEPENDS})
     target_include_directories(${target}_torch PRIVATE ${DOPPEL_INCLUDE_DIR})
     target_precompile_headers(${target}_torch REUSE_FROM doppel_torch_pch)
-    doppel_unity(${target}_torch ${DOPPEL_UNITY_BATCH})
+    doppel_unity(${target}_torch ${batch})
     target_sources(${target} PRIVATE $<TARGET_OBJECTS:${target}_torch>)
     target_link_libraries(${target} PUBLIC doppel_torch)
   endif()
@@ -203,7 +224,7 @@ endfunction()
 
 # A program that reuses a precompiled header: GCC takes the header only where the code is position-independent in the
 # same way, so -fPIC here too, not an executable's own -fPIE.
-function(doppel_reuse_torch_header program header)
+function(doppel_reuse_header program header)
   set_target_properties(${program} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
   target_compile_options(${program} PRIVATE -fPIC)
   target_precompile_headers(${program} REUSE_FROM ${header})
@@ -219,7 +240,9 @@ function(doppel_test module)
   target_link_libraries(${target} PRIVATE doppel_test_base ${ARG_DEPENDS} GTest::gtest_main)
   doppel_unity(${target} ${DOPPEL_TEST_BATCH})
   if(ARG_TORCH)
-    doppel_reuse_torch_header(${target} doppel_test_pch)
+    doppel_reuse_header(${target} doppel_torch_test_pch)
+  else()
+    doppel_reuse_header(${target} doppel_plain_test_pch)
   endif()
   add_test(NAME ${module} COMMAND ${target} --gtest_filter=-Real* --gtest_brief=1)
   if(ARG_REAL)
