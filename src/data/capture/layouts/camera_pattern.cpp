@@ -1,4 +1,4 @@
-#include "doppel/data/capture/camera_pattern.h"
+#include "doppel/data/capture/layouts/camera_pattern.h"
 
 #include <fmt/format.h>
 

@@ -29,4 +29,7 @@ std::string usable_name(std::string text, const std::string& fallback);
 /// The parts of a path between the slashes.
 std::vector<std::string> path_parts(std::string_view path);
 
+/// The folder of a path; empty when there is no slash.
+std::string folder_of(const std::string& path);
+
 }  // namespace doppel

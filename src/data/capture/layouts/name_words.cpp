@@ -1,4 +1,4 @@
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/name_words.h"
 
 #include <algorithm>
 #include <cctype>
@@ -71,6 +71,11 @@ std::vector<std::string> path_parts(std::string_view path) {
     begin = end + 1;
   }
   return parts;
+}
+
+std::string folder_of(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == std::string::npos ? "" : path.substr(0, slash);
 }
 
 }  // namespace doppel

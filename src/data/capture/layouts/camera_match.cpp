@@ -1,11 +1,11 @@
-#include "doppel/data/capture/camera_match.h"
+#include "doppel/data/capture/layouts/camera_match.h"
 
 #include <algorithm>
 #include <map>
 #include <numeric>
 #include <set>
 
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel {
@@ -186,9 +186,8 @@ CameraMatch match_by_order(const std::vector<std::string>& paths, const std::vec
   });
   std::vector<std::string> all(paths.size()), folders, names;
   for (const std::string& path : paths) {
-    const std::size_t slash = path.rfind('/');
-    folders.push_back(slash == std::string::npos ? "" : path.substr(0, slash));
-    names.push_back(slash == std::string::npos ? path : path.substr(slash + 1));
+    folders.push_back(folder_of(path));
+    names.push_back(path.substr(path.rfind('/') + 1));
   }
   for (const auto& groups : {all, folders, names})
     if (CameraMatch match = match_groups(paths, groups, order); match.way == CameraMatch::Way::order) return match;

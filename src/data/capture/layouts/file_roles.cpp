@@ -1,9 +1,9 @@
-#include "doppel/data/capture/file_roles.h"
+#include "doppel/data/capture/layouts/file_roles.h"
 
 #include <algorithm>
 #include <vector>
 
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/name_words.h"
 
 namespace doppel {
 
