@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "doppel/data/capture/layouts/folder_layout.h"
 #include "doppel/data/capture/layouts/guess_capture.h"
-#include "doppel/data/capture/layouts/layout_table.h"
 
 namespace doppel {
 

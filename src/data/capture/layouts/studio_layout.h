@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/capture/layouts/layout_table.h"
+#include "doppel/data/capture/layouts/folder_layout.h"
 
 namespace doppel {
 
