@@ -9,7 +9,7 @@ namespace doppel {
 
 /// What a folder is taken for: a capture, and why.
 struct CaptureGuess {
-  std::string layout;  ///< "DynaCap", ... (`folder_layouts`); empty for a capture.yaml, which says all itself
+  std::string layout;  ///< "DynaCap", "ASH/TriHuman", ...; empty: a capture.yaml, or no known layout
   Capture capture;
   std::vector<std::string> found;    ///< what was taken for what, a sentence each
   std::vector<std::string> missing;  ///< what could not be found, and what to do about it, a sentence each

@@ -8,7 +8,7 @@
 namespace doppel {
 
 /// The capture at a path: that of a `.yaml` file or of the folder's capture.yaml; without one, that of the first public
-/// layout that the folder has (`folder_layouts`, docs/capture.md).
+/// layout that the folder has (docs/capture.md).
 /// @return nothing when the path is none of these
 /// @throws Error as `read_capture`; Error when the folder has the videos of a public layout, but lacks other files of
 /// it, or holds several of one kind

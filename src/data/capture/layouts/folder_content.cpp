@@ -78,18 +78,17 @@ class FolderReader {
   }
 
   void inspect_keypoints(const FileStream& stream) {
-    std::vector<std::string> maps;
+    const fs::path file = full(stream.first_file);
+    std::vector<std::string> maps = stream.kind == FileKind::json ? maps_of(stream) : std::vector<std::string>();
     if (stream.kind == FileKind::table) {
-      if (is_joint_table(full(stream.first_file))) content_.joint_tables.push_back(stream.first_file);
-      if (is_keypoint_table(full(stream.first_file))) maps = {"names"};
-    } else {
-      maps = maps_of(stream);
-      if (maps.size() > 1) maps = decided(std::move(maps), stream);
+      if (is_joint_table(file)) content_.joint_tables.push_back(stream.first_file);
+      if (is_keypoint_table(file)) maps = {"names"};
     }
     if (!maps.empty()) content_.keypoint_maps[stream.first_file] = maps;
   }
 
-  /// The maps whose points the people in the files of a stream have. Many files may show nobody.
+  /// The maps whose points the people in the files of a stream have; of several, the one whose order of points fits the
+  /// limbs, if they decide. Many files may show nobody.
   std::vector<std::string> maps_of(const FileStream& stream) const {
     const std::vector<std::string> paths = some_files(stream);
     std::vector<std::string> maps;
@@ -98,18 +97,13 @@ class FolderReader {
       if (std::any_of(paths.begin(), paths.end(), [&](const auto& path) { return has_people(path, layout, stream); }))
         maps.push_back(name);
     }
-    return maps;
-  }
-
-  /// Of several maps, the one whose order of points fits the limbs; all of them where the limbs do not decide.
-  std::vector<std::string> decided(std::vector<std::string> maps, const FileStream& stream) const {
+    if (maps.size() < 2) return maps;
     try {
       const auto layout = guess_layout(full(stream.per_frame ? stream.path : stream.first_file).string(), {});
-      if (layout) return {*layout};
+      return layout ? std::vector<std::string>{*layout} : maps;
     } catch (const FileError&) {
       return maps;
     }
-    return maps;
   }
 
   /// Files from the whole recording: it may begin with the empty scene.

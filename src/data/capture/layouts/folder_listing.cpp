@@ -1,7 +1,6 @@
 #include "doppel/data/capture/layouts/folder_listing.h"
 
 #include <algorithm>
-#include <set>
 
 #include "doppel/core/error.h"
 #include "doppel/detect/keypoints/frame_names.h"
@@ -14,29 +13,6 @@ namespace {
 
 constexpr int kDepth = 6;
 constexpr std::size_t kMostFiles = 500'000;
-
-/// Walks through the folders of a listing.
-struct FolderWalk {
-  const FolderListing& listing;
-  std::vector<std::string> files, folders;
-  std::set<fs::path> seen = {};
-
-  void enter(const std::string& folder, int depth) {
-    std::error_code error;
-    const fs::path real = fs::canonical(listing.full(folder), error);
-    if (error || !seen.insert(real).second) return;  // links may lead in circles
-    folders.push_back(folder.empty() ? "." : folder);
-    const std::string prefix = folder.empty() ? "" : folder + "/";
-    const FolderListing::Folder& here = listing.at(folder);
-    for (const std::string& name : here.files)
-      if (name.front() != '.') files.push_back(prefix + name);
-    if (files.size() > kMostFiles)
-      fail("{} holds more than {} files; name the folder of one capture", listing.root().string(), kMostFiles);
-    for (const std::string& name : here.folders)
-      if (depth > 0 && name.front() != '.' && !fs::exists(listing.full(prefix + name + "/capture.yaml"), error))
-        enter(prefix + name, depth - 1);
-  }
-};
 
 }  // namespace
 
@@ -60,14 +36,26 @@ const FolderListing::Folder& FolderListing::at(const std::string& path) const {
   return folder;
 }
 
+void FolderListing::enter(const std::string& folder, int depth, std::set<fs::path>& seen) const {
+  std::error_code error;
+  const fs::path real = fs::canonical(full(folder), error);
+  if (error || !seen.insert(real).second) return;  // links may lead in circles
+  folders_.push_back(folder.empty() ? "." : folder);
+  const std::string prefix = folder.empty() ? "" : folder + "/";
+  for (const std::string& name : at(folder).files)
+    if (name.front() != '.') files_.push_back(prefix + name);
+  if (files_.size() > kMostFiles)
+    fail("{} holds more than {} files; name the folder of one capture", root_.string(), kMostFiles);
+  for (const std::string& name : at(folder).folders)
+    if (depth > 0 && name.front() != '.' && !fs::exists(full(prefix + name + "/capture.yaml"), error))
+      enter(prefix + name, depth - 1, seen);
+}
+
 void FolderListing::walk() const {
   if (!folders_.empty()) return;
-  FolderWalk walk{*this, {}, {}};
-  walk.enter("", kDepth);
-  for (std::vector<std::string>* names : {&walk.files, &walk.folders})
-    std::sort(names->begin(), names->end(), natural_less);
-  files_ = std::move(walk.files);
-  folders_ = std::move(walk.folders);
+  std::set<fs::path> seen;
+  enter("", kDepth, seen);
+  for (std::vector<std::string>* names : {&files_, &folders_}) std::sort(names->begin(), names->end(), natural_less);
 }
 
 }  // namespace doppel

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,7 @@ class FolderListing {
 
  private:
   void walk() const;
+  void enter(const std::string& folder, int depth, std::set<std::filesystem::path>& seen) const;
 
   std::filesystem::path root_;
   mutable std::map<std::string, Folder> read_;

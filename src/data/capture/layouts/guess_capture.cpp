@@ -9,8 +9,6 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/layouts/camera_pattern.h"
-#include "doppel/data/capture/layouts/file_roles.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/data/capture/layouts/sequence_files.h"
 
@@ -164,19 +162,17 @@ class Guesser {
   }
 
   void tell_other_calibration(const FoundCalibration& other) {
-    const Calibration& chosen = calibration_->calibration;
-    const std::string what = fmt::format("calibration: {} ({}, {} cameras)", other.path, other.calibration.format,
-                                         other.calibration.cameras.size());
-    const std::optional<double> apart = largest_distance(chosen.cameras, other.calibration.cameras);
-    if (!apart)
-      found("{} is not used; name it as `calibration` to use it", what);
-    else if (*apart <= kSameCentre)
-      found("{} has the same cameras within {:.1f} mm; it is not used", what, 1e3 * *apart);
-    else
-      found(
-          "{} has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it is the right "
-          "one, name it as `calibration`",
-          what, *apart);
+    const auto& [path, calibration] = other;
+    const std::optional<double> apart = largest_distance(calibration_->calibration.cameras, calibration.cameras);
+    const std::string why =
+        !apart ? "is not used; name it as `calibration` to use it"
+        : *apart <= kSameCentre
+            ? fmt::format("has the same cameras within {:.1f} mm; it is not used", 1e3 * *apart)
+            : fmt::format(
+                  "has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it "
+                  "is the right one, name it as `calibration`",
+                  *apart);
+    found("calibration: {} ({}, {} cameras) {}", path, calibration.format, calibration.cameras.size(), why);
   }
 
   // ---- sequences ----
@@ -256,25 +252,29 @@ class Guesser {
     if (used_.empty()) {
       missing("no camera filmed all sequences; write a capture.yaml for each of them");
       guess_.capture.sequences.clear();
+      filmed_.clear();
     }
   }
 
-  const FootageFacts* facts_of(const FileStream& stream) const {
-    const auto facts = content_.footage.find(stream.first_file);
-    return facts == content_.footage.end() ? nullptr : &facts->second;
-  }
-
   // ---- rates and sizes ----
+
+  /// Calls `use(camera, stream, facts)` for the footage of a sequence that could be opened.
+  template <typename Use>
+  void each_footage(const SequenceFiles& sequence, Use use) const {
+    for (const auto& [camera, stream] : sequence.by_camera)
+      if (const auto facts = content_.footage.find(stream.first_file); facts != content_.footage.end())
+        use(camera, stream, facts->second);
+  }
 
   void find_rates() {
     std::map<double, int> count;
     std::map<int, std::pair<double, long>> rates;  // fps and frames by camera
     for (const SequenceFiles& sequence : filmed_)
-      for (const auto& [camera, stream] : sequence.by_camera)
-        if (const FootageFacts* facts = facts_of(stream); facts && facts->fps > 0.0) {
-          ++count[facts->fps];
-          rates[camera] = {facts->fps, std::max(rates[camera].second, facts->frames)};
-        }
+      each_footage(sequence, [&](int camera, const FileStream&, const FootageFacts& facts) {
+        if (facts.fps <= 0.0) return;
+        ++count[facts.fps];
+        rates[camera] = {facts.fps, std::max(rates[camera].second, facts.frames)};
+      });
     if (count.empty()) {
       if (!filmed_.empty())
         missing("images have no frame rate; `fps: {}` is assumed, state the true one", guess_.capture.fps);
@@ -284,57 +284,50 @@ class Guesser {
         std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
     guess_.capture.fps = usual->first;
     found("fps: {:.6g}, from the videos", usual->first);
-    for (const auto& [camera, rate] : rates) add_rate(names_[as_size(camera)], rate.first, rate.second);
+    for (const auto& [camera, rate] : rates) {
+      const auto& [fps, frames] = rate;
+      const double drift = std::abs(fps / usual->first - 1.0) * static_cast<double>(frames);
+      if (drift < kLargestDrift) continue;
+      const std::string& name = names_[as_size(camera)];
+      guess_.capture.camera_fps[name] = fps;
+      found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", name, fps,
+            drift);
+    }
     tell_lengths();
-  }
-
-  void add_rate(const std::string& camera, double fps, long frames) {
-    const double drift = std::abs(fps / guess_.capture.fps - 1.0) * static_cast<double>(frames);
-    if (drift < kLargestDrift) return;
-    guess_.capture.camera_fps[camera] = fps;
-    found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", camera, fps,
-          drift);
   }
 
   void tell_lengths() {
     for (std::size_t i = 0; i < filmed_.size(); ++i) {
-      long shortest = -1, longest = -1;
-      for (const auto& [camera, stream] : filmed_[i].by_camera)
-        if (const FootageFacts* facts = facts_of(stream); facts && facts->frames > 0) {
-          shortest = shortest < 0 ? facts->frames : std::min(shortest, facts->frames);
-          longest = std::max(longest, facts->frames);
-        }
-      if (shortest != longest)
+      std::set<long> lengths;
+      each_footage(filmed_[i], [&](int, const FileStream&, const FootageFacts& facts) {
+        if (facts.frames > 0) lengths.insert(facts.frames);
+      });
+      if (lengths.size() > 1)
         found(
             "sequence {}: the videos have {} to {} frames; they are taken to begin at the same time, or `frame_offset` "
             "is needed",
-            guess_.capture.sequences[i].name, shortest, longest);
+            guess_.capture.sequences[i].name, *lengths.begin(), *lengths.rbegin());
     }
   }
 
   void check_sizes() {
     for (const SequenceFiles& sequence : filmed_)
-      for (const auto& [camera, stream] : sequence.by_camera)
-        if (const FootageFacts* facts = facts_of(stream))
-          check_size(calibration_->calibration.cameras[as_size(camera)], *facts, stream.path);
+      each_footage(sequence, [&](int camera, const FileStream& stream, const FootageFacts& facts) {
+        check_size(calibration_->calibration.cameras[as_size(camera)], facts, stream.path);
+      });
   }
 
   void check_size(const Camera& camera, const FootageFacts& facts, const std::string& path) {
     if (camera.width == 0 || (camera.width == facts.width && camera.height == facts.height)) return;
-    if (is_without_padding(camera, {facts.width, facts.height})) {
-      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the difference is taken for padding of the encoder",
-            path, facts.width, facts.height, camera.name, camera.width, camera.height);
-      return;
-    }
+    const std::string sizes = fmt::format("{} is {}x{}, the calibration of {} is for {}x{}", path, facts.width,
+                                          facts.height, camera.name, camera.width, camera.height);
     const double stretch = static_cast<double>(facts.width) / facts.height * camera.height / camera.width - 1.0;
-    if (std::abs(stretch) <= kMaxStretch)
-      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the calibration is scaled", path, facts.width,
-            facts.height, camera.name, camera.width, camera.height);
+    if (is_without_padding(camera, {facts.width, facts.height}))
+      found("size: {}; the difference is taken for padding of the encoder", sizes);
+    else if (std::abs(stretch) <= kMaxStretch)
+      found("size: {}; the calibration is scaled", sizes);
     else
-      missing(
-          "{} is {}x{}, the calibration of {} is for {}x{}, another aspect ratio: the images were cropped or turned, "
-          "or this is not their camera",
-          path, facts.width, facts.height, camera.name, camera.width, camera.height);
+      missing("{}, another aspect ratio: the images were cropped or turned, or this is not their camera", sizes);
   }
 
   // ---- masks, keypoints, body ----
@@ -431,30 +424,31 @@ class Guesser {
 
   void set_keypoints(std::size_t i, const SortedFiles& sequences, const Streams& tables) {
     SequenceEntry& entry = guess_.capture.sequences[i];
-    if (const SequenceFiles* files = files_for(i, sequences, "keypoints")) {
-      entry.keypoints = paths_of(*files);
-      compare_numbers(entry, filmed_[i].by_camera.begin()->second, files->by_camera.begin()->second);
-    } else if (filmed_.size() == 1 && tables.size() == 1) {
-      entry.keypoints = tables.front().path;
-    } else if (const SortedFiles by_camera = sort_files(tables, names_); !tables.empty()) {
-      if (const SequenceFiles* own = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*own);
+    SortedFiles by_camera = sequences;
+    const SequenceFiles* files = files_for(i, sequences, "keypoints");
+    const bool only_table = !files && filmed_.size() == 1 && tables.size() == 1;
+    if (!files && !only_table) {
+      by_camera = sort_files(tables, names_);
+      files = files_for(i, by_camera, "keypoints");
     }
-    if (!entry.keypoints.empty())
-      found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(sequences.way),
-            entry.keypoints.to_string());
-    else
+    if (!files && !only_table) {
       missing(
           "sequence {} has no keypoints; `doppel track` then runs `doppel detect`. Files of another detector "
           "(OpenPose, MMPose, ...) belong into folders named like the cameras (docs/capture.md)",
           entry.name);
-  }
-
-  /// Keypoints have the numbers of the frames that they were found in.
-  void compare_numbers(const SequenceEntry& entry, const FileStream& footage, const FileStream& keypoints) {
-    if (!keypoints.per_frame || keypoints.first_frame == footage.first_frame) return;
-    found(
-        "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame n",
-        entry.name, keypoints.first_frame, footage.first_frame);
+      return;
+    }
+    entry.keypoints = only_table ? CameraPaths(tables.front().path) : paths_of(*files);
+    found("sequence {}: keypoints{}: {}", entry.name, only_table ? "" : ", matched " + to_string(by_camera.way),
+          entry.keypoints.to_string());
+    const FileStream& footage = filmed_[i].by_camera.begin()->second;
+    const FileStream& first = only_table ? tables.front() : files->by_camera.begin()->second;
+    // Keypoints have the numbers of the frames that they were found in.
+    if (first.per_frame && first.first_frame != footage.first_frame)
+      found(
+          "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame "
+          "n",
+          entry.name, first.first_frame, footage.first_frame);
   }
 
   void choose_map(const Streams& files) {

@@ -9,7 +9,7 @@
 namespace doppel {
 
 /// What is known of a folder beforehand: regular expressions (ECMAScript) that the paths of files match. Of several,
-/// the first that matches any file holds. None: by the words of the paths (file_roles.h).
+/// the first that matches any file holds. None: by the words of the paths (`role_of_file`).
 struct GuessHints {
   std::vector<std::string> calibration, videos, masks;
   int mask_threshold = SequenceEntry().mask_threshold;

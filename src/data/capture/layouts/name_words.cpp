@@ -1,5 +1,7 @@
 #include "doppel/data/capture/layouts/name_words.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cctype>
 
@@ -18,6 +20,31 @@ std::string_view number_at(std::string_view text, std::size_t begin, std::size_t
   for (end = begin; end < text.size() && is_digit(text[end]);) ++end;
   while (begin + 1 < end && text[begin] == '0') ++begin;
   return text.substr(begin, end - begin);
+}
+
+using Words = std::set<std::string>;
+
+const Words kMaskWords{"mask",         "masks",        "msk",         "fg",    "foreground", "foregroundsegmentation",
+                       "seg",          "silhouette",   "silhouettes", "matte", "alpha",      "mattes",
+                       "segmentation", "segmentations"};
+const Words kEmptyWords{"empty", "background", "backgrounds", "bg", "bkg", "backplate", "emptyscene"};
+const Words kUnusedWords{"board",      "boards",     "checkerboard", "chessboard", "charuco", "calib",   "calibration",
+                         "intrinsics", "extrinsics", "depth",        "normal",     "normals", "overlay", "overlays",
+                         "preview",    "previews",   "render",       "renders",    "debug",   "texture", "textures"};
+const Words kKindWords{"video",     "videos",     "image",   "images",   "img",       "imgs",      "rgb",
+                       "rgbs",      "frame",      "frames",  "cam",      "camera",    "cameras",   "view",
+                       "views",     "stream",     "streams", "color",    "colour",    "raw",       "footage",
+                       "recording", "recordings", "hd",      "keypoint", "keypoints", "openpose",  "mmpose",
+                       "alphapose", "pose",       "poses",   "json",     "jsons",     "detection", "detections",
+                       "people",    "c",          "d",       "data",     "cihp"};
+
+/// The words of a path that are neither of a role nor of a kind.
+std::vector<std::string> words_in_order(const std::string& path) {
+  std::vector<std::string> telling;
+  for (const NameWord& word : words_of(path))
+    if (!kMaskWords.count(word.text) && !kEmptyWords.count(word.text) && !kKindWords.count(word.text))
+      telling.push_back(word.text);
+  return telling;
 }
 
 }  // namespace
@@ -77,5 +104,21 @@ std::string folder_of(const std::string& path) {
   const std::size_t slash = path.rfind('/');
   return slash == std::string::npos ? "" : path.substr(0, slash);
 }
+
+FileRole role_of_file(const std::string& path) {
+  const auto has_word = [words = words_of(path)](const Words& wanted) {
+    return std::any_of(words.begin(), words.end(), [&](const NameWord& word) { return wanted.count(word.text) > 0; });
+  };
+  if (has_word(kUnusedWords)) return FileRole::unused;
+  if (has_word(kEmptyWords)) return FileRole::empty;
+  return has_word(kMaskWords) ? FileRole::masks : FileRole::footage;
+}
+
+std::set<std::string> telling_words(const std::string& path) {
+  const std::vector<std::string> words = words_in_order(path);
+  return {words.begin(), words.end()};
+}
+
+std::string telling_name(const std::string& path) { return fmt::format("{}", fmt::join(words_in_order(path), "_")); }
 
 }  // namespace doppel

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "doppel/data/capture/layouts/file_roles.h"
+#include "doppel/data/capture/layouts/name_words.h"
 
 namespace doppel {
 

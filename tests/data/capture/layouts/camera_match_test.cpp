@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "doppel/data/capture/layouts/camera_pattern.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
