@@ -7,8 +7,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/data/capture/capture_layouts.h"
 #include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/person_tracks.h"
 

@@ -9,8 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_guess.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 
 namespace doppel::tools {
 
@@ -30,29 +29,6 @@ struct InitArguments {
   fs::path out;
   bool force = false;
 };
-
-CaptureGuess guess_from(const RecognisedCapture& recognised) {
-  CaptureGuess guess;
-  guess.capture = recognised.capture;
-  guess.found = recognised.notes;
-  guess.found.insert(guess.found.begin(), fmt::format("layout of {}", recognised.layout));
-  guess.missing = recognised.missing;
-  guess.complete = true;
-  return guess;
-}
-
-/// The layout of a public dataset if the folder has one with all its parts, else a guess.
-CaptureGuess guess_of(const fs::path& folder) {
-  std::string lacks;
-  try {
-    if (const auto recognised = recognise_capture(folder)) return guess_from(*recognised);
-  } catch (const Error& e) {
-    lacks = e.what();
-  }
-  CaptureGuess guess = guess_capture(read_folder(folder));
-  if (!lacks.empty()) guess.found.insert(guess.found.begin(), "the folder looks like a public dataset, but: " + lacks);
-  return guess;
-}
 
 std::vector<std::string> comments_of(const CaptureGuess& guess) {
   std::vector<std::string> comments{"Written by `doppel capture init`. docs/capture.md explains the keys."};
@@ -81,7 +57,7 @@ int init(const InitArguments& arguments, const CommonOptions& common) {
   const fs::path out = arguments.out.empty() ? folder / "capture.yaml" : arguments.out;
   if (fs::exists(out) && !arguments.force)
     fail<UsageError>("{} exists; --force replaces it, --out FILE writes another file", out.string());
-  const CaptureGuess guess = guess_of(folder);
+  const CaptureGuess guess = guess_folder(folder);
   if (!guess.complete) {
     print_guess(guess, {}, 0, common.json);
     fail("{}: no capture.yaml was written, because the calibration or the footage is missing (see above)",

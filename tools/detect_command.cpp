@@ -21,7 +21,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
 #include "doppel/core/progress.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "shared_work.h"
 
 namespace doppel::tools {
@@ -99,7 +99,8 @@ DetectReport report_of(const Json& results, std::size_t unit, const fs::path& fo
 
 /// What a detection reads of a capture. A film or a folder of images stands among the arguments.
 std::vector<std::string> detect_inputs(const fs::path& source) {
-  return is_capture(source) ? capture_inputs(find_capture(source)) : std::vector<std::string>();
+  const std::optional<CaptureGuess> recognised = recognise_capture(source);
+  return recognised ? capture_inputs(recognised->capture) : std::vector<std::string>();
 }
 
 /// Works on several cameras at a time: more threads for one camera gain less than one thread for each camera.

@@ -8,7 +8,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 
 namespace doppel::tools {
 

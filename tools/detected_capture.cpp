@@ -6,7 +6,7 @@
 #include "doppel/core/log.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
 
 namespace doppel::tools {
@@ -66,12 +66,6 @@ void name_layout(const std::string& layout, Capture& capture) {
 
 }  // namespace
 
-bool is_capture(const fs::path& path) {
-  const std::string extension = path.extension().string();
-  if (!fs::is_directory(path)) return extension == ".yaml" || extension == ".yml";
-  return fs::exists(path / "capture.yaml") || recognise_capture(path).has_value();
-}
-
 void check_detect_out(const fs::path& source, const fs::path& out) {
   const fs::path file = fs::is_directory(source) ? source / "capture.yaml" : source;
   if (fs::exists(file) && fs::weakly_canonical(out / "capture.yaml") == fs::weakly_canonical(file))
@@ -79,8 +73,9 @@ void check_detect_out(const fs::path& source, const fs::path& out) {
 }
 
 void write_detected_capture(const fs::path& source, const fs::path& out, const Json& report) {
-  if (!is_capture(source)) return;
-  Capture capture = find_capture(source);
+  const std::optional<CaptureGuess> recognised = recognise_capture(source);
+  if (!recognised) return;
+  Capture capture = recognised->capture;
   bool found_points = false;
   for (SequenceEntry& sequence : capture.sequences) {
     const std::string keypoints = pattern_of(report, sequence.name, "keypoints", capture);
@@ -97,7 +92,8 @@ void write_detected_capture(const fs::path& source, const fs::path& out, const J
 }
 
 bool lacks_keypoints(const fs::path& path) {
-  return !fs::is_directory(path / "store") && is_capture(path) && !find_capture(path).has_keypoints();
+  const auto recognised = fs::is_directory(path / "store") ? std::nullopt : recognise_capture(path);
+  return recognised && !recognised->capture.has_keypoints();
 }
 
 fs::path with_keypoints(const fs::path& path, const fs::path& folder, const DetectNeeds& needs,

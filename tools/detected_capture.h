@@ -7,10 +7,6 @@
 
 namespace doppel::tools {
 
-/// Whether a path is a capture's: its description, or a folder with one or in the layout of a public capture. Videos
-/// and folders of images are not.
-bool is_capture(const std::filesystem::path& path);
-
 /// @throws UsageError when `out` holds the capture.yaml of `source`, which the results would replace
 void check_detect_out(const std::filesystem::path& source, const std::filesystem::path& out);
 

@@ -8,7 +8,7 @@
 #include "command.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/doctor/doctor.h"
 
 namespace doppel::tools {

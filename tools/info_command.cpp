@@ -13,7 +13,7 @@
 #include "doppel/core/text_reader.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
 #include "versions.h"

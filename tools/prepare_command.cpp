@@ -7,7 +7,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/prepare/prepare.h"
 #include "shared_work.h"
 

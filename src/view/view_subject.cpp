@@ -9,8 +9,8 @@
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/capture/capture.h"
-#include "doppel/data/capture/capture_layouts.h"
 #include "doppel/data/capture/filmed_sequence.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/dataset/dataset.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/layers/surface.h"
@@ -165,9 +165,7 @@ ViewSubject open_target(const fs::path& target, const ViewOptions& options) {
     subject.run = target;
     return subject;
   }
-  if (extension == ".yaml" || fs::exists(target / "capture.yaml")) return of_capture(read_capture(target), options);
-  if (fs::is_directory(target))
-    if (const auto recognised = recognise_capture(target)) return of_capture(recognised->capture, options);
+  if (const auto recognised = recognise_capture(target)) return of_capture(recognised->capture, options);
   fail<UsageError>(
       "viewing {}: neither a run, an actor file (.pt), a .character file, a capture nor a prepared capture; `doppel "
       "capture init` describes a folder with videos and calibration",

@@ -8,7 +8,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture.h"
-#include "doppel/data/capture/capture_guess.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/track/points/track_points.h"
 #include "support/blazepose_weights.h"
@@ -110,7 +110,7 @@ TEST_F(RealDetectedCapture, VideosAndACalibrationGiveTheManInSpace) {
   fs::create_directories(folder / "films");
   fs::create_directory_symlink(p2s / "videos", folder / "films/videos");
   fs::create_symlink(p2s / "calibration.toml", folder / "films/calibration.toml");
-  Capture capture = guess_capture(read_folder(folder / "films")).capture;
+  Capture capture = guess_folder(folder / "films").capture;
   capture.sequences.at(0).name = "walk";
   write_capture(folder / "films/capture.yaml", capture);
   TrackPointsOptions options;

@@ -9,7 +9,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
-#include "doppel/data/capture/capture_guess.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/detect/keypoints/landmark_key.h"
 #include "doppel/detect/keypoints/read_space_points.h"
 #include "doppel/track/points/point_files.h"
@@ -232,7 +232,7 @@ class RealPointTracks : public support::SharedFolderTest {};
 TEST_F(RealPointTracks, TheRightManIsWhereAnotherProgramFoundHim) {
   const TemporaryFolder folder;
   const std::filesystem::path p2s = shared_ / "captures/p2s";
-  write_capture(folder / "capture.yaml", guess_capture(read_folder(p2s)).capture);
+  write_capture(folder / "capture.yaml", guess_folder(p2s).capture);
   TrackPointsOptions options;
   options.out = folder / "points";
   const TrackPointsReport report = track_points(folder.path(), options);

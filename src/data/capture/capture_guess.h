@@ -4,35 +4,16 @@
 #include <vector>
 
 #include "doppel/data/capture/capture.h"
-#include "doppel/data/capture/folder_content.h"
 
 namespace doppel {
 
-/// What is known of a folder beforehand: regular expressions (ECMAScript) that the paths of files match. Of several,
-/// the first that matches any file holds. None: by the words of the paths (file_roles.h).
-struct GuessHints {
-  std::vector<std::string> calibration, videos, masks;
-  int mask_threshold = SequenceEntry().mask_threshold;
-};
-
-/// A capture as guessed from the content of a folder.
+/// What a folder is taken for: a capture, and why.
 struct CaptureGuess {
+  std::string layout;  ///< "DynaCap", "ASH/TriHuman", ...; empty: a capture.yaml, or no known layout
   Capture capture;
   std::vector<std::string> found;    ///< what was taken for what, a sentence each
   std::vector<std::string> missing;  ///< what could not be found, and what to do about it, a sentence each
   bool complete = false;             ///< whether there are a calibration and footage: a capture.yaml can be written
-
-  int num_cameras = 0;  ///< that the capture uses
 };
-
-/// Guesses a capture. Reads no file.
-/// - The calibration is the one whose cameras match most files (`match_cameras`), by name rather than by order.
-/// - Files whose paths differ in the camera alone are one sequence; masks, keypoints, motions and the empty scene
-/// belong
-///   to the sequence whose words their paths hold, or to the only one.
-/// - `fps` is that of most videos. A camera whose rate differs so much that it would be half a frame off at the end of
-///   its video gets its own rate.
-/// - Images that are numbered from n get the `frame_offset` n.
-CaptureGuess guess_capture(const FolderContent& content, const GuessHints& hints = {});
 
 }  // namespace doppel

@@ -9,7 +9,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "support/hostile_files.h"
 #include "support/message_of.h"
 

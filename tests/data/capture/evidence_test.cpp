@@ -10,7 +10,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/data/prepare/store_layout.h"

@@ -4,7 +4,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/capture/video.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/dataset.h"

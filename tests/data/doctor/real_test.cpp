@@ -5,8 +5,7 @@
 #include <algorithm>
 
 #include "data/doctor/planted_faults.h"
-#include "doppel/data/capture/capture_guess.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/data/doctor/doctor.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
@@ -37,7 +36,7 @@ class RealDoctor : public support::SharedFolderTest {
       else
         fs::create_symlink(entry.path(), copy);
     }
-    Capture capture = name == "p2s" ? guess_capture(read_folder(folder_ / name)).capture : find_capture(folder_ / name);
+    Capture capture = name == "p2s" ? guess_folder(folder_ / name).capture : find_capture(folder_ / name);
     write_capture(folder_ / name / "capture.yaml", capture);
     return Patient(folder_ / name);
   }

@@ -1,4 +1,4 @@
-#include "doppel/data/capture/file_streams.h"
+#include "doppel/data/capture/layouts/file_streams.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,3 @@
-#include "doppel/data/capture/dataset_layouts.h"
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +7,7 @@
 #include "data/capture/capture_fixture.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "support/shared_folder.h"
 #include "support/temporary_folder.h"
 
@@ -41,7 +39,7 @@ std::vector<Camera> two_cameras(const std::vector<std::string>& names) {
   return cameras;
 }
 
-RecognisedCapture recognised(const fs::path& folder, const std::string& layout) {
+CaptureGuess recognised(const fs::path& folder, const std::string& layout) {
   const auto found = recognise_capture(folder);
   if (!found) throw std::runtime_error("not recognised: " + layout);
   EXPECT_EQ(found->layout, layout);
@@ -100,7 +98,7 @@ TEST(DatasetLayouts, Panoptic) {
   for (int frame = 0; frame < 3; ++frame)
     write_atomically(folder / "hdPose3d_stage1_coco19" / fmt::format("body3DScene_{:08}.json", frame),
                      "{\"version\":0.7,\"bodies\":[]}");
-  const RecognisedCapture found = recognised(folder.path(), "CMU Panoptic");
+  const CaptureGuess found = recognised(folder.path(), "CMU Panoptic");
   EXPECT_EQ(found.capture.cameras, (std::vector<std::string>{"00_03", "00_17"}));
   EXPECT_EQ(found.capture.sequences.at(0).videos, "hdVideos/hd_{name}.avi");
   EXPECT_TRUE(found.capture.sequences.at(0).keypoints.empty()) << "3D poses are no keypoints";
@@ -157,7 +155,7 @@ TEST(DatasetLayouts, UmaNamesItsCalibrationCalib) {
     write_clip(folder / fmt::format("training/stream{:03}.avi", i));
     write_clip(folder / fmt::format("training/foregroundSegmentation/stream{:03}.avi", i));
   }
-  const RecognisedCapture found = recognised(folder.path(), "ASH/TriHuman");
+  const CaptureGuess found = recognised(folder.path(), "ASH/TriHuman");
   EXPECT_EQ(found.capture.calibration, "cameras.calib");
   EXPECT_EQ(found.capture.sequences.at(0).videos, "training/stream{camera:03}.avi");
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "doppel/calibration/formats/calibration.h"
-#include "doppel/data/capture/file_streams.h"
+#include "doppel/data/capture/layouts/folder_listing.h"
 #include "doppel/data/capture/video.h"
 
 namespace doppel {
@@ -23,20 +23,14 @@ struct FolderContent {
   std::vector<std::string> files;               ///< in natural order
   std::vector<FoundCalibration> calibrations;   ///< readable ones with poses, in natural order
   std::map<std::string, FootageFacts> footage;  ///< of videos, and of the first images of streams
-  std::map<std::string, std::vector<std::string>>
-      keypoint_maps;                      ///< first files of streams of keypoints, and the
-                                          ///< built-in map that fits; several where number and limbs do not decide
-                                          ///< ("names": a table)
+  /// First files of streams of keypoints, and the built-in map that fits; several where number and limbs do not decide
+  /// ("names": a table).
+  std::map<std::string, std::vector<std::string>> keypoint_maps;
   std::vector<std::string> joint_tables;  ///< tables of joints in space (joint_detections.h), in natural order
   std::vector<std::string> notes;         ///< files that look usable and are not, in sentences
 };
 
-/// The files of a folder, six levels deep, as in `FolderContent::files`.
-std::vector<std::string> list_folder(const std::filesystem::path& folder);
-
-/// Looks through a folder, six levels deep. Hidden folders, and folders inside that are captures themselves (they hold
-/// a capture.yaml), are left out.
-/// @throws Error when `folder` is not a folder, or holds more than 500,000 files
-FolderContent read_folder(const std::filesystem::path& folder);
+/// Reads what the files of a folder say. @throws Error as `FolderListing::files`
+FolderContent read_folder(const FolderListing& listing);
 
 }  // namespace doppel

@@ -1,4 +1,4 @@
-#include "doppel/data/capture/file_streams.h"
+#include "doppel/data/capture/layouts/file_streams.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel {

@@ -1,11 +1,17 @@
-#include "doppel/data/capture/camera_match.h"
+#include "doppel/data/capture/layouts/camera_match.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <map>
 #include <numeric>
 #include <set>
 
-#include "doppel/data/capture/name_words.h"
+#include "doppel/core/as_size.h"
+#include "doppel/core/path_pattern.h"
+#include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel {
@@ -20,11 +26,12 @@ struct CameraWords {
   int camera;
 };
 
-/// A path, as words and the cameras in them. Parts count from the end: 0 is the file.
-struct WordedPath {
-  std::vector<std::vector<NameWord>> parts;
-  std::vector<std::vector<CameraWords>> cameras;  ///< [parts]
+/// A part of a path: its words and the cameras in them.
+struct PathPart {
+  std::vector<NameWord> words;
+  std::vector<CameraWords> cameras;
 };
+using WordedPath = std::vector<PathPart>;  ///< counted from the end: 0 is the file
 
 /// The cameras in the words, from left to right. Of several that begin at a word, the longest.
 std::vector<CameraWords> find_cameras(const std::vector<NameWord>& words, const Keys& keys) {
@@ -44,11 +51,10 @@ std::vector<CameraWords> find_cameras(const std::vector<NameWord>& words, const 
 
 WordedPath worded(const std::string& path, const Keys& keys) {
   WordedPath result;
-  std::vector<std::string> parts = path_parts(path);
-  std::reverse(parts.begin(), parts.end());
-  for (const std::string& part : parts) {
-    result.parts.push_back(words_of(part));
-    result.cameras.push_back(find_cameras(result.parts.back(), keys));
+  for (const std::string& part : path_parts(path)) {
+    std::vector<NameWord> words = words_of(part);
+    std::vector<CameraWords> cameras = find_cameras(words, keys);
+    result.insert(result.begin(), {std::move(words), std::move(cameras)});
   }
   return result;
 }
@@ -59,21 +65,10 @@ struct Place {
   bool last = true;
 
   std::optional<CameraWords> in(const WordedPath& path) const {
-    if (part >= path.cameras.size() || path.cameras[part].empty()) return std::nullopt;
-    return last ? path.cameras[part].back() : path.cameras[part].front();
+    if (part >= path.size() || path[part].cameras.empty()) return std::nullopt;
+    return last ? path[part].cameras.back() : path[part].cameras.front();
   }
 };
-
-std::vector<Place> places_of(const std::vector<WordedPath>& paths) {
-  std::size_t depth = 0;
-  for (const WordedPath& path : paths) depth = std::max(depth, path.parts.size());
-  std::vector<Place> places;
-  for (std::size_t part = 0; part < depth; ++part) {
-    places.push_back({part, true});
-    places.push_back({part, false});
-  }
-  return places;
-}
 
 /// Whether a place names the same camera as another in all paths that have the other.
 bool agrees(const Place& place, const Place& other, const std::vector<WordedPath>& paths) {
@@ -86,8 +81,8 @@ bool agrees(const Place& place, const Place& other, const std::vector<WordedPath
 /// The words of a path in which the cameras at some places are replaced by "#".
 std::string without_cameras(const WordedPath& path, const std::vector<Place>& places) {
   std::string text;
-  for (std::size_t part = path.parts.size(); part-- > 0;) {
-    std::vector<NameWord> words = path.parts[part];
+  for (std::size_t part = path.size(); part-- > 0;) {
+    std::vector<NameWord> words = path[part].words;
     for (const Place& place : places)
       if (const auto found = place.part == part ? place.in(path) : std::nullopt)
         for (std::size_t i = found->begin; i < found->end; ++i) words[i] = {i == found->begin ? "#" : "", false};
@@ -113,9 +108,12 @@ CameraMatch match_at(const Place& place, const std::vector<Place>& places, const
 
 CameraMatch match_by_keys(const std::vector<std::string>& paths, const Keys& keys, CameraMatch::Way way) {
   std::vector<WordedPath> all;
-  all.reserve(paths.size());
-  for (const std::string& path : paths) all.push_back(worded(path, keys));
-  const std::vector<Place> places = places_of(all);
+  std::vector<Place> places;
+  for (const std::string& path : paths) {
+    all.push_back(worded(path, keys));
+    for (std::size_t part = places.size() / 2; part < all.back().size(); ++part)
+      for (const bool last : {true, false}) places.push_back({part, last});
+  }
   CameraMatch best;
   std::pair<int, int> most{0, 0};
   for (const Place& place : places) {
@@ -181,21 +179,73 @@ CameraMatch match_groups(const std::vector<std::string>& paths, const std::vecto
 CameraMatch match_by_order(const std::vector<std::string>& paths, const std::vector<std::string>& cameras) {
   std::vector<int> order(cameras.size());
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) {
-    return natural_less(cameras[static_cast<std::size_t>(a)], cameras[static_cast<std::size_t>(b)]);
-  });
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return natural_less(cameras[as_size(a)], cameras[as_size(b)]); });
   std::vector<std::string> all(paths.size()), folders, names;
   for (const std::string& path : paths) {
-    const std::size_t slash = path.rfind('/');
-    folders.push_back(slash == std::string::npos ? "" : path.substr(0, slash));
-    names.push_back(slash == std::string::npos ? path : path.substr(slash + 1));
+    folders.push_back(folder_of(path));
+    names.push_back(path.substr(path.rfind('/') + 1));
   }
   for (const auto& groups : {all, folders, names})
     if (CameraMatch match = match_groups(paths, groups, order); match.way == CameraMatch::Way::order) return match;
-  CameraMatch nothing;
-  nothing.camera.resize(paths.size());
-  nothing.sequence = paths;
-  return nothing;
+  return {CameraMatch::Way::none, std::vector<std::optional<int>>(paths.size()), paths};
+}
+
+enum class Letter { other, digit, letter };
+Letter letter_at(const std::string& text, std::size_t i) {
+  const auto c = static_cast<unsigned char>(i < text.size() ? text[i] : ' ');
+  return std::isdigit(c) ? Letter::digit : std::isalpha(c) ? Letter::letter : Letter::other;
+}
+
+/// Whether a word or a number goes on from `i - 1` to `i`.
+bool goes_on(const std::string& text, std::size_t i) {
+  return i > 0 && letter_at(text, i) != Letter::other && letter_at(text, i - 1) == letter_at(text, i);
+}
+
+/// The path with replacements, outside of placeholders.
+/// @param replace (position, &text) -> how many letters of the path the text replaces; 0: none
+template <typename Replace>
+std::string replaced(const std::string& path, Replace replace) {
+  std::string pattern;
+  for (std::size_t i = 0, length = 0; i < path.size(); i += length) {
+    std::string text;
+    length = path[i] == '{' ? 0 : replace(i, text);
+    if (length == 0) {
+      length = path[i] == '{' ? std::min(path.find('}', i), path.size() - 1) + 1 - i : 1;
+      text = path.substr(i, length);
+    }
+    pattern += text;
+  }
+  return pattern;
+}
+
+/// The path with every name of the camera replaced by `{name}`, not within words.
+std::string with_name(const std::string& path, const std::string& name) {
+  return replaced(path, [&](std::size_t i, std::string& text) {
+    const bool here = path.compare(i, name.size(), name) == 0 && !goes_on(path, i) && !goes_on(path, i + name.size());
+    text = "{name}";
+    return here ? name.size() : 0;
+  });
+}
+
+/// The path with every number that is the index of the camera replaced by `{camera}`.
+std::string with_index(const std::string& path, int camera) {
+  return replaced(path, [&](std::size_t i, std::string& text) {
+    std::size_t digits = 0;
+    while (letter_at(path, i + digits) == Letter::digit) text += path[i + digits++];
+    if (text == std::to_string(camera))
+      text = "{camera}";
+    else if (digits > 0 && text == fmt::format("{:0{}}", camera, digits))
+      text = fmt::format("{{camera:0{}}}", digits);
+    return digits;
+  });
+}
+
+bool fits(const std::string& pattern, const std::map<int, std::string>& by_camera,
+          const std::vector<std::string>& names) {
+  return std::all_of(by_camera.begin(), by_camera.end(), [&](const auto& entry) {
+    return expand_camera(pattern, entry.first, names[as_size(entry.first)]) == entry.second;
+  });
 }
 
 }  // namespace
@@ -224,17 +274,22 @@ CameraMatch match_cameras(const std::vector<std::string>& paths, const std::vect
 }
 
 std::string to_string(CameraMatch::Way way) {
-  switch (way) {
-    case CameraMatch::Way::name:
-      return "by name";
-    case CameraMatch::Way::number:
-      return "by number";
-    case CameraMatch::Way::order:
-      return "by order";
-    case CameraMatch::Way::none:
-      break;
+  constexpr std::array words{"not at all", "by name", "by number", "by order"};
+  return words[static_cast<std::size_t>(way)];
+}
+
+CameraPaths paths_of_cameras(const std::map<int, std::string>& by_camera, const std::vector<std::string>& names) {
+  if (by_camera.size() == 1) return by_camera.begin()->second;
+  // The camera whose index has most digits shows best whether numbers are padded; the first one shows it if all are.
+  for (const auto& entry : {*by_camera.begin(), *by_camera.rbegin()}) {
+    const std::string by_name = with_name(entry.second, names[as_size(entry.first)]);
+    const std::string by_index = with_index(entry.second, entry.first);
+    for (const std::string& pattern : {by_name, by_index})
+      if (fits(pattern, by_camera, names)) return pattern;
   }
-  return "not at all";
+  std::map<std::string, std::string> paths;
+  for (const auto& [camera, path] : by_camera) paths[names[as_size(camera)]] = path;
+  return CameraPaths(std::move(paths));
 }
 
 }  // namespace doppel

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,5 +29,23 @@ std::string usable_name(std::string text, const std::string& fallback);
 
 /// The parts of a path between the slashes.
 std::vector<std::string> path_parts(std::string_view path);
+
+/// The folder of a path; empty when there is no slash.
+std::string folder_of(const std::string& path);
+
+/// What files are for, by the words in their paths.
+enum class FileRole {
+  footage,
+  masks,   ///< mask, fg, foregroundSegmentation, ...
+  empty,   ///< the empty scene: empty, background, ...
+  unused,  ///< pictures of calibration boards, depth, drawings, ...
+};
+FileRole role_of_file(const std::string& path);
+
+/// The words of a path, or of a sequence (`CameraMatch::sequence`), that tell one sequence from another: without the
+/// words of roles and kinds (videos, masks, cam, openpose, ...).
+std::set<std::string> telling_words(const std::string& path);
+/// The same words in their order, joined by "_".
+std::string telling_name(const std::string& path);
 
 }  // namespace doppel

@@ -1,4 +1,4 @@
-#include "doppel/data/capture/folder_content.h"
+#include "doppel/data/capture/layouts/folder_content.h"
 
 #include <algorithm>
 #include <set>
@@ -6,7 +6,8 @@
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/error.h"
 #include "doppel/core/path_pattern.h"
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/file_streams.h"
+#include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/guess_layout.h"
 #include "doppel/detect/keypoints/joint_detections.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
@@ -19,30 +20,19 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kDepth = 6;
-constexpr std::size_t kMostFiles = 500'000;
 constexpr long kFilesTried = 20;             // files of a stream that are searched for a person
 constexpr long kMostCalibrationFiles = 100;  // RealityCapture writes a file per camera; longer streams are frames
 
-/// Reads the folder step by step.
+/// Reads the files step by step.
 class FolderReader {
  public:
-  explicit FolderReader(const fs::path& folder) {
-    if (!fs::is_directory(folder)) fail("{} is not a folder", folder.string());
-    content_.root = fs::absolute(folder).lexically_normal();
-    if (!content_.root.has_filename()) content_.root = content_.root.parent_path();
+  explicit FolderReader(const FolderListing& listing) : streams_(group_streams(listing.files())) {
+    content_.root = listing.root();
+    content_.files = listing.files();
   }
 
-  const std::vector<std::string>& list() {
-    list(content_.root, "", kDepth);
-    std::sort(content_.files.begin(), content_.files.end(), natural_less);
-    return content_.files;
-  }
-
-  FolderContent read() {
-    list();
-    find_calibrations();
-    streams_ = group_streams(content_.files);
+  FolderContent read(const std::vector<std::string>& folders) {
+    find_calibrations(folders);
     for (const FileStream& stream : streams_) {
       if (stream.kind == FileKind::video || (stream.kind == FileKind::image && stream.per_frame)) inspect(stream);
       if (stream.kind == FileKind::json || stream.kind == FileKind::table) inspect_keypoints(stream);
@@ -53,44 +43,16 @@ class FolderReader {
  private:
   fs::path full(const std::string& path) const { return content_.root / path; }
 
-  void list(const fs::path& folder, const std::string& prefix, int depth) {
-    std::error_code error;  // a folder that must not be read holds nothing for us
-    const fs::path real = fs::canonical(folder, error);
-    if (error || !seen_.insert(real).second) return;  // links may lead in circles
-    folders_.push_back(prefix);
-    for (const auto& entry : fs::directory_iterator(folder, error)) {
-      const std::string name = entry.path().filename().string();
-      if (name.empty() || name.front() == '.') continue;
-      if (entry.is_directory(error)) {
-        if (depth > 0 && !fs::exists(entry.path() / "capture.yaml", error))
-          list(entry.path(), prefix + name + "/", depth - 1);
-      } else if (entry.is_regular_file(error)) {
-        content_.files.push_back(prefix + name);
-      }
-    }
-    if (content_.files.size() > kMostFiles)
-      fail("{} holds more than {} files; name the folder of one capture", content_.root.string(), kMostFiles);
-  }
-
-  void find_calibrations() {
-    std::vector<std::string> candidates;
-    for (const std::string& prefix : folders_)
-      candidates.push_back(prefix.empty() ? "." : prefix.substr(0, prefix.size() - 1));
-    std::sort(candidates.begin(), candidates.end(), natural_less);
-    std::set<std::string> frames;
-    for (const FileStream& stream : group_streams(content_.files))
+  void find_calibrations(const std::vector<std::string>& folders) {
+    for (const std::string& folder : folders) try_calibration(folder);
+    std::set<std::string> frames;  // folders
+    for (const FileStream& stream : streams_)
       if (stream.per_frame && stream.files > kMostCalibrationFiles) frames.insert(folder_of(stream.path));
     for (const std::string& file : content_.files) {
       const FileKind kind = kind_of_file(file);
       const bool is_frame = kind == FileKind::json && frames.count(folder_of(file)) > 0;
-      if (kind != FileKind::video && kind != FileKind::image && !is_frame) candidates.push_back(file);
+      if (kind != FileKind::video && kind != FileKind::image && !is_frame) try_calibration(file);
     }
-    for (const std::string& candidate : candidates) try_calibration(candidate);
-  }
-
-  static std::string folder_of(const std::string& path) {
-    const std::size_t slash = path.rfind('/');
-    return slash == std::string::npos ? "" : path.substr(0, slash);
   }
 
   void try_calibration(const std::string& path) {
@@ -116,18 +78,17 @@ class FolderReader {
   }
 
   void inspect_keypoints(const FileStream& stream) {
-    std::vector<std::string> maps;
+    const fs::path file = full(stream.first_file);
+    std::vector<std::string> maps = stream.kind == FileKind::json ? maps_of(stream) : std::vector<std::string>();
     if (stream.kind == FileKind::table) {
-      if (is_joint_table(full(stream.first_file))) content_.joint_tables.push_back(stream.first_file);
-      if (is_keypoint_table(full(stream.first_file))) maps = {"names"};
-    } else {
-      maps = maps_of(stream);
-      if (maps.size() > 1) maps = decided(std::move(maps), stream);
+      if (is_joint_table(file)) content_.joint_tables.push_back(stream.first_file);
+      if (is_keypoint_table(file)) maps = {"names"};
     }
     if (!maps.empty()) content_.keypoint_maps[stream.first_file] = maps;
   }
 
-  /// The maps whose points the people in the files of a stream have. Many files may show nobody.
+  /// The maps whose points the people in the files of a stream have; of several, the one whose order of points fits the
+  /// limbs, if they decide. Many files may show nobody.
   std::vector<std::string> maps_of(const FileStream& stream) const {
     const std::vector<std::string> paths = some_files(stream);
     std::vector<std::string> maps;
@@ -136,18 +97,13 @@ class FolderReader {
       if (std::any_of(paths.begin(), paths.end(), [&](const auto& path) { return has_people(path, layout, stream); }))
         maps.push_back(name);
     }
-    return maps;
-  }
-
-  /// Of several maps, the one whose order of points fits the limbs; all of them where the limbs do not decide.
-  std::vector<std::string> decided(std::vector<std::string> maps, const FileStream& stream) const {
+    if (maps.size() < 2) return maps;
     try {
       const auto layout = guess_layout(full(stream.per_frame ? stream.path : stream.first_file).string(), {});
-      if (layout) return {*layout};
+      return layout ? std::vector<std::string>{*layout} : maps;
     } catch (const FileError&) {
       return maps;
     }
-    return maps;
   }
 
   /// Files from the whole recording: it may begin with the empty scene.
@@ -171,15 +127,11 @@ class FolderReader {
   }
 
   FolderContent content_;
-  std::set<fs::path> seen_;
-  std::vector<std::string> folders_;  ///< with a slash at the end; "" is the folder itself
   std::vector<FileStream> streams_;
 };
 
 }  // namespace
 
-std::vector<std::string> list_folder(const fs::path& folder) { return FolderReader(folder).list(); }
-
-FolderContent read_folder(const fs::path& folder) { return FolderReader(folder).read(); }
+FolderContent read_folder(const FolderListing& listing) { return FolderReader(listing).read(listing.folders()); }
 
 }  // namespace doppel

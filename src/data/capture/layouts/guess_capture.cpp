@@ -1,4 +1,4 @@
-#include "doppel/data/capture/capture_guess.h"
+#include "doppel/data/capture/layouts/guess_capture.h"
 
 #include <fmt/ranges.h>
 
@@ -8,11 +8,9 @@
 #include <regex>
 
 #include "doppel/core/as_size.h"
-#include "doppel/data/capture/camera_pattern.h"
 #include "doppel/data/capture/capture_cameras.h"
-#include "doppel/data/capture/file_roles.h"
-#include "doppel/data/capture/name_words.h"
-#include "doppel/data/capture/sequence_files.h"
+#include "doppel/data/capture/layouts/name_words.h"
+#include "doppel/data/capture/layouts/sequence_files.h"
 
 namespace doppel {
 
@@ -21,16 +19,6 @@ namespace {
 constexpr double kLargestDrift = 0.5;  // frames; more at the end of a video needs a rate of its own
 constexpr std::size_t kShownFiles = 3;
 constexpr double kSameCentre = 0.01;  ///< metres between two calibrations of one camera
-
-std::string folder_of_path(const std::string& path) {
-  const std::size_t slash = path.rfind('/');
-  return slash == std::string::npos ? "" : path.substr(0, slash);
-}
-
-std::string extension_of(const std::string& path) {
-  const std::size_t dot = path.rfind('.');
-  return dot == std::string::npos ? "" : path.substr(dot);
-}
 
 std::string some_of(const std::vector<std::string>& paths) {
   const std::size_t shown = std::min(paths.size(), kShownFiles);
@@ -46,26 +34,39 @@ std::optional<double> largest_distance(const std::vector<Camera>& a, const std::
   return largest;
 }
 
+template <typename T, typename Wanted>
+std::vector<T> filtered(const std::vector<T>& all, Wanted wanted) {
+  std::vector<T> chosen;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(chosen), wanted);
+  return chosen;
+}
+
 using Streams = std::vector<FileStream>;
 
-/// The streams that the first expression matches which matches any.
-Streams matching(const Streams& streams, const std::vector<std::string>& expressions) {
+/// The streams that the first expression matches which matches any; without expressions, those with a role.
+Streams matching(const Streams& streams, const std::vector<std::string>& expressions, FileRole role) {
+  if (expressions.empty())
+    return filtered(streams, [&](const FileStream& stream) { return role_of_file(stream.first_file) == role; });
   for (const std::string& expression : expressions) {
     const std::regex wanted(expression);
-    Streams found;
-    std::copy_if(streams.begin(), streams.end(), std::back_inserter(found),
-                 [&](const FileStream& stream) { return std::regex_search(stream.first_file, wanted); });
+    Streams found =
+        filtered(streams, [&](const FileStream& stream) { return std::regex_search(stream.first_file, wanted); });
     if (!found.empty()) return found;
   }
   return {};
 }
 
-Streams of_kind(const Streams& streams, FileKind kind) {
-  Streams found;
-  std::copy_if(streams.begin(), streams.end(), std::back_inserter(found), [&](const FileStream& stream) {
-    return stream.kind == kind && (stream.per_frame || kind != FileKind::image);
-  });
-  return found;
+/// Videos, or where those have fewer cameras, images.
+SortedFiles best_files(const Streams& streams, const std::vector<std::string>& cameras) {
+  const auto of_kind = [&](FileKind kind) {
+    return sort_files(filtered(streams,
+                               [&](const FileStream& stream) {
+                                 return stream.kind == kind && (stream.per_frame || kind != FileKind::image);
+                               }),
+                      cameras);
+  };
+  SortedFiles videos = of_kind(FileKind::video), images = of_kind(FileKind::image);
+  return images.most_cameras() > videos.most_cameras() ? images : videos;
 }
 
 /// Fills in a guess, part by part.
@@ -103,21 +104,8 @@ class Guesser {
     guess_.missing.push_back(fmt::format(format, std::forward<Args>(args)...));
   }
 
-  Streams with_role(FileRole role) const {
-    Streams chosen;
-    std::copy_if(streams_.begin(), streams_.end(), std::back_inserter(chosen),
-                 [&](const FileStream& stream) { return role_of_file(stream.first_file) == role; });
-    return chosen;
-  }
-  /// Videos, or where those have fewer cameras, images.
-  SortedFiles best_files(const Streams& streams, const std::vector<std::string>& cameras) const {
-    SortedFiles videos = sort_files(of_kind(streams, FileKind::video), cameras);
-    SortedFiles images = sort_files(of_kind(streams, FileKind::image), cameras);
-    return images.most_cameras() > videos.most_cameras() ? images : videos;
-  }
   SortedFiles footage_of(const std::vector<std::string>& cameras) const {
-    return best_files(hints_.videos.empty() ? with_role(FileRole::footage) : matching(streams_, hints_.videos),
-                      cameras);
+    return best_files(matching(streams_, hints_.videos, FileRole::footage), cameras);
   }
 
   // ---- the calibration ----
@@ -142,15 +130,13 @@ class Guesser {
 
   void choose_calibration() {
     std::vector<const FoundCalibration*> candidates;
-    const auto wanted = [&](const std::string& path) {
-      return hints_.calibration.empty() ||
-             std::any_of(hints_.calibration.begin(), hints_.calibration.end(),
-                         [&](const std::string& hint) { return std::regex_search(path, std::regex(hint)); });
-    };
-    for (const FoundCalibration& candidate : content_.calibrations)
-      if (wanted(candidate.path)) candidates.push_back(&candidate);
-    for (const FoundCalibration* candidate : candidates)
-      if (!calibration_ || rank(*candidate) > rank(*calibration_)) calibration_ = candidate;
+    for (const FoundCalibration& candidate : content_.calibrations) {
+      const auto fits = [&](const std::string& hint) { return std::regex_search(candidate.path, std::regex(hint)); };
+      const std::vector<std::string>& hints = hints_.calibration;
+      if (!hints.empty() && std::none_of(hints.begin(), hints.end(), fits)) continue;
+      candidates.push_back(&candidate);
+      if (!calibration_ || rank(candidate) > rank(*calibration_)) calibration_ = &candidate;
+    }
     if (!calibration_) {
       missing(
           "no calibration with the poses of the cameras; put one of the formats of docs/calibration.md into the "
@@ -176,19 +162,17 @@ class Guesser {
   }
 
   void tell_other_calibration(const FoundCalibration& other) {
-    const Calibration& chosen = calibration_->calibration;
-    const std::string what = fmt::format("calibration: {} ({}, {} cameras)", other.path, other.calibration.format,
-                                         other.calibration.cameras.size());
-    const std::optional<double> apart = largest_distance(chosen.cameras, other.calibration.cameras);
-    if (!apart)
-      found("{} is not used; name it as `calibration` to use it", what);
-    else if (*apart <= kSameCentre)
-      found("{} has the same cameras within {:.1f} mm; it is not used", what, 1e3 * *apart);
-    else
-      found(
-          "{} has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it is the right "
-          "one, name it as `calibration`",
-          what, *apart);
+    const auto& [path, calibration] = other;
+    const std::optional<double> apart = largest_distance(calibration_->calibration.cameras, calibration.cameras);
+    const std::string why =
+        !apart ? "is not used; name it as `calibration` to use it"
+        : *apart <= kSameCentre
+            ? fmt::format("has the same cameras within {:.1f} mm; it is not used", 1e3 * *apart)
+            : fmt::format(
+                  "has the same number of cameras in other places, up to {:.3g} m apart; it is not used. If it "
+                  "is the right one, name it as `calibration`",
+                  *apart);
+    found("calibration: {} ({}, {} cameras) {}", path, calibration.format, calibration.cameras.size(), why);
   }
 
   // ---- sequences ----
@@ -261,7 +245,6 @@ class Guesser {
       else
         unfilmed.push_back(names_[i]);
     }
-    guess_.num_cameras = static_cast<int>(used_.size());
     if (unfilmed.empty()) return;
     for (const int camera : used_) guess_.capture.cameras.push_back(names_[as_size(camera)]);
     found("cameras: {} of the calibration's {} are used; {} {} not filmed in every sequence", used_.size(),
@@ -269,25 +252,29 @@ class Guesser {
     if (used_.empty()) {
       missing("no camera filmed all sequences; write a capture.yaml for each of them");
       guess_.capture.sequences.clear();
+      filmed_.clear();
     }
   }
 
-  const FootageFacts* facts_of(const FileStream& stream) const {
-    const auto facts = content_.footage.find(stream.first_file);
-    return facts == content_.footage.end() ? nullptr : &facts->second;
-  }
-
   // ---- rates and sizes ----
+
+  /// Calls `use(camera, stream, facts)` for the footage of a sequence that could be opened.
+  template <typename Use>
+  void each_footage(const SequenceFiles& sequence, Use use) const {
+    for (const auto& [camera, stream] : sequence.by_camera)
+      if (const auto facts = content_.footage.find(stream.first_file); facts != content_.footage.end())
+        use(camera, stream, facts->second);
+  }
 
   void find_rates() {
     std::map<double, int> count;
     std::map<int, std::pair<double, long>> rates;  // fps and frames by camera
     for (const SequenceFiles& sequence : filmed_)
-      for (const auto& [camera, stream] : sequence.by_camera)
-        if (const FootageFacts* facts = facts_of(stream); facts && facts->fps > 0.0) {
-          ++count[facts->fps];
-          rates[camera] = {facts->fps, std::max(rates[camera].second, facts->frames)};
-        }
+      each_footage(sequence, [&](int camera, const FileStream&, const FootageFacts& facts) {
+        if (facts.fps <= 0.0) return;
+        ++count[facts.fps];
+        rates[camera] = {facts.fps, std::max(rates[camera].second, facts.frames)};
+      });
     if (count.empty()) {
       if (!filmed_.empty())
         missing("images have no frame rate; `fps: {}` is assumed, state the true one", guess_.capture.fps);
@@ -297,58 +284,50 @@ class Guesser {
         std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
     guess_.capture.fps = usual->first;
     found("fps: {:.6g}, from the videos", usual->first);
-    for (const auto& [camera, rate] : rates) add_rate(names_[as_size(camera)], rate.first, rate.second);
+    for (const auto& [camera, rate] : rates) {
+      const auto& [fps, frames] = rate;
+      const double drift = std::abs(fps / usual->first - 1.0) * static_cast<double>(frames);
+      if (drift < kLargestDrift) continue;
+      const std::string& name = names_[as_size(camera)];
+      guess_.capture.camera_fps[name] = fps;
+      found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", name, fps,
+            drift);
+    }
     tell_lengths();
-  }
-
-  void add_rate(const std::string& camera, double fps, long frames) {
-    const double drift = std::abs(fps / guess_.capture.fps - 1.0) * static_cast<double>(frames);
-    if (drift < kLargestDrift) return;
-    guess_.capture.camera_fps[camera] = fps;
-    found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", camera, fps,
-          drift);
   }
 
   void tell_lengths() {
     for (std::size_t i = 0; i < filmed_.size(); ++i) {
-      long shortest = -1, longest = -1;
-      for (const auto& [camera, stream] : filmed_[i].by_camera)
-        if (const FootageFacts* facts = facts_of(stream); facts && facts->frames > 0) {
-          shortest = shortest < 0 ? facts->frames : std::min(shortest, facts->frames);
-          longest = std::max(longest, facts->frames);
-        }
-      if (shortest != longest)
+      std::set<long> lengths;
+      each_footage(filmed_[i], [&](int, const FileStream&, const FootageFacts& facts) {
+        if (facts.frames > 0) lengths.insert(facts.frames);
+      });
+      if (lengths.size() > 1)
         found(
             "sequence {}: the videos have {} to {} frames; they are taken to begin at the same time, or `frame_offset` "
             "is needed",
-            guess_.capture.sequences[i].name, shortest, longest);
+            guess_.capture.sequences[i].name, *lengths.begin(), *lengths.rbegin());
     }
   }
 
   void check_sizes() {
     for (const SequenceFiles& sequence : filmed_)
-      for (const auto& [camera, stream] : sequence.by_camera)
-        if (const FootageFacts* facts = facts_of(stream))
-          check_size(calibration_->calibration.cameras[as_size(camera)], *facts, stream.path);
+      each_footage(sequence, [&](int camera, const FileStream& stream, const FootageFacts& facts) {
+        check_size(calibration_->calibration.cameras[as_size(camera)], facts, stream.path);
+      });
   }
 
   void check_size(const Camera& camera, const FootageFacts& facts, const std::string& path) {
     if (camera.width == 0 || (camera.width == facts.width && camera.height == facts.height)) return;
-    if (is_without_padding(camera, {facts.width, facts.height})) {
-      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the difference is taken for padding of the encoder",
-            path, facts.width, facts.height, camera.name, camera.width, camera.height);
-      return;
-    }
+    const std::string sizes = fmt::format("{} is {}x{}, the calibration of {} is for {}x{}", path, facts.width,
+                                          facts.height, camera.name, camera.width, camera.height);
     const double stretch = static_cast<double>(facts.width) / facts.height * camera.height / camera.width - 1.0;
-    if (std::abs(stretch) <= kMaxStretch)
-      found("size: {} is {}x{}, the calibration of {} is for {}x{}; the calibration is scaled", path, facts.width,
-            facts.height, camera.name, camera.width, camera.height);
+    if (is_without_padding(camera, {facts.width, facts.height}))
+      found("size: {}; the difference is taken for padding of the encoder", sizes);
+    else if (std::abs(stretch) <= kMaxStretch)
+      found("size: {}; the calibration is scaled", sizes);
     else
-      missing(
-          "{} is {}x{}, the calibration of {} is for {}x{}, another aspect ratio: the images were cropped or turned, "
-          "or "
-          "this is not their camera",
-          path, facts.width, facts.height, camera.name, camera.width, camera.height);
+      missing("{}, another aspect ratio: the images were cropped or turned, or this is not their camera", sizes);
   }
 
   // ---- masks, keypoints, body ----
@@ -373,8 +352,7 @@ class Guesser {
 
   void find_masks() {
     if (guess_.capture.sequences.empty()) return;
-    const SortedFiles masks =
-        best_files(hints_.masks.empty() ? with_role(FileRole::masks) : matching(streams_, hints_.masks), names_);
+    const SortedFiles masks = best_files(matching(streams_, hints_.masks, FileRole::masks), names_);
     const SortedFiles empty = empty_files();
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
       SequenceEntry& entry = guess_.capture.sequences[i];
@@ -399,36 +377,30 @@ class Guesser {
 
   /// One image for each camera is as good as a video, and looks like a stream of frames.
   SortedFiles empty_files() const {
-    std::vector<std::string> files;
-    for (const std::string& file : content_.files)
-      if (role_of_file(file) == FileRole::empty) files.push_back(file);
-    SortedFiles streams = sort_files(footage_streams(group_streams(files)), names_);
-    SortedFiles singles = sort_files(footage_streams(group_streams(files, false)), names_);
+    const std::vector<std::string> files =
+        filtered(content_.files, [](const std::string& file) { return role_of_file(file) == FileRole::empty; });
+    const auto sorted = [&](bool per_frame) {
+      return sort_files(filtered(group_streams(files, per_frame),
+                                 [](const FileStream& stream) {
+                                   return stream.kind == FileKind::video || stream.kind == FileKind::image;
+                                 }),
+                        names_);
+    };
+    SortedFiles streams = sorted(true), singles = sorted(false);
     return singles.most_cameras() > streams.most_cameras() ? singles : streams;
-  }
-  static Streams footage_streams(const Streams& streams) {
-    Streams found;
-    std::copy_if(streams.begin(), streams.end(), std::back_inserter(found), [](const FileStream& stream) {
-      return stream.kind == FileKind::video || stream.kind == FileKind::image;
-    });
-    return found;
   }
 
   void find_keypoints() {
     if (guess_.capture.sequences.empty()) return;
     Streams files, tables, singles;
-    for (const FileStream& stream : streams_) {
-      if (content_.keypoint_maps.count(stream.first_file) == 0) continue;
-      if (stream.kind == FileKind::table)
-        tables.push_back(stream);
-      else
-        files.push_back(stream);
-    }
+    for (const FileStream& stream : streams_)
+      if (content_.keypoint_maps.count(stream.first_file) > 0)
+        (stream.kind == FileKind::table ? tables : files).push_back(stream);
     std::set<std::string> folders;  // whose files may be one for each camera, and not for each frame
     for (const FileStream& stream : files)
-      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of_path(stream.path));
+      if (stream.files == static_cast<long>(names_.size())) folders.insert(folder_of(stream.path));
     for (const FileStream& stream : group_streams(content_.files, false))
-      if (stream.kind == FileKind::json && folders.count(folder_of_path(stream.path)) > 0) singles.push_back(stream);
+      if (stream.kind == FileKind::json && folders.count(folder_of(stream.path)) > 0) singles.push_back(stream);
     SortedFiles sequences = sort_files(files, names_);
     if (SortedFiles by_camera = sort_files(singles, names_); by_camera.most_cameras() > sequences.most_cameras())
       sequences = by_camera;
@@ -452,31 +424,31 @@ class Guesser {
 
   void set_keypoints(std::size_t i, const SortedFiles& sequences, const Streams& tables) {
     SequenceEntry& entry = guess_.capture.sequences[i];
-    if (const SequenceFiles* files = files_for(i, sequences, "keypoints")) {
-      entry.keypoints = paths_of(*files);
-      compare_numbers(entry, filmed_[i].by_camera.begin()->second, files->by_camera.begin()->second);
-    } else if (filmed_.size() == 1 && tables.size() == 1) {
-      entry.keypoints = tables.front().path;
-    } else if (const SortedFiles by_camera = sort_files(tables, names_); !tables.empty()) {
-      if (const SequenceFiles* own = files_for(i, by_camera, "keypoints")) entry.keypoints = paths_of(*own);
+    SortedFiles by_camera = sequences;
+    const SequenceFiles* files = files_for(i, sequences, "keypoints");
+    const bool only_table = !files && filmed_.size() == 1 && tables.size() == 1;
+    if (!files && !only_table) {
+      by_camera = sort_files(tables, names_);
+      files = files_for(i, by_camera, "keypoints");
     }
-    if (!entry.keypoints.empty())
-      found("sequence {}: keypoints, matched {}: {}", entry.name, to_string(sequences.way),
-            entry.keypoints.to_string());
-    else
+    if (!files && !only_table) {
       missing(
           "sequence {} has no keypoints; `doppel track` then runs `doppel detect`. Files of another detector "
-          "(OpenPose, "
-          "MMPose, ...) belong into folders named like the cameras (docs/capture.md)",
+          "(OpenPose, MMPose, ...) belong into folders named like the cameras (docs/capture.md)",
           entry.name);
-  }
-
-  /// Keypoints have the numbers of the frames that they were found in.
-  void compare_numbers(const SequenceEntry& entry, const FileStream& footage, const FileStream& keypoints) {
-    if (!keypoints.per_frame || keypoints.first_frame == footage.first_frame) return;
-    found(
-        "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame n",
-        entry.name, keypoints.first_frame, footage.first_frame);
+      return;
+    }
+    entry.keypoints = only_table ? CameraPaths(tables.front().path) : paths_of(*files);
+    found("sequence {}: keypoints{}: {}", entry.name, only_table ? "" : ", matched " + to_string(by_camera.way),
+          entry.keypoints.to_string());
+    const FileStream& footage = filmed_[i].by_camera.begin()->second;
+    const FileStream& first = only_table ? tables.front() : files->by_camera.begin()->second;
+    // Keypoints have the numbers of the frames that they were found in.
+    if (first.per_frame && first.first_frame != footage.first_frame)
+      found(
+          "sequence {}: the keypoint files begin with number {}, the footage with {}; number n is taken to be of frame "
+          "n",
+          entry.name, first.first_frame, footage.first_frame);
   }
 
   void choose_map(const Streams& files) {
@@ -495,10 +467,7 @@ class Guesser {
   }
 
   std::vector<std::string> files_with(const std::string& extension) const {
-    std::vector<std::string> files;
-    std::copy_if(content_.files.begin(), content_.files.end(), std::back_inserter(files),
-                 [&](const std::string& file) { return extension_of(file) == extension; });
-    return files;
+    return filtered(content_.files, [&](const std::string& file) { return file.ends_with(extension); });
   }
 
   void find_body() {
@@ -524,19 +493,16 @@ class Guesser {
 
   /// Motions beside the character are rest poses.
   void find_motions() {
-    std::vector<std::string> motions = files_with(".motion");
     std::set<std::string> folders;
-    for (const std::string& character : files_with(".character")) folders.insert(folder_of_path(character));
-    motions.erase(std::remove_if(motions.begin(), motions.end(),
-                                 [&](const std::string& file) { return folders.count(folder_of_path(file)) > 0; }),
-                  motions.end());
+    for (const std::string& character : files_with(".character")) folders.insert(folder_of(character));
+    const std::vector<std::string> motions =
+        filtered(files_with(".motion"), [&](const std::string& file) { return folders.count(folder_of(file)) == 0; });
     for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
       const std::set<std::string>& words = filmed_[i].words;
-      std::vector<std::string> own;
-      for (const std::string& file : motions) {
+      const std::vector<std::string> own = filtered(motions, [&](const std::string& file) {
         const std::set<std::string> there = telling_words(file);
-        if (std::includes(there.begin(), there.end(), words.begin(), words.end())) own.push_back(file);
-      }
+        return std::includes(there.begin(), there.end(), words.begin(), words.end());
+      });
       SequenceEntry& entry = guess_.capture.sequences[i];
       if (own.size() == 1) entry.motion = own.front();
       if (own.size() == 1) found("sequence {}: motion: {}", entry.name, own.front());

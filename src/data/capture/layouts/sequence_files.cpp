@@ -1,8 +1,8 @@
-#include "doppel/data/capture/sequence_files.h"
+#include "doppel/data/capture/layouts/sequence_files.h"
 
 #include <algorithm>
 
-#include "doppel/data/capture/file_roles.h"
+#include "doppel/data/capture/layouts/name_words.h"
 
 namespace doppel {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "doppel/data/capture/camera_match.h"
-#include "doppel/data/capture/file_streams.h"
+#include "doppel/data/capture/layouts/camera_match.h"
+#include "doppel/data/capture/layouts/file_streams.h"
 
 namespace doppel {
 

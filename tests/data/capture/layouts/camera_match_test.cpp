@@ -1,9 +1,8 @@
-#include "doppel/data/capture/camera_match.h"
+#include "doppel/data/capture/layouts/camera_match.h"
 
 #include <gtest/gtest.h>
 
-#include "doppel/data/capture/camera_pattern.h"
-#include "doppel/data/capture/name_words.h"
+#include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
 
 namespace doppel::camera_match_test {
