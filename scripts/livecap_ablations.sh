@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Contribution of each part of the one-camera tracker (thesis 4.8.7): the four bars of Fig. 4.16, and a table with parts
 # switched off one by one. Writes fig-4.16.md and table.md.
-#   scripts/livecap_ablations.sh [FOLDER [CAPTURE [options of `doppel track`]]]
+#   scripts/livecap_ablations.sh [FOLDER [CAPTURE [options of `doppel track livecap`]]]
 # Default: the folder livecap-ablations, and one camera of the synthetic person. Existing variants are not run again.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -26,7 +26,7 @@ run_variant() {
   local name=$1 sets=() change
   for change in "${@:2}"; do sets+=(--set "$change"); done
   [ -f "$folder/$name/track.json" ] ||
-    "$doppel" track "$capture" --method livecap --config configs/track/livecap.yaml --vertices --sheet-frames 0 \
+    "$doppel" track livecap "$capture" --config configs/track/livecap.yaml --vertices --sheet-frames 0 \
       "${options[@]}" "${sets[@]}" --out "$folder/$name" >/dev/null
 }
 

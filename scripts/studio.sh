@@ -28,7 +28,7 @@ for seed in "${seeds[@]}"; do side_by_side chain "$seed"; done
 all_done
 
 # The multi-view fit to the test images, first row of Table 6.2.
-[ -f "$folder/fit/track.json" ] || "$doppel" track "$capture" --method multiview --surface --vertices \
+[ -f "$folder/fit/track.json" ] || "$doppel" track "$capture" --surface --vertices \
   --sequences "$sequence" --sheet-frames 0 --out "$folder/fit" >/dev/null
 [ -f "$folder/fit.json" ] || "$doppel" evaluate --tracked "$folder/fit" --capture "$folder/prepared" --every 2 --json >"$folder/fit.json"
 

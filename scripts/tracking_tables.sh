@@ -15,10 +15,10 @@ source scripts/figures.sh
 mkdir -p "$folder"
 "$doppel" prepare "$capture" --out "$folder/prepared" >/dev/null
 
-# track NAME CAPTURE METHOD [option ...]: tracks once without smoothing
+# track NAME [METHOD] CAPTURE [option ...]: tracks once
 track() {
-  [ -f "$folder/$1/track.json" ] || "$doppel" track "$2" --method "$3" --sequences "$sequence" --vertices \
-    --sheet-frames 0 "${@:4}" --out "$folder/$1" >/dev/null
+  [ -f "$folder/$1/track.json" ] ||
+    "$doppel" track "${@:2}" --sequences "$sequence" --vertices --out "$folder/$1" >/dev/null
 }
 
 # measure NAME INPUT SMOOTHING EVERY FILE
@@ -44,11 +44,12 @@ rows() {
 }
 
 [ -f "$folder/detected/capture.yaml" ] || "$doppel" detect "$capture" --out "$folder/detected" >/dev/null
-track livecap "$folder/detected" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
-track livecap-paper "$folder/detected" livecap --camera "$camera" --config configs/paper/livecap.yaml --set smoothing=0
-track livecap-2d "$capture" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
-track deepcap "$capture" deepcap --camera "$camera" --run "$run" --smoothing 0
-track multiview "$capture" multiview --surface --config configs/track/multiview.yaml --set smoothing=0
+fit=(--set smoothing=0 --sheet-frames 0)
+track livecap livecap "$folder/detected" --camera "$camera" --config configs/track/livecap.yaml "${fit[@]}"
+track livecap-paper livecap "$folder/detected" --camera "$camera" --config configs/paper/livecap.yaml "${fit[@]}"
+track livecap-2d livecap "$capture" --camera "$camera" --config configs/track/livecap.yaml "${fit[@]}"
+track deepcap deepcap "$capture" --camera "$camera" --run "$run" --smoothing 0
+track multiview "$capture" --surface --config configs/track/multiview.yaml "${fit[@]}"
 printf '%s\n' "| Table 5.1 | GLE, mm | 3DPCK, % | AUC, % | MPJPE, mm |" "|---|---:|---:|---:|---:|" >"$folder/5.1.md"
 printf '%s\n' "| Table 5.2 | AMVIoU | RVIoU | SVIoU |" "|---|---:|---:|---:|" >"$folder/5.2.md"
 rows "LiveCap, \`configs/paper\`" livecap-paper "$camera" surface

@@ -150,8 +150,6 @@ std::unique_ptr<CameraPath> camera_path(const AnimateOptions& options, const Cha
 
 Studio read_studio(const AnimateOptions& options) {
   Studio studio;
-  if (!options.capture.empty() && !options.calibration.empty())
-    fail<UsageError>("--capture and --calibration both name cameras; give one of them");
   if (!options.capture.empty()) {
     studio.dataset = Dataset::open(options.capture);
     studio.cameras.assign(studio.dataset->cameras().begin(), studio.dataset->cameras().end());
@@ -202,7 +200,7 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
 void refuse_pose_run(const char* option, const std::string& path) {
   if (captures_poses(path))
     fail<UsageError>(
-        "{} {}: this run takes images of a person, not a motion; use it with `doppel track --method deepcap`", option,
+        "{} {}: this run takes images of a person, not a motion; use it with `doppel track deepcap`", option,
         path);
 }
 
@@ -244,14 +242,10 @@ struct Performer {
 
 Performer make_performer(const AnimateOptions& options) {
   Performer performer;
-  const bool radiance = options.renderer == "radiance";
-  if (radiance && options.run.empty())
-    fail<UsageError>("--renderer radiance needs --run RUN: a radiance field is drawn from the run that trained it");
   if (!options.run.empty()) {
-    if (!options.model.empty()) fail<UsageError>("--model and --run both name an actor; give one of them");
     refuse_pose_run("--run", options.run);
     performer.trained = std::make_unique<TrainedActor>(TrainedActor::load(options.run));
-    if (radiance && !performer.trained->hybrid)
+    if (options.renderer == "radiance" && !performer.trained->hybrid)
       fail(
           "{} has no checkpoint of the stage radiance; train it first: doppel train configs/small/hybrid.yaml --set "
           "ddc={}",
@@ -259,7 +253,8 @@ Performer make_performer(const AnimateOptions& options) {
     performer.character = performer.trained->character;
     return performer;
   }
-  if (options.character.empty()) fail<UsageError>("--character is missing: the .character file of the actor");
+  if (options.character.empty())
+    fail<UsageError>("the actor is missing: give --character FILE, perhaps with --model, or --run RUN");
   CharacterOptions character_options;
   character_options.bone_rule = options.bone_rule == "prefix" ? BoneRule::prefix : BoneRule::exact;
   performer.character = load_character(options.character, character_options);
@@ -422,7 +417,27 @@ int run(const AnimateOptions& options, const CommonOptions& common) {
   return 0;
 }
 
+void add_actor_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Actor");
+  CLI::Option* character = app.add_option("--character", options.character, "The .character file");
+  CLI::Option* model =
+      app.add_option("--model", options.model, "Actor file from `doppel export` (default: skinning alone)");
+  app.add_option("--bone-rule", options.bone_rule,
+                 "How a bone of the skinning weights finds its joint by name: exact or prefix")
+      ->check(CLI::IsMember({"exact", "prefix"}))
+      ->capture_default_str();
+  CLI::Option* run = app.add_option("--run", options.run,
+                                    "A run instead of --character and --model: its newest mesh and dynamic texture, "
+                                    "or its radiance field")
+                         ->excludes(character, model);
+  app.add_option("--renderer", options.renderer, "With --run: images of the mesh, or of the radiance field around it")
+      ->check(CLI::IsMember({"mesh", "radiance"}))
+      ->needs(run)
+      ->capture_default_str();
+}
+
 void add_motion_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Motion");
   app.add_option("--motion", options.motion,
                  "The motion: a .motion file, or one of any body: .bvh; .glb, .gltf, .vrm, .fbx, .dae (an animation); "
                  ".npz (AMASS, SMPL-X); .c3d, .trc (points in space)")
@@ -433,7 +448,7 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--up", options.up,
                  "Vertical axis of a file of another body (default: as the file shows; BVH: y, or as the map says)")
       ->check(CLI::IsMember({"x", "y", "z"}));
-  app.add_option("--unit,--bvh-unit", options.unit,
+  app.add_option("--unit", options.unit,
                  "Metres per unit of length of the file (default: as it says, or guessed by its size)")
       ->check(CLI::PositiveNumber);
   app.add_option("--source-fps", options.source_fps,
@@ -442,45 +457,53 @@ void add_motion_options(CLI::App& app, AnimateOptions& options) {
   app.add_option("--fps", options.fps,
                  "Frames per second of the result (default: of the training, else of the motion's file, else 25)")
       ->check(CLI::Range(0.1, 1000.0));
+  app.add_flag("--loop", options.loop,
+               "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
+               "first");
 }
 
-void add_image_options(CLI::App& app, AnimateOptions& options) {
+void add_camera_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Camera (--format mp4, png, texture)");
   app.add_option("--camera", options.camera,
                  "orbit, the NAME of a camera of --capture or --calibration, or a calibration file with one camera")
       ->capture_default_str();
-  app.add_option("--capture", options.capture, "Prepared capture, for its cameras and images of the empty studio");
-  app.add_option("--calibration", options.calibration, "Calibration file, Skeletool or OpenCV");
+  CLI::Option* capture =
+      app.add_option("--capture", options.capture, "Prepared capture, for its cameras and images of the empty studio");
+  app.add_option("--calibration", options.calibration, "Calibration file, Skeletool or OpenCV")->excludes(capture);
+  app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
+      ->check(CLI::Range(16, 4096));
+  app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
+}
+
+void add_picture_options(CLI::App& app, AnimateOptions& options) {
+  app.option_defaults()->group("Pictures (--format mp4, png)");
   app.add_option("--background", options.background, "An image, a colour (#rrggbb or a word), or `capture`");
   app.add_option("--beside", options.beside,
                  "Footage of the same frames, a video or images NAME_{frame}.png, to the left of the drawn ones");
   app.add_option("--light", options.light, "soft, or flat: the texture as it is (default: soft for orbit, else flat)")
       ->check(CLI::IsMember({"soft", "flat"}));
-  app.add_option("--video-size", options.size, "Pixels of the longer side (default: 512 for orbit, else as calibrated)")
-      ->check(CLI::Range(16, 4096));
   app.add_option("--samples", options.samples, "Samples of a pixel along each side: more is smoother and slower")
       ->check(CLI::Range(1, 8))
       ->capture_default_str();
-  app.add_option("--turns-per-second", options.turns_per_second, "Speed of the orbiting camera")->capture_default_str();
 }
 
 void add_figure_options(CLI::App& app, AnimateOptions& options) {
-  app.add_option("--names", options.names, "Names of the bones in a .glb: the character's own, Mixamo's or VRM's")
+  app.option_defaults()->group("Figure (--format glb, usda)");
+  app.add_option("--names", options.names, "Names of the bones: the character's own, Mixamo's or VRM's")
       ->check(CLI::IsMember({"skeletool", "mixamo", "vrm"}))
       ->capture_default_str();
-  app.add_option("--author", options.rights.authors,
-                 "With --names vrm: the .glb is an avatar of VRM 1.0 by this author; may be repeated")
-      ->allow_extra_args(false);
-  app.add_option("--licence", options.rights.licence, "With --author: the address of a licence of one's own");
+  CLI::Option* author =
+      app.add_option("--author", options.rights.authors,
+                     "With --names vrm: the .glb is an avatar of VRM 1.0 by this author; may be repeated")
+          ->allow_extra_args(false);
+  app.add_option("--licence", options.rights.licence, "The address of a licence of one's own")->needs(author);
   app.add_option("--morphs", options.morphs,
-                 "Largest number of morph targets of a .glb that move in a frame; they hold the motion of the clothes")
+                 "Largest number of morph targets that move in a frame; they hold the motion of the clothes")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
-  app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes of a .glb may cause, mm")
+  app.add_option("--tolerance", options.tolerance_mm, "Error that leaving out keyframes may cause, mm")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_flag("--loop", options.loop,
-               "Make the motion cyclic: its last half second (at most a quarter of it) is blended into the "
-               "first");
 }
 
 }  // namespace
@@ -488,26 +511,19 @@ void add_figure_options(CLI::App& app, AnimateOptions& options) {
 Command add_animate(CLI::App& program) {
   auto options = std::make_shared<AnimateOptions>();
   CLI::App* app = program.add_subcommand("animate", "Drive a character with a motion: vertices, meshes, images, video");
-  app->add_option("--character", options->character, "The .character file (with --run: that of the run)");
-  add_motion_options(*app, *options);
-  app->add_option("--model", options->model, "Actor file from `doppel export` (default: skinning alone)");
-  app->add_option("--renderer", options->renderer, "What images show: the mesh, or the radiance field around it")
-      ->check(CLI::IsMember({"mesh", "radiance"}))
-      ->capture_default_str();
-  app->add_option("--run", options->run,
-                  "A run instead of --model: its newest mesh and dynamic texture, or its radiance field");
   app->add_option("--format", options->formats,
                   "npy, obj, mp4, png, motion, bvh, glb, usda, pc2, mdd, texture, or several with commas")
       ->delimiter(',')
       ->check(CLI::IsMember({"npy", "obj", "mp4", "png", "motion", "bvh", "glb", "usda", "pc2", "mdd", "texture"}))
       ->capture_default_str();
   app->add_option("--out", options->out, "The folder to write into")->required();
-  app->add_option("--bone-rule", options->bone_rule,
-                  "How a bone of the skinning weights finds its joint by name: exact or prefix")
-      ->check(CLI::IsMember({"exact", "prefix"}))
-      ->capture_default_str();
-  add_image_options(*app, *options);
+  const std::string usual_group = app->option_defaults()->get_group();
+  add_actor_options(*app, *options);
+  add_motion_options(*app, *options);
+  add_camera_options(*app, *options);
+  add_picture_options(*app, *options);
   add_figure_options(*app, *options);
+  app->option_defaults()->group(usual_group);
   app->footer(
       "Examples:\n"
       "  doppel animate --character actor/actor.character --motion walk.motion --model run/actor.pt --format npy,mp4 "

@@ -25,7 +25,8 @@ struct CommonOptions {
 struct Command {
   CLI::App* app;
   std::function<int(const CommonOptions&)> run;
-  bool in_shards = false;  ///< whether --shard belongs to it (shared_work.h)
+  bool in_shards = false;              ///< whether --shard belongs to it (shared_work.h)
+  std::vector<Command> subcommands{};  ///< with the common options of their own; without one of them, `run` runs
 };
 
 Command add_synth(CLI::App& program);

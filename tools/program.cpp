@@ -3,6 +3,7 @@
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <new>
 #include <opencv2/core/utility.hpp>
@@ -29,6 +30,16 @@ void add_common_options(Command& command, CommonOptions& common, std::string& sh
     command.app->add_option("--shard", shard,
                             "Do part i of n of the work, i from 0, e.g. 0/4; each into its own --out; `doppel merge` "
                             "joins them (docs/clusters.md)");
+  for (Command& subcommand : command.subcommands) add_common_options(subcommand, common, shard);
+}
+
+/// The command, or its subcommand, that the command line names.
+const Command& parsed_command(const std::vector<Command>& commands) {
+  const auto found = std::find_if(commands.begin(), commands.end(), [](const Command& c) { return c.app->parsed(); });
+  const auto& inner = found->subcommands;
+  return std::any_of(inner.begin(), inner.end(), [](const Command& c) { return c.app->parsed(); })
+             ? parsed_command(inner)
+             : *found;
 }
 
 /// The commands and what one command line says.
@@ -57,9 +68,28 @@ class Program {
     const int threads = resolve_threads(common_.threads);
     at::set_num_threads(threads);
     cv::setNumThreads(threads);
-    for (const Command& command : commands_)
-      if (command.app->parsed()) return command.run(common_);
-    return 0;
+    const Command& command = parsed_command(commands_);
+    if ((common_.shard || !common_.merged.empty()) && !command.in_shards)
+      fail<UsageError>("--shard: the work of `doppel {} {}` is not cut into shards; leave --shard out",
+                       command.app->get_parent()->get_name(), command.app->get_name());
+    return command.run(common_);
+  }
+
+  /// Names the commands that know options which another one was given.
+  std::string hint() const {
+    const CLI::App* command = app_.get_subcommands().front();
+    std::vector<const CLI::App*> known = command->get_subcommands({});
+    known.push_back(command);
+    std::string text;
+    for (const std::string& word : app_.remaining(true)) {
+      const std::string option = word.substr(0, word.find('='));
+      if (option.rfind("--", 0) != 0) continue;
+      for (const CLI::App* app : known)
+        if (app->get_option_no_throw(option))
+          text += fmt::format("{} is an option of `doppel {}{}`\n", option,
+                              app == command ? "" : command->get_name() + " ", app->get_name());
+    }
+    return text;
   }
 
   CLI::App& app() { return app_; }
@@ -91,6 +121,10 @@ int parse_and_run(int argc, const char* const* argv) {
   Program program;
   try {
     program.parse(argc, argv);
+  } catch (const CLI::ExtrasError& e) {
+    program.app().exit(e);
+    std::fputs(printable(program.hint()).c_str(), stderr);
+    return 2;
   } catch (const CLI::ParseError& e) {
     return program.app().exit(e) == 0 ? 0 : 2;
   }

@@ -82,8 +82,8 @@ class Stops : public ::testing::Test {
     }
     return at("long");
   }
-  static Words livecap(const fs::path& capture, Words more) {
-    Words words{"track", capture, "--method", "livecap", "--camera", "0", "--out", out()};
+  static Words track_with(const std::string& method, const fs::path& capture, Words more) {
+    Words words{"track", method, capture, "--camera", "0", "--out", out()};
     words.insert(words.end(), more.begin(), more.end());
     return words;
   }
@@ -93,9 +93,9 @@ class Stops : public ::testing::Test {
 TinyWork* Stops::work_ = nullptr;
 
 TEST_F(Stops, BySignalsLeaveTheLiveFramesSoFar) {
-  const Words words =
-      livecap(at("capture"), {"--sequences", "training", "--source", at("capture/training/videos/stream000.mp4"),
-                              "--repeat", "100000", "--vertices"});
+  const Words words = track_with("live", at("capture"),
+                                 {"--sequence", "training", "--source", at("capture/training/videos/stream000.mp4"),
+                                  "--repeat", "100000", "--vertices"});
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     SCOPED_TRACE(signal);
     fs::remove_all(out());
@@ -112,8 +112,9 @@ TEST_F(Stops, BySignalsLeaveTheLiveFramesSoFar) {
 }
 
 TEST_F(Stops, BySignalsLeaveTheFramesSoFarAndTheNextRunAll) {
-  const Words words = livecap(long_capture(), {"--sequences", "training", "--vertices", "--sheet-frames", "0",
-                                               "--preview", out() / "film.mp4"});
+  const Words words =
+      track_with("livecap", long_capture(),
+                 {"--sequences", "training", "--vertices", "--sheet-frames", "0", "--preview", out() / "film.mp4"});
   const Ending whole_run = faults::run(words);
   ASSERT_TRUE(whole_run.succeeded()) << whole_run.err;
   const Files whole = state_of(out());
@@ -156,7 +157,7 @@ TEST_F(Stops, WhileSurfacesAreTrackedLeaveThePoses) {
 TEST_F(Stops, AtADamagedImageLeaveTheFramesBefore) {
   const fs::path images = cut_images("cut");
   const Ending live =
-      faults::run(livecap(at("capture"), {"--sequences", "training", "--source", images, "--vertices"}));
+      faults::run(track_with("live", at("capture"), {"--sequence", "training", "--source", images, "--vertices"}));
   EXPECT_EQ(live.code, 1) << live.err;
   EXPECT_THAT(live.err, HasSubstr("003.png"));
   EXPECT_EQ(frames_in(out() / "live.motion"), 3);
@@ -167,9 +168,8 @@ TEST_F(Stops, AtADamagedImageLeaveTheFramesBefore) {
     yaml.replace(yaml.find(old), old.size(), "../cut/{frame:03}.png");
   write_atomically(at("capture/cut.yaml"), yaml);
   fs::remove_all(out());
-  const Ending ending =
-      faults::run({"track", at("capture/cut.yaml"), "--method", "livecap", "--camera", "0", "--sequences", "training",
-                   "--vertices", "--preview", out() / "film.mp4", "--out", out()});
+  const Ending ending = faults::run({"track", "livecap", at("capture/cut.yaml"), "--camera", "0", "--sequences",
+                                     "training", "--vertices", "--preview", out() / "film.mp4", "--out", out()});
   EXPECT_EQ(ending.code, 1) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("only the frames 0 to 2 are tracked"));
   EXPECT_EQ(frames_in(out() / "training.motion"), 3);

@@ -45,7 +45,7 @@ sequences:
     joints3d: wild/joints3d.csv
     first_frame: 20
 YAML
-    "$doppel" track clip --method livecap --vertices --sheet-frames 0 --out tracked >/dev/null
+    "$doppel" track livecap clip --vertices --sheet-frames 0 --out tracked >/dev/null
     expect "IoU of the surface" "$(grep -o '"IoU": [0-9.]*' tracked/track.json | head -1 | cut -d' ' -f2)" 0.948
     ;;
   egnet)

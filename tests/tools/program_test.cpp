@@ -1,5 +1,6 @@
 // The program as a user meets it: exit codes, messages, and the whole way from footage to an exported actor. Most tests
 // run commands in this process, because each start of the program takes half a second.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -22,6 +23,8 @@ namespace doppel::program_test {
 namespace {
 
 using support::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 using tools::Outcome;
 using tools::run;
 
@@ -33,8 +36,10 @@ Outcome start(const std::string& arguments) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
 }
 
-const std::vector<std::string> kCommands{"synth",    "calibrate", "capture", "character", "prepare", "doctor", "train",
-                                         "evaluate", "merge",     "compare", "animate",   "export",  "info"};
+const std::vector<std::string> kCommands{"synth",         "calibrate",    "capture",   "character", "prepare",
+                                         "doctor",        "train",        "evaluate",  "merge",     "compare",
+                                         "animate",       "export",       "info",      "track",     "track livecap",
+                                         "track deepcap", "track points", "track live"};
 
 TEST(ProgramReference, ExitCodesAndStreamsAreThoseOfTheCommands) {
   EXPECT_EQ(start("--version").out, run("--version").out);
@@ -131,9 +136,8 @@ TEST(ProgramReference, FisheyeFootageIsTrackedPreparedAndTrained) {
     return outcome.code == 0 ? nlohmann::json::parse(outcome.out) : nlohmann::json();
   };
   report_of("synth --preset tiny --lens fisheye --frames 8 --test-frames 4 --out " + at("capture"));
-  const nlohmann::json points = report_of("track " + at("capture") + " --method points --out " + at("points"));
-  const nlohmann::json tracked =
-      report_of("track " + at("capture") + " --method multiview --sheet-frames 0 --out " + at("tracked"));
+  const nlohmann::json points = report_of("track points " + at("capture") + " --out " + at("points"));
+  const nlohmann::json tracked = report_of("track " + at("capture") + " --sheet-frames 0 --out " + at("tracked"));
   for (const char* sequence : {"training", "testing"}) {
     const nlohmann::json& space = points["sequences"][sequence];
     EXPECT_EQ(space["found"], 21.0 / 25.0) << "points of the 25 that the synthetic detector finds";
@@ -173,6 +177,74 @@ TEST(ProgramRejects, WrongUseWithTwo) {
   for (const std::string& command : kCommands) EXPECT_EQ(run(command + " --no-such-option").code, 2) << command;
   EXPECT_EQ(run("info x --threads -3").code, 2);
   EXPECT_EQ(run("info x --log-level loud").code, 2);
+}
+
+/// What the program says about wrong use.
+std::string complaint_about(const std::string& line) {
+  const Outcome outcome = run(line);
+  EXPECT_EQ(outcome.code, 2) << line << "\n" << outcome.out << outcome.err;
+  return outcome.err;
+}
+
+TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
+  const std::map<std::string, std::string> owners{{"--surface", "track"},          {"--scale", "track"},
+                                                  {"--place-landmarks", "track"},  {"--no-film", "track deepcap"},
+                                                  {"--source", "track live"},      {"--send", "track live"},
+                                                  {"--empty-frames", "track live"}};
+  for (const char* method : {"track", "track livecap", "track deepcap", "track points", "track live"}) {
+    const std::string help = run(std::string(method) + " --help").out;
+    for (const auto& [option, owner] : owners)
+      EXPECT_EQ(
+          help.find("  " + option + " ") != std::string::npos || help.find("  " + option + "{") != std::string::npos,
+          owner == method)
+          << option << " in the help of " << method << ":\n"
+          << help;
+    EXPECT_EQ(help.find("--shard") != std::string::npos, method != std::string("track live")) << method;
+  }
+}
+
+TEST(ProgramRejects, WordsOfTrackingInWrongPlaces) {
+  const TemporaryFolder folder;
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::create_directories(folder / "livecap");
+  std::filesystem::current_path(folder.path());
+  // The word is a method, and the folder is one when it is written as a path.
+  EXPECT_THAT(complaint_about("track livecap"), HasSubstr("capture is required"));
+  for (const char* line : {"track ./livecap", "track -- livecap", "track livecap livecap", "track --set a=1 capture"}) {
+    const Outcome outcome = run(line);
+    EXPECT_EQ(outcome.code, 1) << line << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("capture.yaml")) << line;
+  }
+  std::filesystem::current_path(before);
+  EXPECT_THAT(complaint_about("track"), AllOf(HasSubstr("the capture is missing"), HasSubstr("track livecap CAPTURE")));
+  EXPECT_THAT(complaint_about("track clip livecap"),
+              AllOf(HasSubstr("clip stands before the word livecap"), HasSubstr("`doppel track livecap CAPTURE`")));
+  EXPECT_THAT(complaint_about("track --surface livecap clip"), HasSubstr("--surface stands before the word livecap"));
+}
+
+TEST(ProgramRejects, OptionsOfAnotherMethodWithItsName) {
+  EXPECT_THAT(complaint_about("track clip --camera 0"),
+              AllOf(HasSubstr("--camera is an option of `doppel track livecap`"), HasSubstr("`doppel track deepcap`")));
+  EXPECT_THAT(complaint_about("track livecap clip --surface"), HasSubstr("--surface is an option of `doppel track`"));
+  EXPECT_THAT(complaint_about("track points clip --config=x.yaml"), HasSubstr("--config is an option of"));
+  EXPECT_THAT(complaint_about("track deepcap clip"), HasSubstr("--run is required"));
+  EXPECT_THAT(complaint_about("track live clip"), HasSubstr("--source is required"));
+  for (const char* other : {"--posenet run", "--config x.yaml", "--set smoothing=0", "--prior-motion x.motion"})
+    EXPECT_THAT(complaint_about("track live clip --source 0 --deepcap run " + std::string(other)),
+                HasSubstr("excludes"))
+        << other;
+  EXPECT_THAT(complaint_about("track clip --scale bones --place-landmarks"), HasSubstr("excludes"));
+  EXPECT_THAT(complaint_about("track livecap clip --texture x.png"), HasSubstr("--preview"));
+}
+
+TEST(ProgramRejects, OptionsOfAnimateThatContradictEachOther) {
+  const std::string animate = "animate --motion m.motion --out x ";
+  EXPECT_THAT(complaint_about(animate), HasSubstr("the actor is missing"));
+  EXPECT_THAT(complaint_about(animate + "--run r --model m.pt"), AllOf(HasSubstr("--run"), HasSubstr("--model")));
+  EXPECT_THAT(complaint_about(animate + "--run r --character c"), AllOf(HasSubstr("--run"), HasSubstr("--character")));
+  EXPECT_THAT(complaint_about(animate + "--character c --renderer radiance"), HasSubstr("requires --run"));
+  EXPECT_THAT(complaint_about(animate + "--character c --capture p --calibration f"), HasSubstr("excludes"));
+  EXPECT_THAT(complaint_about(animate + "--character c --licence u"), HasSubstr("requires --author"));
 }
 
 TEST(ProgramRejects, MissingFilesWithOneAndTheirName) {

@@ -110,7 +110,7 @@ TEST_F(Shards, OfAPreparationBecomeTheSameBytes) {
 }
 
 TEST_F(Shards, MayBeMoreThanUnits) {
-  expect_merged_as_whole("track --method points " + capture(), 3);
+  expect_merged_as_whole("track points " + capture(), 3);
   fs::remove_all(at("parts"));
   fs::remove_all(at("whole"));
   fs::remove_all(at("out"));
@@ -132,8 +132,7 @@ TEST_F(Shards, OfADetectionBecomeTheSameBytes) {
 }
 
 TEST_F(Shards, OfTracksBecomeTheSameBytes) {
-  expect_merged_as_whole("track --method multiview --surface --vertices --sheet-frames 1 --limit-frames 3 " + capture(),
-                         2);
+  expect_merged_as_whole("track --surface --vertices --sheet-frames 1 --limit-frames 3 " + capture(), 2);
   fs::rename(at("out"), at("tracked"));
   fs::remove_all(at("parts"));
   fs::remove_all(at("whole"));
@@ -142,8 +141,7 @@ TEST_F(Shards, OfTracksBecomeTheSameBytes) {
   fs::remove_all(at("parts"));
   fs::remove_all(at("whole"));
   fs::remove_all(at("out"));
-  expect_merged_as_whole("track --method livecap --camera 0 --vertices --sheet-frames 0 --limit-frames 3 " + capture(),
-                         2);
+  expect_merged_as_whole("track livecap --camera 0 --vertices --sheet-frames 0 --limit-frames 3 " + capture(), 2);
 }
 
 TEST_F(Shards, OfAnEvaluationBecomeThatOfTheRun) {
@@ -251,7 +249,7 @@ TEST_F(Shards, DamagedAreNamed) {
   EXPECT_EQ(outcome.code, 1);
   EXPECT_THAT(outcome.err, HasSubstr(part(1)));
 
-  const std::string track = "track --method points " + capture();
+  const std::string track = "track points " + capture();
   for (int i = 0; i < 2; ++i) step(fmt::format("{} --shard {}/2 --out {}", track, i, at("t" + std::to_string(i))));
   write_atomically(at("t1/track.json"), "{}");
   EXPECT_THAT(run("merge " + at("t0") + " " + at("t1") + " --out " + at("t")).err,
@@ -271,17 +269,18 @@ TEST_F(Shards, DamagedAreNamed) {
 }
 
 TEST_F(Shards, AreNotForWorkThatNeedsAllSequences) {
-  const std::string track = "track --shard 0/2 --out " + part(0) + " ";
-  EXPECT_THAT(refusal(track + "--scale bones " + capture()), HasSubstr("look at all sequences together"));
-  EXPECT_THAT(refusal(track + "--set template_fit.frames=2 " + capture()), HasSubstr("fitted to all sequences"));
-  EXPECT_THAT(refusal(track + "--method livecap --source film.mp4 " + capture()), HasSubstr("live images"));
-  EXPECT_THAT(refusal(track + "--method livecap --camera 0 --preview x.mp4 " + capture()), HasSubstr("--preview"));
+  const std::string shard = " --shard 0/2 --out " + part(0) + " " + capture();
+  EXPECT_THAT(refusal("track --scale bones" + shard), HasSubstr("look at all sequences together"));
+  EXPECT_THAT(refusal("track --set template_fit.frames=2" + shard), HasSubstr("fitted to all sequences"));
+  EXPECT_THAT(refusal("track --shard 0/2 live --source film.mp4 " + capture()),
+              HasSubstr("`doppel track live` is not cut into shards"));
+  EXPECT_THAT(refusal("track livecap --camera 0 --preview x.mp4" + shard), HasSubstr("--preview"));
   std::string bare;
   std::istringstream lines(read_file(capture() + "/capture.yaml"));
   for (std::string line; std::getline(lines, line);)
     if (line.find("keypoints") == std::string::npos && line.find("joints3d") == std::string::npos) bare += line + "\n";
   write_atomically(capture() + "/bare.yaml", bare);
-  EXPECT_THAT(refusal(track + capture() + "/bare.yaml"), HasSubstr("run `doppel detect` first"));
+  EXPECT_THAT(refusal("track" + shard + "/bare.yaml"), HasSubstr("run `doppel detect` first"));
 }
 
 class RealShards : public support::BlazePoseTest {};

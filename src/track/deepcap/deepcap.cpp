@@ -106,7 +106,7 @@ TrackReport track_deepcap(const Footage& footage, const DeepcapOptions& options)
     fail("{} was trained for another character than the capture's", options.run.string());
   open_out_folder(footage, options.out);
   const std::vector<FootageSequence> chosen = chosen_sequences(footage, options);
-  require_masks(footage, chosen, "--method deepcap");
+  require_masks(footage, chosen, "`doppel track deepcap`");
   Progress progress("track", count_frames(chosen) * (options.film || options.vertices ? 2 : 1));
   TrackReport report;
   report.method = "deepcap";

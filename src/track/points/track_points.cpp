@@ -88,7 +88,7 @@ TrackPointsReport track_points(const fs::path& path, const TrackPointsOptions& o
   const std::vector<SequenceEntry> wanted = wanted_sequences(capture, options);
   const CaptureCameras filmed = filmed_cameras(capture);
   if (filmed.cameras.size() < 2)
-    fail("{} has one camera; points in space need at least two (for one camera: --method livecap)", capture.name);
+    fail("{} has one camera; points in space need at least two (for one camera: `doppel track livecap`)", capture.name);
   fs::create_directories(options.out);
   TrackPointsReport report;
   for (const SequenceEntry& entry : own_units(wanted, options)) {
