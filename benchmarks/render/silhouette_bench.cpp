@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/silhouette.h"
 #include "doppel/render/boundary.h"
 #include "render/bench_mesh.h"

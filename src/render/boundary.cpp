@@ -10,6 +10,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/render/face_table.h"
 
 namespace doppel {
@@ -106,13 +107,10 @@ void mark_vertices(const CoverageCanvas& canvas, const BoundaryOptions& options,
 }
 
 void check(const Tensor& vertices, const Tensor& projection, const Tensor& valid, const render::FaceTable& faces) {
-  render::check_floats(vertices, "boundary_vertices", "vertices", {-1, -1, 3});
-  render::check_floats(projection, "boundary_vertices", "projection", {vertices.size(0), -1, 3, 4});
-  if (valid.defined() && (valid.dtype() != torch::kBool || valid.dim() != 2 || valid.size(0) != vertices.size(0) ||
-                          valid.size(1) != projection.size(1))) {
-    fail<UsageError>("boundary_vertices: valid has {} dimensions and {} elements; it must be bool [{},{}]", valid.dim(),
-                     valid.numel(), vertices.size(0), projection.size(1));
-  }
+  check_floats("boundary_vertices", "vertices", vertices, {-1, -1, 3});
+  check_floats("boundary_vertices", "projection", projection, {vertices.size(0), -1, 3, 4});
+  if (valid.defined())
+    check_tensor("boundary_vertices", "valid", valid, {torch::kBool}, {vertices.size(0), projection.size(1)}, "[B,C]");
   if (faces.num_vertices > vertices.size(1)) {
     fail<UsageError>("boundary_vertices: a face names vertex {}, and there are only {}", faces.num_vertices - 1,
                      vertices.size(1));

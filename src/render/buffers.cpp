@@ -8,6 +8,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/shading/shading_terms.h"
 #include "doppel/render/shading/surface_pixels.h"
@@ -78,8 +79,8 @@ Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_
     return shade(scene.vertices, look.texture, scene.lighting, scene.projection, mesh, height, width, look.options)
         .colour;
   }
-  render::check_floats(scene.vertices, "render_mode", "vertices", {-1, mesh.num_vertices, 3});
-  render::check_floats(scene.projection, "render_mode", "projection", {scene.vertices.size(0), -1, 3, 4});
+  check_floats("render_mode", "vertices", scene.vertices, {-1, mesh.num_vertices, 3});
+  check_floats("render_mode", "projection", scene.projection, {scene.vertices.size(0), -1, 3, 4});
   if (mode == RenderMode::uv && !mesh.has_uvs()) {
     fail<UsageError>("render_mode: mode uv, but the mesh has no UVs; give it `vt` coordinates");
   }
@@ -97,7 +98,7 @@ SupersampledImage render_supersampled(const RenderScene& scene, const RenderMesh
   if (factor < 1 || factor > 8) fail<UsageError>("render_supersampled: factor is {}; it must be 1 to 8", factor);
   render::check_image_size(height, width, "render_supersampled");
   render::check_image_size(height * factor, width * factor, "render_supersampled");
-  render::check_floats(scene.projection, "render_supersampled", "projection", {-1, -1, 3, 4});
+  check_floats("render_supersampled", "projection", scene.projection, {-1, -1, 3, 4});
   const torch::NoGradGuard no_gradient;
   if (draws_with_shade(mode)) {
     const ModeAppearance look = appearance_of(scene, mode, options);

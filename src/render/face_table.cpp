@@ -1,42 +1,17 @@
 #include "doppel/render/face_table.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <limits>
-#include <sstream>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel::render {
 
-std::string describe(const torch::Tensor& t) {
-  if (!t.defined()) return "no tensor";
-  std::ostringstream text;
-  text << t.dtype().name() << " " << t.sizes() << " on " << t.device();
-  return text.str();
-}
-
-std::string describe_sizes(torch::IntArrayRef sizes) { return fmt::format("[{}]", fmt::join(sizes, ",")); }
-
-namespace {
-
-std::string wanted(torch::IntArrayRef sizes) {
-  std::string text = "[";
-  for (std::size_t i = 0; i < sizes.size(); ++i) {
-    text += (i ? "," : "") + (sizes[i] < 0 ? std::string("any") : std::to_string(sizes[i]));
-  }
-  return text + "]";
-}
-
-}  // namespace
-
 FaceTable make_face_table(const torch::Tensor& faces, const char* caller) {
-  const bool integers = faces.defined() && (faces.dtype() == torch::kInt32 || faces.dtype() == torch::kInt64);
-  if (!integers || !faces.device().is_cpu() || faces.dim() != 2 || faces.size(1) != 3) {
-    fail<UsageError>("{}: faces are {}; they must be int32 or int64 [F,3] on the CPU", caller, describe(faces));
-  }
+  check_tensor(caller, "faces", faces, {torch::kInt32, torch::kInt64}, {-1, 3}, "[F,3]");
+  if (!faces.device().is_cpu())
+    fail<UsageError>("{}: faces are on {}; they must be on the CPU", caller, faces.device().str());
   if (faces.size(0) > std::numeric_limits<std::int32_t>::max() / 4) {
     fail<UsageError>("{}: {} faces; at most {} can be drawn", caller, faces.size(0),
                      std::numeric_limits<std::int32_t>::max() / 4);
@@ -57,15 +32,6 @@ FaceTable make_face_table(const torch::Tensor& faces, const char* caller) {
     }
   }
   return table;
-}
-
-void check_floats(const torch::Tensor& t, const char* caller, const char* name, torch::IntArrayRef sizes) {
-  bool good = t.defined() && t.dtype() == torch::kFloat32 && t.device().is_cpu() &&
-              t.dim() == static_cast<std::int64_t>(sizes.size());
-  for (std::size_t i = 0; good && i < sizes.size(); ++i) {
-    good = sizes[i] < 0 || t.size(static_cast<std::int64_t>(i)) == sizes[i];
-  }
-  if (!good) fail<UsageError>("{}: {} is {}; it must be float {} on the CPU", caller, name, describe(t), wanted(sizes));
 }
 
 void check_image_size(std::int64_t height, std::int64_t width, const char* caller) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/projection.h"
 
@@ -30,8 +31,7 @@ void check_options(const GuideOptions& options) {
 }
 
 void check_pixels(const Tensor& pixels, int64_t height, int64_t width) {
-  if (pixels.dim() != 2 || pixels.size(1) != 2 || pixels.scalar_type() != torch::kInt64)
-    fail<UsageError>("guided sampling: pixels must be int64 [R,2], found {}", render::describe(pixels));
+  check_tensor("guided sampling", "pixels", pixels, {torch::kInt64}, {-1, 2}, "[R,2]");
   if (pixels.size(0) == 0) return;
   const Tensor low = pixels.amin(0), high = pixels.amax(0);
   const int64_t x = high[0].item<int64_t>(), y = high[1].item<int64_t>();
@@ -120,8 +120,7 @@ Tensor surface_distance(const Tensor& face_id, const Tensor& distance, const Ten
 }  // namespace
 
 PixelRays pixel_rays(const Tensor& projection, const Tensor& pixels) {
-  if (projection.dim() != 2 || projection.size(0) != 3 || projection.size(1) != 4 || !projection.is_floating_point())
-    fail<UsageError>("pixel_rays: projection must be floating-point [3,4], found {}", render::describe(projection));
+  check_shape("pixel_rays", "projection", projection, {3, 4}, "");
   const Tensor p = projection.to(torch::kFloat64), world_from_pixel = torch::inverse(p.narrow(1, 0, 3));
   const Tensor centres =
       torch::cat({pixels.to(torch::kFloat64) + 0.5, torch::ones({pixels.size(0), 1}, torch::kFloat64)}, 1);
@@ -176,7 +175,7 @@ RayInterval guided_interval(const GuideImages& guide, int64_t view, const Tensor
 Tensor draw_pixels(const GuideImages& guide, int64_t view, const Tensor& mask, int64_t count, at::Generator generator) {
   const Tensor reached = guide.reached[view];
   if (mask.sizes() != reached.sizes())
-    fail<UsageError>("draw_pixels: the mask is {}, the view {}", render::describe(mask), render::describe(reached));
+    fail<UsageError>("draw_pixels: the mask is {}, the view {}", describe(mask), describe(reached));
   const Tensor anywhere = reached.nonzero().flip({1});
   if (anywhere.size(0) == 0)
     fail("draw_pixels: the mesh is not seen in view {}, so no ray passes near it; leave such views out", view);

@@ -8,6 +8,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/view_workers.h"
 
@@ -40,8 +41,8 @@ void check_faces(const render::FaceTable& faces, std::int64_t num_vertices, cons
 
 void check_views(const Tensor& vertices, const Tensor& intrinsics, const render::FaceTable& faces, std::int64_t height,
                  std::int64_t width) {
-  render::check_floats(vertices, "rasterize", "vertices", {-1, -1, 3});
-  render::check_floats(intrinsics, "rasterize", "intrinsics", {-1, 4});
+  check_floats("rasterize", "vertices", vertices, {-1, -1, 3});
+  check_floats("rasterize", "intrinsics", intrinsics, {-1, 4});
   if (intrinsics.size(0) != vertices.size(0) && intrinsics.size(0) != 1) {
     fail<UsageError>(
         "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or intrinsics must be one",
@@ -133,8 +134,8 @@ const RasterImage& Rasterizer::rasterize(const Tensor& vertices_in_camera, const
 const RasterImage& Rasterizer::rasterize_projected(const Tensor& vertices, const Tensor& projection,
                                                    std::int64_t height, std::int64_t width) {
   State& s = *state_;
-  render::check_floats(vertices, "rasterize", "vertices", {-1, -1, 3});
-  render::check_floats(projection, "rasterize", "projection", {vertices.size(0), -1, 3, 4});
+  check_floats("rasterize", "vertices", vertices, {-1, -1, 3});
+  check_floats("rasterize", "projection", projection, {vertices.size(0), -1, 3, 4});
   render::check_image_size(height, width, "rasterize");
   check_faces(s.faces, vertices.size(1), "rasterize");
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
@@ -162,8 +163,8 @@ Tensor Rasterizer::coverage(const Tensor& vertices_in_camera, const Tensor& intr
 Tensor Rasterizer::coverage_projected(const Tensor& vertices, const Tensor& projection, std::int64_t height,
                                       std::int64_t width) {
   State& s = *state_;
-  render::check_floats(vertices, "coverage", "vertices", {-1, -1, 3});
-  render::check_floats(projection, "coverage", "projection", {vertices.size(0), -1, 3, 4});
+  check_floats("coverage", "vertices", vertices, {-1, -1, 3});
+  check_floats("coverage", "projection", projection, {vertices.size(0), -1, 3, 4});
   render::check_image_size(height, width, "coverage");
   check_faces(s.faces, vertices.size(1), "coverage");
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();

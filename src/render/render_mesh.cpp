@@ -4,6 +4,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/render/face_table.h"
 #include "doppel/render/face_tensor.h"
 
@@ -50,7 +52,7 @@ RenderMesh::RenderMesh(const Tensor& faces_in, const Tensor& corner_uvs_in, std:
   face_records = torch::empty({num_faces, 4}, torch::kInt32);
   std::copy(table.corners.begin(), table.corners.end(), face_records.data_ptr<std::int32_t>());
   if (corner_uvs_in.defined()) {
-    render::check_floats(corner_uvs_in, "RenderMesh", "corner_uvs", {num_faces, 3, 2});
+    check_floats("RenderMesh", "corner_uvs", corner_uvs_in, {num_faces, 3, 2});
     corner_uvs = corner_uvs_in.contiguous().clone();
     uv_records = torch::constant_pad_nd(corner_uvs.reshape({num_faces, 6}), {0, 2}).contiguous();
   }
@@ -73,23 +75,11 @@ Tensor texture_tensor(const TriangleMesh& mesh) {
     fail<UsageError>("texture_tensor: the mesh has {}; it needs an 8-bit image of three channels",
                      mesh.texture.empty() ? "no texture" : "a texture of another type");
   }
-  const cv::Mat& image = mesh.texture;
-  Tensor texture = torch::empty({1, image.rows, image.cols, 3}, torch::kFloat32);
-  float* out = texture.data_ptr<float>();
-  for (int y = 0; y < image.rows; ++y) {
-    const std::uint8_t* row = image.ptr<std::uint8_t>(y);
-    for (int x = 0; x < image.cols; ++x, out += 3) {
-      for (int k = 0; k < 3; ++k) out[k] = static_cast<float>(row[3 * x + 2 - k]) / 255.0f;
-    }
-  }
-  return texture;
+  return tensor_of(mesh.texture).unsqueeze(0);
 }
 
 Tensor vertex_normal_sums(const Tensor& vertices, const RenderMesh& mesh) {
-  if (!vertices.defined() || vertices.dim() != 3 || vertices.size(1) != mesh.num_vertices || vertices.size(2) != 3) {
-    fail<UsageError>("vertex_normal_sums: vertices must be [B,{},3], found {}", mesh.num_vertices,
-                     vertices.defined() ? fmt::format("{} dimensions", vertices.dim()) : "none");
-  }
+  check_shape("vertex_normal_sums", "vertices", vertices, {-1, mesh.num_vertices, 3}, "[B,N,3]");
   const Tensor corner = mesh.faces.to(torch::kInt64).t().contiguous();  // [3,F]
   const Tensor a = vertices.index_select(1, corner[0]), b = vertices.index_select(1, corner[1]),
                c = vertices.index_select(1, corner[2]);

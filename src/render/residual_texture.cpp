@@ -3,8 +3,9 @@
 #include <ATen/Parallel.h>
 #include <torch/library.h>
 
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/render/face_table.h"
-#include "doppel/render/op_handle.h"
 #include "doppel/render/residual_texture_kernel.h"
 #include "doppel/render/sh_lighting.h"
 
@@ -12,7 +13,6 @@ namespace doppel {
 namespace {
 
 using torch::Tensor;
-using OptionalTensor = c10::optional<Tensor>;
 
 /// Maps [B,3,T,T] whose three channels lie one after the other.
 Tensor whole_maps(const Tensor& maps) { return maps.select(0, 0).is_contiguous() ? maps : maps.contiguous(); }
@@ -21,8 +21,8 @@ Tensor residual_texture_cpu(const Tensor& residual_in, const Tensor& albedo_in, 
                             const OptionalTensor& lighting_in) {
   const bool lit = lighting_in.has_value();
   const std::int64_t B = residual_in.size(0), T = residual_in.size(2);
-  render::check_floats(residual_in, "residual_texture", "residual", {-1, 3, T, T});
-  render::check_floats(albedo_in, "residual_texture", "albedo", {1, 3, T, T});
+  check_floats("residual_texture", "residual", residual_in, {-1, 3, T, T});
+  check_floats("residual_texture", "albedo", albedo_in, {1, 3, T, T});
   const Tensor texture = at::empty({B, T, T, 3}, residual_in.options());
   if (B == 0) return texture;
   const Tensor residual = whole_maps(residual_in), albedo = whole_maps(albedo_in);
@@ -31,8 +31,8 @@ Tensor residual_texture_cpu(const Tensor& residual_in, const Tensor& albedo_in, 
   p.albedo = albedo.data_ptr<float>();
   p.map_size = T * T;
   if (lit) {
-    render::check_floats(*normals_in, "residual_texture", "normals", {B, 3, T, T});
-    render::check_floats(*lighting_in, "residual_texture", "lighting", {3, kShBasis});
+    check_floats("residual_texture", "normals", *normals_in, {B, 3, T, T});
+    check_floats("residual_texture", "lighting", *lighting_in, {3, kShBasis});
     normals = whole_maps(*normals_in);
     lighting = lighting_in->contiguous();
     p.lighting = lighting.data_ptr<float>();
@@ -53,15 +53,11 @@ TORCH_LIBRARY_FRAGMENT(doppel, m) {
 }
 TORCH_LIBRARY_IMPL(doppel, CPU, m) { m.impl("residual_texture", TORCH_FN(residual_texture_cpu)); }
 
-OptionalTensor optional_tensor(const Tensor& tensor) {
-  return tensor.defined() ? OptionalTensor(tensor) : c10::nullopt;
-}
-
 }  // namespace
 
 Tensor residual_texture(const Tensor& residual, const Tensor& albedo, const Tensor& normals, const Tensor& lighting) {
-  static const auto op = render::find_op<decltype(residual_texture_cpu)>("doppel::residual_texture");
-  return op.call(residual, albedo, optional_tensor(normals), optional_tensor(lighting));
+  static const auto op = find_op<decltype(residual_texture_cpu)>("doppel::residual_texture");
+  return op.call(residual, albedo, optional_of(normals), optional_of(lighting));
 }
 
 Tensor residual_texture_reference(const Tensor& residual, const Tensor& albedo, const Tensor& normals,

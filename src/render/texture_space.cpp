@@ -11,8 +11,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/render/face_table.h"
-#include "doppel/render/op_handle.h"
 #include "doppel/render/texture_space_kernel.h"
 #include "doppel/render/vertex_normals.h"
 
@@ -93,7 +94,7 @@ TexelMap cover(const RenderMesh& mesh, int size) {
 /// kernels::TexelTable @return [B,3,size,size]
 Tensor texture_normals_cpu(const Tensor& vertices_in, at::TensorList mesh, at::TensorList texels, std::int64_t size) {
   const std::int64_t num_vertices = mesh[1].size(0) - 1;
-  render::check_floats(vertices_in, "texture_normals", "vertices", {-1, num_vertices, 3});
+  check_floats("texture_normals", "vertices", vertices_in, {-1, num_vertices, 3});
   const Tensor vertices = vertices_in.contiguous();
   const kernels::TexelTable table{texels[0].data_ptr<std::int32_t>(),
                                   texels[1].data_ptr<std::int32_t>(),
@@ -218,15 +219,12 @@ Tensor TextureSpace::normals(const Tensor& vertices) const {
 }
 
 Tensor TextureSpace::normals_without_gradient(const Tensor& vertices) const {
-  static const auto op = render::find_op<decltype(texture_normals_cpu)>("doppel::texture_normals");
+  static const auto op = find_op<decltype(texture_normals_cpu)>("doppel::texture_normals");
   return op.call(vertices, {mesh_.face_records, mesh_.incident_offsets, mesh_.incident_faces}, runs_, size_);
 }
 
 Tensor TextureSpace::positions(const Tensor& vertices) const {
-  if (!vertices.defined() || vertices.dim() != 3 || vertices.size(1) != mesh_.num_vertices || vertices.size(2) != 3) {
-    fail<UsageError>("TextureSpace: vertices must be [B,{},3], found {}", mesh_.num_vertices,
-                     render::describe(vertices));
-  }
+  check_shape("TextureSpace", "vertices", vertices, {-1, mesh_.num_vertices, 3}, "[B,N,3]");
   return to_map(interpolate(vertices));
 }
 

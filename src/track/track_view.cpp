@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/render/buffers.h"
-#include "doppel/render/image_tensor.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/soft_light.h"
 

@@ -9,7 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/render/boundary.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/rasterizer.h"

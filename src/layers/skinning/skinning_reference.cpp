@@ -1,4 +1,4 @@
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/layers/transform_math.h"
 

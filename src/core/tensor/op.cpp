@@ -1,5 +1,6 @@
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/op.h"
 
+#include <fmt/format.h>
 #include <torch/csrc/autograd/functions/basic_ops.h>
 
 namespace doppel {
@@ -12,7 +13,7 @@ torch::autograd::variable_list once_differentiable(torch::autograd::variable_lis
     if (gradient.defined()) defined.push_back(gradient.detach().requires_grad_());
   }
   auto trap = std::make_shared<torch::autograd::DelayedError>(
-      fmt::format("{} has no second derivative; use its _reference form (double tensors or a ReferenceScope)", op),
+      fmt::format("{} has no second derivative; use its reference, which double tensors take", op),
       static_cast<int>(defined.size()));
   auto trapped = (*trap)(std::move(defined));
   size_t next = 0;

@@ -1,4 +1,4 @@
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 
 #include <torch/csrc/jit/frontend/tracer.h>
 
