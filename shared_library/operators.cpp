@@ -18,7 +18,7 @@
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/losses/silhouette.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 #include "doppel/render/shading/shading.h"
 
 namespace doppel {

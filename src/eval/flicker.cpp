@@ -13,7 +13,7 @@
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

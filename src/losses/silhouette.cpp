@@ -11,7 +11,7 @@
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/silhouette_terms.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 
 namespace doppel {
 

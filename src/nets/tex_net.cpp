@@ -5,8 +5,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
-#include "doppel/render/residual_texture.h"
-#include "doppel/render/sh_lighting.h"
+#include "doppel/render/lighting/sh_lighting.h"
+#include "doppel/render/texture/residual_texture.h"
 
 namespace doppel {
 

@@ -9,9 +9,9 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/image_tensor.h"
-#include "doppel/render/buffers.h"
+#include "doppel/render/lighting/soft_light.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/soft_light.h"
+#include "doppel/render/shading/buffers.h"
 
 namespace doppel {
 

@@ -1,6 +1,6 @@
 #include "doppel/train/egnet_stage.h"
 
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 
 namespace doppel {
 

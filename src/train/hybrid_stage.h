@@ -10,7 +10,7 @@
 #include "doppel/losses/radiance.h"
 #include "doppel/nets/field_view.h"
 #include "doppel/nets/hybrid.h"
-#include "doppel/render/guided_sampling.h"
+#include "doppel/render/rays/guided_sampling.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/hybrid_plan.h"
 #include "doppel/train/run_config.h"

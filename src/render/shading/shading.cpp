@@ -8,7 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
-#include "doppel/render/face_table.h"
+#include "doppel/render/raster/face_table.h"
 #include "doppel/render/shading/shading_terms.h"
 
 namespace doppel {

@@ -10,11 +10,11 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/tensor/op.h"
 #include "doppel/render/lease.h"
+#include "doppel/render/raster/view_workers.h"
 #include "doppel/render/recycled.h"
 #include "doppel/render/shading/shading_kernel.h"
 #include "doppel/render/shading/shading_terms.h"
-#include "doppel/render/vertex_normals.h"
-#include "doppel/render/view_workers.h"
+#include "doppel/render/shading/vertex_normals.h"
 
 namespace doppel::shading {
 namespace {
