@@ -2,6 +2,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/render/mesh/face_tensor.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

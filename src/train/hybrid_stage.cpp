@@ -10,6 +10,7 @@
 #include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
 #include "doppel/train/image_sheet.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

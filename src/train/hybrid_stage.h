@@ -14,7 +14,6 @@
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/hybrid_plan.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -131,8 +130,5 @@ class HybridStage : public CaptureStage {
   std::map<std::array<std::int64_t, 2>, FixedMesh> meshes_;   ///< by sequence and frame
   std::int64_t kept_pixels_ = 0;                              ///< of all views in `meshes_`
 };
-
-/// The stage `radiance` in the table of stages.
-StageEntry hybrid_entry();
 
 }  // namespace doppel

@@ -10,6 +10,7 @@
 #include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
 #include "doppel/render/mesh/face_tensor.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 
