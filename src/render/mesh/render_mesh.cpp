@@ -44,9 +44,7 @@ RenderMesh::RenderMesh(const TriangleMesh& mesh)
 RenderMesh::RenderMesh(const Tensor& faces_in, const Tensor& corner_uvs_in, std::int64_t vertices)
     : num_vertices(vertices) {
   const render::FaceTable table = render::make_face_table(faces_in, "RenderMesh");
-  if (table.num_vertices > num_vertices) {
-    fail<UsageError>("RenderMesh: a face names vertex {}, and there are only {}", table.num_vertices - 1, num_vertices);
-  }
+  render::check_corners("RenderMesh", table, num_vertices);
   faces = faces_in.to(torch::kInt32).contiguous().clone();
   const std::int64_t num_faces = table.num_faces;
   face_records = torch::empty({num_faces, 4}, torch::kInt32);

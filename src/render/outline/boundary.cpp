@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/raster/face_table.h"
 
@@ -106,17 +105,6 @@ void mark_vertices(const CoverageCanvas& canvas, const BoundaryOptions& options,
   }
 }
 
-void check(const Tensor& vertices, const Tensor& projection, const Tensor& valid, const render::FaceTable& faces) {
-  check_floats("boundary_vertices", "vertices", vertices, {-1, -1, 3});
-  check_floats("boundary_vertices", "projection", projection, {vertices.size(0), -1, 3, 4});
-  if (valid.defined())
-    check_tensor("boundary_vertices", "valid", valid, {torch::kBool}, {vertices.size(0), projection.size(1)}, "[B,C]");
-  if (faces.num_vertices > vertices.size(1)) {
-    fail<UsageError>("boundary_vertices: a face names vertex {}, and there are only {}", faces.num_vertices - 1,
-                     vertices.size(1));
-  }
-}
-
 }  // namespace
 
 Tensor boundary_vertices(const Tensor& vertices, const Tensor& projection, const Tensor& faces, std::int64_t height,
@@ -124,8 +112,9 @@ Tensor boundary_vertices(const Tensor& vertices, const Tensor& projection, const
   const render::FaceTable table = render::make_face_table(faces, "boundary_vertices");
   const Tensor points = vertices.defined() ? vertices.detach().contiguous() : vertices;
   const Tensor matrices = projection.defined() ? projection.detach().contiguous() : projection;
-  check(points, matrices, valid, table);
-  render::check_image_size(height, width, "boundary_vertices");
+  render::check_drawing("boundary_vertices", points, matrices, table, height, width);
+  if (valid.defined())
+    check_tensor("boundary_vertices", "valid", valid, {torch::kBool}, {points.size(0), matrices.size(1)}, "[B,C]");
   const std::int64_t cameras = matrices.size(1), num_vertices = points.size(1), views = points.size(0) * cameras;
   Tensor boundary = torch::zeros({points.size(0), cameras, num_vertices}, torch::kBool);
   const Tensor use = valid.defined() ? valid.contiguous() : Tensor();

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "doppel/core/as_size.h"
-#include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/lease.h"
 #include "doppel/render/raster/face_table.h"
@@ -112,13 +111,8 @@ OutlinePoints pack(const std::vector<Outline>& views, const render::FaceTable& f
 OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, const Tensor& faces, std::int64_t height,
                              std::int64_t width, const Tensor& valid) {
   const render::FaceTable table = render::make_face_table(faces, kCaller);
-  check_floats(kCaller, "vertices", vertices, {-1, -1, 3});
-  check_floats(kCaller, "projection", projection, {vertices.size(0), -1, 3, 4});
-  render::check_image_size(height, width, kCaller);
+  render::check_drawing(kCaller, vertices, projection, table, height, width);
   const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1), views = vertices.size(0) * cameras;
-  if (table.num_vertices > num_vertices)
-    fail<UsageError>("{}: a face names vertex {}, and there are only {}", kCaller, table.num_vertices - 1,
-                     num_vertices);
   if (valid.defined()) check_tensor(kCaller, "valid", valid, {torch::kBool}, {vertices.size(0), cameras}, "[B,C]");
   const Tensor points = vertices.detach().contiguous(), matrices = projection.detach().contiguous();
   const Tensor use = valid.defined() ? valid.contiguous() : torch::ones({views}, torch::kBool);

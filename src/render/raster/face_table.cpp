@@ -41,4 +41,17 @@ void check_image_size(std::int64_t height, std::int64_t width, const char* calle
   }
 }
 
+void check_corners(const char* caller, const FaceTable& faces, std::int64_t num_vertices) {
+  if (faces.num_vertices > num_vertices)
+    fail<UsageError>("{}: a face names vertex {}, and there are only {}", caller, faces.num_vertices - 1, num_vertices);
+}
+
+void check_drawing(const char* caller, const torch::Tensor& vertices, const torch::Tensor& projection,
+                   const FaceTable& faces, std::int64_t height, std::int64_t width) {
+  check_floats(caller, "vertices", vertices, {-1, -1, 3}, "[B,N,3]");
+  check_floats(caller, "projection", projection, {vertices.size(0), -1, 3, 4}, "[B,C,3,4]");
+  check_image_size(height, width, caller);
+  check_corners(caller, faces, vertices.size(1));
+}
+
 }  // namespace doppel::render

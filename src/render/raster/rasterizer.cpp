@@ -33,12 +33,6 @@ std::vector<Matrix> matrices_of_intrinsics(const Tensor& intrinsics, std::int64_
   return matrices;
 }
 
-void check_faces(const render::FaceTable& faces, std::int64_t num_vertices, const char* caller) {
-  if (faces.num_vertices > num_vertices) {
-    fail<UsageError>("{}: a face names vertex {}, and there are only {}", caller, faces.num_vertices - 1, num_vertices);
-  }
-}
-
 void check_views(const Tensor& vertices, const Tensor& intrinsics, const render::FaceTable& faces, std::int64_t height,
                  std::int64_t width) {
   check_floats("rasterize", "vertices", vertices, {-1, -1, 3});
@@ -48,7 +42,7 @@ void check_views(const Tensor& vertices, const Tensor& intrinsics, const render:
         "rasterize: {} views of vertices and {} of intrinsics; the numbers must be equal, or intrinsics must be one",
         vertices.size(0), intrinsics.size(0));
   }
-  check_faces(faces, vertices.size(1), "rasterize");
+  render::check_corners("rasterize", faces, vertices.size(1));
   render::check_image_size(height, width, "rasterize");
 }
 
@@ -134,10 +128,7 @@ const RasterImage& Rasterizer::rasterize(const Tensor& vertices_in_camera, const
 const RasterImage& Rasterizer::rasterize_projected(const Tensor& vertices, const Tensor& projection,
                                                    std::int64_t height, std::int64_t width) {
   State& s = *state_;
-  check_floats("rasterize", "vertices", vertices, {-1, -1, 3});
-  check_floats("rasterize", "projection", projection, {vertices.size(0), -1, 3, 4});
-  render::check_image_size(height, width, "rasterize");
-  check_faces(s.faces, vertices.size(1), "rasterize");
+  render::check_drawing("rasterize", vertices, projection, s.faces, height, width);
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
   const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1);
   s.shape_outputs(vertices.size(0) * cameras, height, width);
@@ -163,10 +154,7 @@ Tensor Rasterizer::coverage(const Tensor& vertices_in_camera, const Tensor& intr
 Tensor Rasterizer::coverage_projected(const Tensor& vertices, const Tensor& projection, std::int64_t height,
                                       std::int64_t width) {
   State& s = *state_;
-  check_floats("coverage", "vertices", vertices, {-1, -1, 3});
-  check_floats("coverage", "projection", projection, {vertices.size(0), -1, 3, 4});
-  render::check_image_size(height, width, "coverage");
-  check_faces(s.faces, vertices.size(1), "coverage");
+  render::check_drawing("coverage", vertices, projection, s.faces, height, width);
   const Tensor points = vertices.contiguous(), matrices = projection.contiguous();
   const std::int64_t cameras = projection.size(1), num_vertices = vertices.size(1), pixels = height * width;
   Tensor mask = torch::zeros({vertices.size(0), cameras, height, width}, torch::kUInt8);
