@@ -165,7 +165,7 @@ SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, cons
   at_centres.inset += kPixelToOutline;
   check_target(vertices, faces, target, at_centres);
   const std::int64_t views = target.valid.numel(), size = target.distance.size(3);
-  check_tensor(kSilhouetteOp, "outline.used", outline.used, {torch::kBool}, {views, outline.used.size(1)}, "[V,P]");
+  check_tensor(kSilhouetteOp, "outline.used", outline.used, {torch::kBool}, {views, -1}, "[V,P]");
   // Each view becomes a batch item, with the points as vertices.
   SilhouetteTarget by_view = target;
   by_view.projection = target.projection.reshape({views, 1, 3, 4});
