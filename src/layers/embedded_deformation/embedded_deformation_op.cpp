@@ -147,7 +147,7 @@ std::tuple<Tensor, Tensor, Tensor, Tensor> deformation_backward_cpu(const Tensor
                                                                     at::TensorList graph, std::array<bool, 3> wants) {
   DeformationCall call(A, T, D, node_transforms, graph);
   DeformationParams& p = call.params;
-  check_tensor(grad_in, "the gradient", {call.batch, p.num_vertices, 3});
+  check_floats(kDeformationOp, "the gradient", grad_in, {call.batch, p.num_vertices, 3});
   const Tensor grad = grad_in.contiguous();
   p.grad_out = grad.data_ptr<float>();
   Tensor grad_A, grad_T, grad_D, grad_M;
