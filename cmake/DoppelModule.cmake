@@ -8,6 +8,7 @@
 #   SHARED_HEADERS  what other modules include besides; not installed. All other headers are private to the module;
 #                   tests/levels reads both lists.
 #   DEPENDS         modules of lower levels (doppel_core, ...) and outside libraries, all public
+#   A folder with a CMakeLists.txt of its own is a library of its own and no part of this one.
 #
 # doppel_builtin_files(SOURCE TABLE FOLDER NAME ...)
 #   Writes SOURCE.cpp into the build: TABLE holds the files FOLDER/NAME.yaml. The module's header SOURCE.h declares TABLE.
@@ -126,10 +127,23 @@ function(doppel_unity target batch)
   endforeach()
 endfunction()
 
+# Leaves out files of folders that are libraries of their own.
+function(doppel_own_files list)
+  file(GLOB libraries RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} */CMakeLists.txt)
+  foreach(library IN LISTS libraries)
+    cmake_path(GET library PARENT_PATH folder)
+    list(FILTER ${list} EXCLUDE REGEX "^${folder}/")
+  endforeach()
+  set(${list} ${${list}} PARENT_SCOPE)
+endfunction()
+
 # The target `headers` compiles every header of every module alone, which is how a user includes it. It is no part of the
 # ordinary build; scripts/check.sh asks for it. (In modules with TORCH the torch headers are there already.)
 function(doppel_module_headers name torch)
-  file(GLOB_RECURSE headers RELATIVE ${CMAKE_SOURCE_DIR}/src ${CMAKE_CURRENT_SOURCE_DIR}/*.h)
+  cmake_path(RELATIVE_PATH CMAKE_CURRENT_SOURCE_DIR BASE_DIRECTORY ${CMAKE_SOURCE_DIR}/src OUTPUT_VARIABLE folder)
+  file(GLOB_RECURSE headers RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.h)
+  doppel_own_files(headers)
+  list(TRANSFORM headers PREPEND ${folder}/)
   list(FILTER headers EXCLUDE REGEX "lanes\\.h$")  # parts of kernel files, which refuse to stand alone
   set(sources)
   foreach(header IN LISTS headers)
@@ -180,6 +194,7 @@ function(doppel_module name)
     set(batch 1)
   endif()
   file(GLOB_RECURSE sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.cpp)
+  doppel_own_files(sources)
   set(torch_sources)
   if(ARG_TORCH_SOURCES)
     file(GLOB torch_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS ${ARG_TORCH_SOURCES})

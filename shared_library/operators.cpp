@@ -9,23 +9,22 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/detect/masks/mask.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/layers/closest_point/closest_point.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
-#include "doppel/layers/op_support.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/losses/silhouette.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 #include "doppel/render/shading/shading.h"
 
 namespace doppel {
 namespace {
 
 using torch::Tensor;
-
-Tensor given(const OptionalTensor& tensor) { return tensor ? *tensor : Tensor(); }
 
 template <typename T>
 std::vector<T> values_of(const Tensor& tensor, torch::ScalarType type) {
@@ -76,7 +75,8 @@ struct DeformationLayer : torch::CustomClassHolder {
               values_of<double>(weights, torch::kFloat64)) {}
   Tensor forward(const Tensor& angles, const Tensor& translations, const OptionalTensor& displacements,
                  const OptionalTensor& node_transforms) const {
-    return embedded_deformation(angles, translations, given(displacements), given(node_transforms), graph);
+    return embedded_deformation(angles, translations, displacements.value_or(Tensor()),
+                                node_transforms.value_or(Tensor()), graph);
   }
 };
 
@@ -114,14 +114,14 @@ struct ClosestPointLayer : torch::CustomClassHolder {
 struct ShadingLayer : torch::CustomClassHolder {
   RenderMesh mesh;
   ShadingLayer(const Tensor& faces, const OptionalTensor& corner_uvs, std::int64_t num_vertices)
-      : mesh(faces, given(corner_uvs), num_vertices) {}
+      : mesh(faces, corner_uvs.value_or(Tensor()), num_vertices) {}
   std::tuple<Tensor, Tensor> forward(const Tensor& vertices, const OptionalTensor& texture,
                                      const OptionalTensor& lighting, const Tensor& projection, std::int64_t height,
                                      std::int64_t width) const {
     ShadingOptions options;
     options.lit = lighting.has_value();
-    const ShadedImage image =
-        shade(vertices, given(texture), given(lighting), projection, mesh, height, width, options);
+    const ShadedImage image = shade(vertices, texture.value_or(Tensor()), lighting.value_or(Tensor()), projection, mesh,
+                                    height, width, options);
     return {image.colour, image.mask};
   }
 };

@@ -17,7 +17,7 @@
 #include "doppel/eval/lpips.h"
 #include "doppel/eval/pose_evaluation.h"
 #include "doppel/eval/tracked_evaluation.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/train/stage_chain.h"
 #include "doppel/train/stage_table.h"
 #include "shared_work.h"

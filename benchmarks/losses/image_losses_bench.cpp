@@ -11,7 +11,7 @@
 #include <functional>
 #include <string>
 
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/chroma.h"
 #include "doppel/losses/laplacian.h"
 #include "doppel/losses/lighting.h"

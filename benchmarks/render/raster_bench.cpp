@@ -10,8 +10,8 @@
 
 #include "doppel/core/cpu_dispatch.h"
 #include "doppel/core/process.h"
-#include "doppel/render/boundary.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/outline/boundary.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "render/bench_mesh.h"
 #include "support/ratio.h"
 #if defined(DOPPEL_HAVE_EMBREE)

@@ -9,7 +9,7 @@
 #include <cstdlib>
 
 #include "doppel/core/process.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "doppel/render/shading/shading.h"
 #include "render/bench_mesh.h"
 #include "support/ratio.h"

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/silhouette.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 #include "render/bench_mesh.h"
 #include "support/ratio.h"
 

@@ -1,7 +1,7 @@
 // The radius of a sphere from its silhouettes in three cameras.
 #include <doppel/detect/masks/mask.h>
 #include <doppel/losses/silhouette.h>
-#include <doppel/render/rasterizer.h>
+#include <doppel/render/raster/rasterizer.h>
 
 #include <cstdio>
 #include <opencv2/core.hpp>

@@ -15,6 +15,7 @@
 #include "doppel/core/excerpt.h"
 #include "doppel/core/log.h"
 #include "doppel/core/temporary_name.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/core/text_reader.h"
 #include "doppel/nets/weights/torch_archive.h"
 
@@ -26,12 +27,6 @@ namespace fs = std::filesystem;
 
 using TensorDict = c10::Dict<std::string, torch::Tensor>;
 using TextDict = c10::Dict<std::string, std::string>;
-
-std::string describe(const torch::Tensor& tensor) {
-  std::string shape;
-  for (std::int64_t size : tensor.sizes()) shape += (shape.empty() ? "" : ",") + std::to_string(size);
-  return fmt::format("{} [{}]", c10::toString(tensor.scalar_type()), shape);
-}
 
 /// The zip archive's comment: a checksum of all bytes before it.
 constexpr const char* kSeal = "doppel crc32c ";

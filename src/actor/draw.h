@@ -3,7 +3,7 @@
 #include <torch/types.h>
 
 #include "doppel/actor/trained_actor.h"
-#include "doppel/render/buffers.h"
+#include "doppel/render/shading/buffers.h"
 
 namespace doppel {
 

@@ -6,9 +6,9 @@
 #include "doppel/actor/run_stages.h"
 #include "doppel/actor/stored_stage.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/dataset/loader.h"
-#include "doppel/layers/reference_scope.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {

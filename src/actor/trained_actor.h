@@ -21,8 +21,8 @@
 #include "doppel/nets/lighting.h"
 #include "doppel/nets/plain_field.h"
 #include "doppel/nets/tex_net.h"
-#include "doppel/render/render_mesh.h"
-#include "doppel/render/texture_space.h"
+#include "doppel/render/mesh/render_mesh.h"
+#include "doppel/render/texture/texture_space.h"
 
 namespace doppel {
 

@@ -5,7 +5,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

@@ -10,9 +10,10 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 
@@ -20,11 +21,6 @@ namespace {
 
 constexpr float kSameDepth = 0.015f;  // metres
 constexpr int kInset = 2;             // pixels
-
-/// Bytes or floats of a contiguous tensor as an image that shares its memory.
-cv::Mat image_of(const torch::Tensor& pixels, int type) {
-  return cv::Mat(static_cast<int>(pixels.size(0)), static_cast<int>(pixels.size(1)), type, pixels.data_ptr());
-}
 
 /// The surface points of all pixels as they were in the earlier frame. Pixels without a surface take face 0.
 /// @param drawn of the later frame @return [S*S,3]
@@ -83,9 +79,9 @@ class PairReader {
     const torch::Tensor covered = images.covered.ne(0).to(torch::kUInt8).contiguous().view({2, S, S});
     PairImages result{{}, {}, {}, {faces_, vertices, batch.image_projection.select(1, 0), static_cast<int>(S)}};
     for (int i = 0; i < 2; ++i) {
-      result.drawn[as_size(i)] = image_of(colour[i], CV_8UC3).clone();
-      result.filmed[as_size(i)] = image_of(batch.image[i][0], CV_8UC3).clone();
-      result.inside[as_size(i)] = well_inside(image_of(batch.image_mask[i][0], CV_8UC1), image_of(covered[i], CV_8UC1));
+      result.drawn[as_size(i)] = image_view(colour[i]).clone();
+      result.filmed[as_size(i)] = image_view(batch.image[i][0]).clone();
+      result.inside[as_size(i)] = well_inside(image_view(batch.image_mask[i][0]), image_view(covered[i]));
     }
     return result;
   }
@@ -110,9 +106,9 @@ SurfaceFlow surface_flow(const FramePair& pair) {
   const torch::Tensor places = (homogeneous.narrow(1, 0, 2) / depth.unsqueeze(1) - 0.5).contiguous();
   const torch::Tensor earlier_depth = drawn.depth[0].contiguous(), face = drawn.face_id[1].contiguous();
 
-  SurfaceFlow flow{image_of(places.view({pair.size, pair.size, 2}), CV_32FC2).clone(),
+  SurfaceFlow flow{image_view(places.view({pair.size, pair.size, 2})).clone(),
                    cv::Mat::zeros(pair.size, pair.size, CV_8UC1)};
-  const cv::Mat before = image_of(earlier_depth, CV_32FC1);
+  const cv::Mat before = image_view(earlier_depth);
   const float* z = depth.contiguous().data_ptr<float>();
   for (int row = 0; row < pair.size; ++row)
     for (int column = 0; column < pair.size; ++column) {

@@ -14,6 +14,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/detect/masks/mask.h"
@@ -151,12 +152,10 @@ cv::Mat filmed_image(const torch::Tensor& filmed, const cv::Mat& studio, const C
   if (!filmed.defined() || filmed.sizes() != torch::IntArrayRef({box.side, box.side, 4}))
     fail<UsageError>("evaluation of images: a filmed drawing must be float [{},{},4], found [{}]", box.side, box.side,
                      filmed.defined() ? fmt::format("{}", fmt::join(filmed.sizes(), ",")) : "");
-  cv::Mat behind = background_crop(studio, box, box.side);
-  const auto whole = torch::from_blob(behind.data, {box.side, box.side, 3}, torch::kUInt8).to(torch::kFloat32);
+  const auto whole = bytes_of(background_crop(studio, box, box.side)).to(torch::kFloat32);
   const torch::Tensor over = filmed.narrow(2, 0, 3) * 255.0 + (1.0 - filmed.narrow(2, 3, 1)) * whole;
   const torch::Tensor rounded = over.round().clamp(0.0, 255.0).to(torch::kUInt8).contiguous();
-  const cv::Mat image(box.side, box.side, CV_8UC3, rounded.data_ptr<std::uint8_t>());
-  return crop_image(image, {0, 0, box.side}, size);
+  return crop_image(image_view(rounded), {0, 0, box.side}, size);
 }
 
 /// 255 where something is drawn.
@@ -189,12 +188,6 @@ WholeDrawing checked_whole(const WholeDrawing& drawn, const PinholeCamera& camer
     fail<UsageError>("evaluation of images: a whole drawing must be float [{},{},3] with its coverage, found [{}]", H,
                      W, drawn.colour.defined() ? fmt::format("{}", fmt::join(drawn.colour.sizes(), ",")) : "");
   return {eight_bit_colours(drawn.colour), coverage_bytes(drawn.covered)};
-}
-
-/// An image that shares the memory of a tensor. @param bytes uint8 [H,W] or [H,W,3], contiguous
-cv::Mat bytes_image(const torch::Tensor& bytes) {
-  return cv::Mat(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), bytes.dim() == 3 ? CV_8UC3 : CV_8UC1,
-                 bytes.data_ptr<std::uint8_t>());
 }
 
 cv::Mat rgb_of(const cv::Mat& bgr) {
@@ -242,11 +235,11 @@ class CameraComparison {
     const torch::Tensor truth = batch.image.squeeze(1), mask = batch.image_mask.squeeze(1) * 255;
     for (std::size_t b = 0; b < samples.size(); ++b) {
       const auto i = static_cast<std::int64_t>(b);
-      const cv::Mat person = bytes_image(mask[i]), image = bytes_image(truth[i]), true_person = inside(image, person);
+      const cv::Mat person = image_view(mask[i]), image = image_view(truth[i]), true_person = inside(image, person);
       if (cv::countNonZero(person) == 0) continue;
       const CropBox box = dataset_.crop_box(samples[b], camera_);
       const int size = dataset_.image_size();
-      const cv::Mat colour = bytes_image(drawn.colour[i]), covered = bytes_image(drawn.covered[i]);
+      const cv::Mat colour = image_view(drawn.colour[i]), covered = image_view(drawn.covered[i]);
       PhotometricScores scores =
           score(colour, covered, image, person, true_person, background_crop(studio_, box, size));
       if (drawn.filmed)
@@ -273,7 +266,7 @@ class CameraComparison {
 
   void compare_whole(const SampleId& sample, const WholeDrawing& drawing, PhotometricScores& scores) {
     const WholeDrawing drawn = checked_whole(drawing, dataset_.camera(camera_));
-    const cv::Mat colour = bytes_image(drawn.colour), covered = bytes_image(drawn.covered);
+    const cv::Mat colour = image_view(drawn.colour), covered = image_view(drawn.covered);
     const cv::Mat mask = dataset_.mask(sample, camera_);
     const std::string& sequence = dataset_.sequences().at(as_size(sample.sequence)).name;
     const cv::Mat filmed = rgb_of(whole_frames_->read(sequence, sample.frame));

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <map>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/image_tensor.h"
 
 namespace doppel {
 
@@ -90,12 +90,7 @@ torch::Tensor unit_features(const torch::Tensor& features) {
 
 /// [1,3,H,W] RGB -1..1 of an 8-bit RGB image.
 torch::Tensor image_tensor(const cv::Mat& image) {
-  if (image.type() != CV_8UC3)
-    fail<UsageError>("LPIPS: images must be 8-bit with three channels, found {} channels", image.channels());
-  torch::Tensor pixels = torch::empty({image.rows, image.cols, 3}, torch::kUInt8);
-  for (int row = 0; row < image.rows; ++row)
-    std::memcpy(pixels[row].data_ptr<std::uint8_t>(), image.ptr(row), 3 * static_cast<std::size_t>(image.cols));
-  return pixels.permute({2, 0, 1}).unsqueeze(0).to(torch::kFloat32) / 127.5 - 1.0;
+  return bytes_of(image).permute({2, 0, 1}).unsqueeze(0).to(torch::kFloat32) / 127.5 - 1.0;
 }
 
 }  // namespace

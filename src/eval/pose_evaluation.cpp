@@ -8,7 +8,7 @@
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/eval/mean.h"
 #include "doppel/eval/pose_metrics.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 
 namespace doppel {
 

@@ -9,7 +9,7 @@
 #include "doppel/core/error.h"
 #include "doppel/eval/surface_metrics.h"
 #include "doppel/geometry/mesh.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 
 namespace doppel {
 

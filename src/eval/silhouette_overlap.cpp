@@ -12,9 +12,9 @@
 #include "doppel/eval/mean.h"
 #include "doppel/eval/scans.h"
 #include "doppel/eval/surface_metrics.h"
+#include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/seen_vertices.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

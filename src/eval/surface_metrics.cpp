@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 
@@ -16,12 +16,8 @@ namespace {
 using Eigen::Vector3d;
 
 TriangleTree tree_of(const torch::Tensor& vertices_in, const torch::Tensor& faces_in) {
-  if (vertices_in.dim() != 2 || vertices_in.size(1) != 3 || vertices_in.scalar_type() != torch::kFloat32)
-    fail<UsageError>("surface distance: vertices must be float32 [N,3], found {} {}",
-                     torch::toString(vertices_in.scalar_type()), fmt::join(vertices_in.sizes(), "x"));
-  if (faces_in.dim() != 2 || faces_in.size(1) != 3 || faces_in.scalar_type() != torch::kInt32)
-    fail<UsageError>("surface distance: faces must be int32 [F,3], found {} {}",
-                     torch::toString(faces_in.scalar_type()), fmt::join(faces_in.sizes(), "x"));
+  check_floats("surface distance", "vertices", vertices_in, {-1, 3}, "[N,3]");
+  check_tensor("surface distance", "faces", faces_in, {torch::kInt32}, {-1, 3}, "[F,3]");
   const torch::Tensor vertices = vertices_in.contiguous(), faces = faces_in.contiguous();
   const float* v = vertices.data_ptr<float>();
   const int* f = faces.data_ptr<int>();
@@ -38,9 +34,7 @@ SurfaceDistance::SurfaceDistance(const torch::Tensor& vertices, const torch::Ten
     : tree_(tree_of(vertices, faces)) {}
 
 torch::Tensor SurfaceDistance::distances(const torch::Tensor& points_in) const {
-  if (points_in.dim() != 2 || points_in.size(1) != 3 || points_in.scalar_type() != torch::kFloat32)
-    fail<UsageError>("surface distance: points must be float32 [M,3], found {} {}",
-                     torch::toString(points_in.scalar_type()), fmt::join(points_in.sizes(), "x"));
+  check_floats("surface distance", "points", points_in, {-1, 3}, "[M,3]");
   const torch::Tensor points = points_in.contiguous();
   torch::Tensor result = torch::empty({points.size(0)}, torch::kFloat64);
   const float* from = points.data_ptr<float>();

@@ -17,7 +17,7 @@
 #include "doppel/layers/landmarks/landmarks.h"
 #include "doppel/layers/pose_dofs.h"
 #include "doppel/layers/surface.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 
 namespace doppel {
 

@@ -7,7 +7,7 @@
 #include "doppel/character/dof_names.h"
 #include "doppel/character/observable_dofs.h"
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/rotation_math.h"
 #include "doppel/layers/transform_math.h"
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/layers/transform_math.h"
 
 namespace doppel {
 namespace {
@@ -71,6 +72,17 @@ SparseRows::SparseRows(const IndexRows& rows, const std::vector<double>& row_wei
       *weight++ = filled ? row_weights[rows.offsets[row] + p] : 0.0;
     }
   }
+}
+
+torch::Tensor blend_transforms(const torch::Tensor& transforms, const SparseRows& weights) {
+  const torch::Tensor items = index_like(weights.padded_items, transforms);
+  const torch::Tensor weight = constant_like(weights.padded_weights, transforms).unsqueeze(-1).unsqueeze(-1);
+  torch::Tensor sum;
+  for (int64_t p = 0; p < items.size(1); ++p) {
+    const torch::Tensor term = weight.select(1, p) * transforms.index_select(1, items.select(1, p));
+    sum = p == 0 ? term : sum + term;
+  }
+  return sum;
 }
 
 }  // namespace doppel

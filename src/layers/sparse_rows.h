@@ -28,4 +28,8 @@ struct SparseRows {
   torch::Tensor padded_weights;  ///< float64 [rows,P]
 };
 
+/// Transforms blended by the weights, in plain tensor operations: sum_k w_ik X_k.
+/// @param transforms [B,columns,3,4] @return [B,rows,3,4]
+torch::Tensor blend_transforms(const torch::Tensor& transforms, const SparseRows& weights);
+
 }  // namespace doppel

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
-#include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

@@ -4,9 +4,9 @@
 #include <tuple>
 #include <vector>
 
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/arap.h"
 #include "doppel/losses/arap_kernel.h"
 
@@ -30,10 +30,8 @@ struct ArapCall {
   ArapCall(const Tensor& A_in, const Tensor& T_in, at::TensorList graph) {
     TORCH_CHECK(graph.size() == 4, kArapOp, ": graph must hold offsets, targets, rigidity, rest");
     params.num_nodes = graph[0].size(0) - 1;
-    TORCH_CHECK(A_in.dim() == 3 && A_in.scalar_type() == torch::kFloat32 && A_in.size(1) == params.num_nodes &&
-                    A_in.size(2) == 3 && T_in.scalar_type() == torch::kFloat32 && T_in.sizes() == A_in.sizes(),
-                kArapOp, ": A and T must be float32 [B,", params.num_nodes, ",3], found ", describe(A_in), " and ",
-                describe(T_in));
+    check_floats(kArapOp, "A", A_in, {-1, params.num_nodes, 3}, "[B,K,3]");
+    check_floats(kArapOp, "T", T_in, A_in.sizes(), "[B,K,3]");
     A = A_in.contiguous();
     T = T_in.contiguous();
     batch = A.size(0);

@@ -4,9 +4,10 @@
 
 #include <vector>
 
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/geometry/triangle_tree.h"
 #include "doppel/layers/closest_point/closest_point.h"
-#include "doppel/layers/op_support.h"
 
 namespace doppel {
 
@@ -51,8 +52,7 @@ Tensor chamfer_loss(const Tensor& vertices, const Tensor& normals, const PointCl
   check_shape(kName, "cloud's points", cloud_in.points, {-1, 3}, "[R,3]");
   check_shape(kName, "cloud's normals", cloud_in.normals, {cloud_in.points.size(0), 3}, "[R,3]");
   check_same_kind(kName, "cloud", cloud_in.points, vertices);
-  if (visible.defined() && (visible.scalar_type() != torch::kBool || visible.sizes() != vertices.sizes().slice(0, 1)))
-    fail<UsageError>("{}: visible must be bool [N] = [{}], found {}", kName, vertices.size(0), describe(visible));
+  if (visible.defined()) check_tensor(kName, "visible", visible, {torch::kBool}, vertices.sizes().slice(0, 1), "[N]");
   for (const Tensor& points : {vertices, cloud_in.points})
     if (!points.isfinite().all().item<bool>())
       fail<UsageError>("{}: vertices or cloud have numbers that are not finite; check how they were computed", kName);

@@ -6,7 +6,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/image_terms.h"
 
 namespace doppel {

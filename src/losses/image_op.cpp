@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "doppel/core/as_size.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/losses/image_kernel.h"
 #include "doppel/losses/image_terms.h"
 
@@ -33,12 +33,10 @@ struct ImageLossCall {
   ImageLossCall(const Tensor& rendered_in, const Tensor& target_in, const Tensor& mask_in, std::int64_t measure,
                 at::ArrayRef<double> taps_in)
       : taps(taps_in.begin(), taps_in.end()) {
-    TORCH_CHECK(rendered_in.dim() == 5 && rendered_in.size(4) == 3 && rendered_in.scalar_type() == torch::kFloat32 &&
-                    target_in.sizes() == rendered_in.sizes() && target_in.scalar_type() == torch::kFloat32 &&
-                    mask_in.sizes() == rendered_in.sizes().slice(0, 4) && mask_in.scalar_type() == torch::kUInt8 &&
-                    measure >= 0 && measure <= 2 && !taps.empty(),
-                kImageLossOp, ": images must be float32 [B,C,H,W,3], the mask uint8 [B,C,H,W]; found ",
-                describe(rendered_in), ", ", describe(target_in), " and ", describe(mask_in));
+    check_floats(kImageLossOp, "rendered", rendered_in, {-1, -1, -1, -1, 3}, "[B,C,H,W,3]");
+    check_floats(kImageLossOp, "target", target_in, rendered_in.sizes(), "[B,C,H,W,3]");
+    check_tensor(kImageLossOp, "mask", mask_in, {torch::kUInt8}, rendered_in.sizes().slice(0, 4), "[B,C,H,W]");
+    TORCH_CHECK(measure >= 0 && measure <= 2 && !taps.empty(), kImageLossOp, ": no taps, or no measure ", measure);
     rendered = rendered_in.contiguous();
     target = target_in.contiguous();
     mask = mask_in.contiguous();

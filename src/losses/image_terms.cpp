@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/layers/op_support.h"
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel::image_loss {
 
@@ -14,10 +15,7 @@ using torch::Tensor;
 namespace {
 
 void check_mask(const char* op, const char* argument, const Tensor& mask, const Tensor& rendered) {
-  const bool type = mask.defined() && (mask.scalar_type() == torch::kBool || mask.scalar_type() == torch::kUInt8);
-  if (!type || mask.sizes() != rendered.sizes().slice(0, 4))
-    fail<UsageError>("{}: {} must be bool or uint8 [B,C,H,W] = [{}], found {}", op, argument,
-                     fmt::join(rendered.sizes().slice(0, 4), ","), describe(mask));
+  check_tensor(op, argument, mask, {torch::kBool, torch::kUInt8}, rendered.sizes().slice(0, 4), "[B,C,H,W]");
   if (mask.device() != rendered.device())
     fail<UsageError>("{}: {} is on {}, `rendered` on {}; move it with .to()", op, argument, mask.device().str(),
                      rendered.device().str());

@@ -3,8 +3,9 @@
 #include <ATen/Parallel.h>
 #include <torch/types.h>
 
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/image_kernel.h"
 #include "doppel/losses/image_terms.h"
 
@@ -15,9 +16,7 @@ using torch::Tensor;
 namespace {
 
 void check_erosion(const Tensor& mask, int times) {
-  const bool type = mask.defined() && (mask.scalar_type() == torch::kBool || mask.scalar_type() == torch::kUInt8);
-  if (!type || mask.dim() != 4)
-    fail<UsageError>("erode_mask: the mask must be bool or uint8 [B,C,H,W], found {}", describe(mask));
+  check_tensor("erode_mask", "the mask", mask, {torch::kBool, torch::kUInt8}, {-1, -1, -1, -1}, "[B,C,H,W]");
   if (times < 0) fail<UsageError>("erode_mask: the erosion is {} pixels; it must be at least 0", times);
 }
 

@@ -1,6 +1,6 @@
 #include "doppel/losses/isometry.h"
 
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "doppel/core/as_size.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/laplacian.h"
 #include "doppel/losses/laplacian_kernel.h"
 
@@ -25,11 +25,8 @@ std::tuple<Tensor, Tensor> laplacian_cpu(const Tensor& V_fi_in, const Tensor& V_
                                          bool with_gradient) {
   TORCH_CHECK(graph.size() == 3, kLaplacianOp, ": graph must hold offsets, neighbours, weight");
   const int64_t N = graph[2].size(0), edges = graph[1].size(0), batch = V_fi_in.size(0);
-  TORCH_CHECK(V_fi_in.dim() == 3 && V_fi_in.scalar_type() == torch::kFloat32 && V_fi_in.size(1) == N &&
-                  V_fi_in.size(2) == 3 && V_co_in.scalar_type() == torch::kFloat32 &&
-                  V_co_in.sizes() == V_fi_in.sizes(),
-              kLaplacianOp, ": V_fi and V_co must be float32 [B,", N, ",3], found ", describe(V_fi_in), " and ",
-              describe(V_co_in));
+  check_floats(kLaplacianOp, "V_fi", V_fi_in, {-1, N, 3}, "[B,N,3]");
+  check_floats(kLaplacianOp, "V_co", V_co_in, V_fi_in.sizes(), "[B,N,3]");
   const Tensor V_fi = V_fi_in.contiguous(), V_co = V_co_in.contiguous();
   Tensor gradient = with_gradient ? at::empty(V_fi.sizes(), V_fi.options()) : at::empty({0}, V_fi.options());
   if (batch == 0 || edges == 0) return {at::zeros({}, V_fi.options()), gradient.zero_()};

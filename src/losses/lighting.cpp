@@ -2,7 +2,7 @@
 
 #include <torch/types.h>
 
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/image_terms.h"
 #include "doppel/losses/images.h"
 

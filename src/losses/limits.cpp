@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

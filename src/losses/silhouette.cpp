@@ -8,10 +8,10 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/silhouette_terms.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 
 namespace doppel {
 
@@ -24,11 +24,7 @@ const char* const kSilhouetteOp = "silhouette_loss";
 void check_contour(const SilhouetteTarget& target, std::int64_t views) {
   check_shape(kSilhouetteOp, "contour", target.contour, {-1, 2}, "[P,2]");
   const Tensor& offsets = target.contour_offsets;
-  if (!offsets.defined() || offsets.scalar_type() != torch::kInt64 || offsets.dim() != 1 ||
-      offsets.size(0) != views + 1) {
-    fail<UsageError>("{}: contour_offsets must be int64 [B*C+1] = [{}], found {}", kSilhouetteOp, views + 1,
-                     describe(offsets));
-  }
+  check_tensor(kSilhouetteOp, "contour_offsets", offsets, {torch::kInt64}, {views + 1}, "[B*C+1]");
   const Tensor rows = offsets.contiguous();
   const std::int64_t* row = rows.data_ptr<std::int64_t>();
   bool ordered = row[0] == 0 && row[views] == target.contour.size(0);
@@ -39,24 +35,10 @@ void check_contour(const SilhouetteTarget& target, std::int64_t views) {
   }
 }
 
-void check_faces(const Tensor& faces) {
-  const bool integers =
-      faces.defined() && (faces.scalar_type() == torch::kInt32 || faces.scalar_type() == torch::kInt64);
-  if (!integers || faces.dim() != 2 || faces.size(1) != 3) {
-    fail<UsageError>("{}: faces must be int32 or int64 [F,3], found {}", kSilhouetteOp, describe(faces));
-  }
-}
-
-void check_flags(const char* name, const Tensor& flags, torch::IntArrayRef sizes) {
-  if (!flags.defined() || flags.scalar_type() != torch::kBool || flags.sizes() != sizes) {
-    fail<UsageError>("{}: {} must be bool [{}], found {}", kSilhouetteOp, name, fmt::join(sizes, ","), describe(flags));
-  }
-}
-
 void check_target(const Tensor& vertices, const Tensor& faces, const SilhouetteTarget& target,
                   const SilhouetteOptions& options) {
   check_shape(kSilhouetteOp, "vertices", vertices, {-1, -1, 3}, "[B,N,3]");
-  check_faces(faces);
+  check_tensor(kSilhouetteOp, "faces", faces, {torch::kInt32, torch::kInt64}, {-1, 3}, "[F,3]");
   const std::int64_t batch = vertices.size(0);
   check_shape(kSilhouetteOp, "projection", target.projection, {batch, -1, 3, 4}, "[B,C,3,4]");
   const std::int64_t cameras = target.projection.size(1);
@@ -64,7 +46,7 @@ void check_target(const Tensor& vertices, const Tensor& faces, const SilhouetteT
   if (target.distance.size(2) != target.distance.size(3)) {
     fail<UsageError>("{}: distance must be square, found {}", kSilhouetteOp, describe(target.distance));
   }
-  check_flags("valid", target.valid, {batch, cameras});
+  check_tensor(kSilhouetteOp, "valid", target.valid, {torch::kBool}, {batch, cameras}, "[B,C]");
   if (options.unit == SilhouetteUnit::image_pixels || options.boundary == SilhouetteBoundary::outline) {
     check_shape(kSilhouetteOp, "pixel_scale", target.pixel_scale, {batch, cameras}, "[B,C]");
   }
@@ -132,7 +114,7 @@ Tensor on_faces(const Tensor& values, const OutlinePoints& outline) {
 
 Tensor silhouette_normals(const Tensor& vertices, const Tensor& faces) {
   check_shape("silhouette_normals", "vertices", vertices, {-1, -1, 3}, "[B,N,3]");
-  check_faces(faces);
+  check_tensor(kSilhouetteOp, "faces", faces, {torch::kInt32, torch::kInt64}, {-1, 3}, "[F,3]");
   const Tensor x = vertices.detach().contiguous(), f = faces.to(torch::kInt64).contiguous();
   const std::int64_t num_vertices = x.size(1), num_faces = f.size(0);
   if (num_faces > 0 && (f.min().item<std::int64_t>() < 0 || f.max().item<std::int64_t>() >= num_vertices)) {
@@ -171,7 +153,8 @@ SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, cons
 SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, const Tensor& boundary,
                                const SilhouetteTarget& target, const SilhouetteOptions& options) {
   check_target(vertices, faces, target, options);
-  check_flags("boundary", boundary, {vertices.size(0), target.projection.size(1), vertices.size(1)});
+  check_tensor(kSilhouetteOp, "boundary", boundary, {torch::kBool},
+               {vertices.size(0), target.projection.size(1), vertices.size(1)}, "[B,C,N]");
   return evaluate(vertices, silhouette_normals(vertices, faces), boundary, target, options);
 }
 
@@ -182,7 +165,7 @@ SilhouetteLoss silhouette_loss(const Tensor& vertices, const Tensor& faces, cons
   at_centres.inset += kPixelToOutline;
   check_target(vertices, faces, target, at_centres);
   const std::int64_t views = target.valid.numel(), size = target.distance.size(3);
-  check_flags("outline.used", outline.used, {views, outline.used.size(1)});
+  check_tensor(kSilhouetteOp, "outline.used", outline.used, {torch::kBool}, {views, -1}, "[V,P]");
   // Each view becomes a batch item, with the points as vertices.
   SilhouetteTarget by_view = target;
   by_view.projection = target.projection.reshape({views, 1, 3, 4});

@@ -3,7 +3,7 @@
 #include <torch/types.h>
 
 #include "doppel/losses/silhouette_types.h"
-#include "doppel/render/outline.h"
+#include "doppel/render/outline/outline.h"
 
 namespace doppel {
 

@@ -7,8 +7,7 @@
 #include <functional>
 
 #include "doppel/core/as_size.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/losses/silhouette_kernel.h"
 #include "doppel/losses/silhouette_terms.h"
 

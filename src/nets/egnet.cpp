@@ -2,8 +2,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
-#include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

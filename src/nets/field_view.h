@@ -8,8 +8,8 @@
 #include "doppel/core/config.h"
 #include "doppel/layers/closest_point/closest_point.h"
 #include "doppel/nets/radiance_field.h"
-#include "doppel/render/guided_sampling.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
+#include "doppel/render/rays/guided_sampling.h"
 
 namespace doppel {
 

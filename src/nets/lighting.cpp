@@ -1,6 +1,6 @@
 #include "doppel/nets/lighting.h"
 
-#include "doppel/render/sh_lighting.h"
+#include "doppel/render/lighting/sh_lighting.h"
 
 namespace doppel {
 

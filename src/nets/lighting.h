@@ -10,7 +10,7 @@
 namespace doppel {
 
 /// The lighting of a capture: nine spherical-harmonics coefficients per colour channel and camera (6.6.1), in the order
-/// of render/sh_lighting.h, channel by channel.
+/// of render/lighting/sh_lighting.h, channel by channel.
 class LightingImpl : public torch::nn::Module {
  public:
   /// @param num_cameras C of the whole dataset; all start with the identity lighting

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/pose_dofs.h"
 #include "doppel/layers/rotation_math.h"
 

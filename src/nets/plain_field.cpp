@@ -1,7 +1,7 @@
 #include "doppel/nets/plain_field.h"
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 

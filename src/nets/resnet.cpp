@@ -4,7 +4,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/nets/weights/weights_file.h"
 
 namespace doppel {

@@ -4,9 +4,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/render/residual_texture.h"
-#include "doppel/render/sh_lighting.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/render/lighting/sh_lighting.h"
+#include "doppel/render/texture/residual_texture.h"
 
 namespace doppel {
 

@@ -7,9 +7,9 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/image_convolution/image_convolution.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 

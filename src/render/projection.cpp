@@ -2,9 +2,8 @@
 
 #include <torch/types.h>
 
-#include <sstream>
-
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 
@@ -12,23 +11,9 @@ using torch::Tensor;
 using torch::indexing::Ellipsis;
 using torch::indexing::Slice;
 
-namespace {
-
-std::string shape_of(const Tensor& t) {
-  std::ostringstream text;
-  text << t.sizes();
-  return text.str();
-}
-
-}  // namespace
-
 Tensor project(const Tensor& points, const Tensor& projection) {
-  if (points.dim() != 3 || points.size(2) != 3)
-    fail<UsageError>("project: points are {}; they must be [B,N,3]", shape_of(points));
-  if (projection.dim() != 4 || projection.size(2) != 3 || projection.size(3) != 4 ||
-      projection.size(0) != points.size(0)) {
-    fail<UsageError>("project: projection is {}; it must be [{},C,3,4]", shape_of(projection), points.size(0));
-  }
+  check_shape("project", "points", points, {-1, -1, 3}, "[B,N,3]");
+  check_shape("project", "projection", projection, {points.size(0), -1, 3, 4}, "[B,C,3,4]");
   const Tensor linear = projection.index({Ellipsis, Slice(0, 3)}), offset = projection.index({Ellipsis, 3});
   const Tensor h = torch::matmul(points.unsqueeze(1), linear.transpose(2, 3)) + offset.unsqueeze(2);  // [B,C,N,3]
   return h.index({Ellipsis, Slice(0, 2)}) / h.index({Ellipsis, Slice(2, 3)});
@@ -71,8 +56,7 @@ Tensor intrinsics_tensor(const std::vector<PinholeCamera>& cameras, torch::Scala
 }
 
 Tensor camera_from_world(const Tensor& points, const std::vector<PinholeCamera>& cameras) {
-  if (points.dim() != 2 || points.size(1) != 3)
-    fail<UsageError>("camera_from_world: points are {}; they must be [N,3]", shape_of(points));
+  check_shape("camera_from_world", "points", points, {-1, 3}, "[N,3]");
   std::vector<Tensor> out;
   for (const Camera& camera : cameras) {
     const Eigen::Matrix3d columns = camera.R.transpose();  // row-major R

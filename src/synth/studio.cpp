@@ -12,8 +12,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/random.h"
-#include "doppel/render/face_tensor.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/mesh/face_tensor.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "doppel/synth/body_field.h"
 
 namespace doppel::synth {

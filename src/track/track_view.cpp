@@ -8,10 +8,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
-#include "doppel/render/buffers.h"
-#include "doppel/render/image_tensor.h"
+#include "doppel/core/tensor/image_tensor.h"
+#include "doppel/render/lighting/soft_light.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/soft_light.h"
+#include "doppel/render/shading/buffers.h"
 
 namespace doppel {
 

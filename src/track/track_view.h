@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/geometry/camera.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/mesh/render_mesh.h"
 
 namespace doppel {
 

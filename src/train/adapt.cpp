@@ -16,7 +16,7 @@
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
 #include "doppel/eval/silhouette_overlap.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "doppel/train/def_net_stage.h"
 #include "doppel/train/pose_net_stage.h"
 #include "doppel/train/stage_chain.h"

@@ -8,7 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/outline/boundary.h"
 #include "doppel/train/overlay.h"
 
 namespace doppel {

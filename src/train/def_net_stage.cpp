@@ -1,7 +1,8 @@
 #include "doppel/train/def_net_stage.h"
 
 #include "doppel/core/error.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

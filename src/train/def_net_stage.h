@@ -5,7 +5,6 @@
 #include "doppel/losses/arap.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -49,8 +48,5 @@ class DefNetStage : public CaptureStage {
   ArapGraph arap_graph_;
   torch::Tensor faces_;  ///< int32 [F,3]
 };
-
-/// The stage `defnet` in the table of stages.
-StageEntry def_net_entry();
 
 }  // namespace doppel

@@ -9,6 +9,7 @@
 #include "doppel/render/shading/shading.h"
 #include "doppel/train/image_sheet.h"
 #include "doppel/train/overlay.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

@@ -6,7 +6,6 @@
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -64,8 +63,5 @@ class DeltaNetStage : public CaptureStage {
   LaplacianGraph laplacian_graph_;
   PoseNoise noise_;
 };
-
-/// The stage `deltanet` in the table of stages.
-StageEntry delta_net_entry();
 
 }  // namespace doppel

@@ -9,7 +9,6 @@
 #include "doppel/nets/egnet.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/egnet_config.h"
-#include "doppel/train/stage_entry.h"
 
 namespace doppel {
 
@@ -38,8 +37,5 @@ class EgNetStage : public CaptureStage {
   torch::Tensor faces_;  // int32 [F,3]
   PoseNoise noise_;
 };
-
-/// The stage `egnet` in the table of stages.
-StageEntry egnet_entry();
 
 }  // namespace doppel

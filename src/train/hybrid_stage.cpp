@@ -7,9 +7,10 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/anchor.h"
 #include "doppel/losses/images.h"
+#include "doppel/render/outline/seen_vertices.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/seen_vertices.h"
 #include "doppel/train/image_sheet.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

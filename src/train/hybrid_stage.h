@@ -10,11 +10,10 @@
 #include "doppel/losses/radiance.h"
 #include "doppel/nets/field_view.h"
 #include "doppel/nets/hybrid.h"
-#include "doppel/render/guided_sampling.h"
+#include "doppel/render/rays/guided_sampling.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/hybrid_plan.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -131,8 +130,5 @@ class HybridStage : public CaptureStage {
   std::map<std::array<std::int64_t, 2>, FixedMesh> meshes_;   ///< by sequence and frame
   std::int64_t kept_pixels_ = 0;                              ///< of all views in `meshes_`
 };
-
-/// The stage `radiance` in the table of stages.
-StageEntry hybrid_entry();
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/losses/images.h"
@@ -19,10 +20,8 @@ constexpr double kWhiteError = 64;  // of 255
 /// RGB 0..1 [I,I,3] as an 8-bit BGR image of a cell's size.
 cv::Mat to_cell(const torch::Tensor& colour) {
   const torch::Tensor bytes = (colour.flip({2}).clamp(0, 1) * 255).round().to(torch::kUInt8).contiguous();
-  const cv::Mat whole(static_cast<int>(bytes.size(0)), static_cast<int>(bytes.size(1)), CV_8UC3,
-                      bytes.data_ptr<std::uint8_t>());
   cv::Mat cell;
-  cv::resize(whole, cell, {kSheetCell, kSheetCell}, 0, 0, cv::INTER_AREA);
+  cv::resize(image_view(bytes), cell, {kSheetCell, kSheetCell}, 0, 0, cv::INTER_AREA);
   return cell;
 }
 

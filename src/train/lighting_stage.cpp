@@ -3,6 +3,7 @@
 #include "doppel/actor/draw.h"
 #include "doppel/losses/images.h"
 #include "doppel/train/image_sheet.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

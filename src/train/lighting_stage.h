@@ -4,7 +4,6 @@
 #include "doppel/losses/lighting.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -43,8 +42,5 @@ class LightingStage : public CaptureStage {
   LightingRunConfig config_;
   Lighting lighting_;
 };
-
-/// The stage `lighting` in the table of stages.
-StageEntry lighting_entry();
 
 }  // namespace doppel

@@ -5,6 +5,7 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/losses/radiance.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

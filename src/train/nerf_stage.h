@@ -4,7 +4,6 @@
 #include "doppel/nets/plain_field.h"
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -41,8 +40,5 @@ class NerfStage : public CaptureStage {
   NerfRunConfig config_;
   PlainField model_{nullptr};
 };
-
-/// The stage `nerf` in the table of stages.
-StageEntry nerf_entry();
 
 }  // namespace doppel

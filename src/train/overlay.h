@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "doppel/data/dataset/dataset.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

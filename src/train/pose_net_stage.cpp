@@ -9,7 +9,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

@@ -9,7 +9,6 @@
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/pose_phase.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -56,8 +55,5 @@ class PoseNetStage : public CaptureStage {
   CharacterSurface surface_;
   torch::Tensor faces_;  ///< int32 [F,3]
 };
-
-/// The stage `posenet` in the table of stages.
-StageEntry pose_net_entry();
 
 }  // namespace doppel

@@ -21,7 +21,7 @@ struct StageTask {
   Ranks* ranks = nullptr;  ///< that train together; null: this process alone
 };
 
-/// One kind of stage. The files of a stage define its entry; `stage_table.cpp` lists all entries.
+/// One kind of stage. The files of a stage define its entry; `stage_table.h` lists all entries.
 struct StageEntry {
   std::string name;                 ///< its section in a chain and its folder in a run
   std::vector<std::string> chains;  ///< the values of `stage:` that include it; its own name: it may be trained alone

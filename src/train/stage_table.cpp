@@ -5,14 +5,6 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
-#include "doppel/train/def_net_stage.h"
-#include "doppel/train/delta_net_stage.h"
-#include "doppel/train/egnet_stage.h"
-#include "doppel/train/hybrid_stage.h"
-#include "doppel/train/lighting_stage.h"
-#include "doppel/train/nerf_stage.h"
-#include "doppel/train/pose_net_stage.h"
-#include "doppel/train/tex_net_stage.h"
 
 namespace doppel {
 

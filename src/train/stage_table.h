@@ -7,6 +7,16 @@
 
 namespace doppel {
 
+/// The entry of each stage; the files of the stage define it.
+StageEntry egnet_entry();
+StageEntry lighting_entry();
+StageEntry delta_net_entry();
+StageEntry tex_net_entry();
+StageEntry hybrid_entry();
+StageEntry nerf_entry();
+StageEntry pose_net_entry();
+StageEntry def_net_entry();
+
 /// All stages, in the order of training.
 const std::vector<StageEntry>& stage_table();
 /// @throws UsageError for an unknown name; the message suggests the nearest

@@ -6,6 +6,7 @@
 #include "doppel/core/error.h"
 #include "doppel/losses/images.h"
 #include "doppel/train/image_sheet.h"
+#include "doppel/train/stage_table.h"
 
 namespace doppel {
 

@@ -5,7 +5,6 @@
 #include "doppel/train/capture_stage.h"
 #include "doppel/train/pose_noise.h"
 #include "doppel/train/run_config.h"
-#include "doppel/train/stage_entry.h"
 #include "doppel/train/trainer.h"
 
 namespace doppel {
@@ -48,8 +47,5 @@ class TexNetStage : public CaptureStage {
   TextureSpace texture_space_;
   PoseNoise noise_;
 };
-
-/// The stage `texnet` in the table of stages.
-StageEntry tex_net_entry();
 
 }  // namespace doppel

@@ -7,8 +7,8 @@
 #include "doppel/core/error.h"
 #include "doppel/core/fetch/package_files.h"
 #include "doppel/core/scratch_folder.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/kinematics/kinematics.h"
-#include "doppel/layers/reference_scope.h"
 #include "doppel/view/view_files.h"
 #include "doppel/view/view_page.h"
 

@@ -5,7 +5,7 @@
 
 #include <memory>
 
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
 

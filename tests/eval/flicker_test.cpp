@@ -10,7 +10,7 @@
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/data/dataset/batch_builder.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "support/gradient_check.h"
 #include "support/layer_inputs.h"
 #include "support/message_of.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/chroma.h"
 #include "doppel/losses/images.h"
 #include "doppel/losses/lighting.h"
@@ -270,7 +270,7 @@ TEST(ImageLossesRejects, ShapesAndTypes) {
       change(p);
       return message_of<UsageError>([&] { l(p); });
     };
-    EXPECT_THAT(complaint([](Images& p) { p.rendered = p.rendered[0]; }), HasSubstr("found Float [2,6,5,3]"));
+    EXPECT_THAT(complaint([](Images& p) { p.rendered = p.rendered[0]; }), HasSubstr("found float32 [2,6,5,3]"));
     EXPECT_THAT(complaint([](Images& p) { p.target = p.target.slice(2, 0, 5); }), HasSubstr("target must be"));
     EXPECT_THAT(complaint([](Images& p) { p.target = p.target.to(torch::kFloat64); }), HasSubstr("Double"));
     EXPECT_THAT(complaint([](Images& p) { p.mask = p.mask.to(torch::kFloat32); }), HasSubstr("target_mask must be"));

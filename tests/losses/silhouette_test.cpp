@@ -9,10 +9,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
-#include "doppel/render/boundary.h"
+#include "doppel/core/tensor/reference_scope.h"
+#include "doppel/render/outline/boundary.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "render/scenes.h"
 #include "support/gradient_check.h"
 

@@ -15,7 +15,7 @@
 #include <sstream>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 

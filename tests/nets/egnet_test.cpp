@@ -15,8 +15,8 @@
 #include <sstream>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
-#include "doppel/layers/reference_scope.h"
 #include "support/test_character.h"
 
 namespace doppel::egnet_test {

@@ -14,7 +14,7 @@
 #include <sstream>
 
 #include "doppel/core/error.h"
-#include "doppel/render/sh_lighting.h"
+#include "doppel/render/lighting/sh_lighting.h"
 #include "support/gradient_check.h"
 #include "support/test_character.h"
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/mesh/render_mesh.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "render/scenes.h"
 
 /// Textured, lit scenes for the tests of the renderer. Everything float64; convert what goes into kernels.

@@ -7,7 +7,7 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
-#include "doppel/render/face_tensor.h"
+#include "doppel/render/mesh/face_tensor.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"

@@ -10,11 +10,11 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/data/capture/video_file.h"
 #include "doppel/geometry/image_file.h"
-#include "doppel/render/image_tensor.h"
+#include "doppel/render/lighting/soft_light.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/soft_light.h"
 
 namespace doppel {
 namespace {

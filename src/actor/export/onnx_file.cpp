@@ -4,7 +4,7 @@
 #include "doppel/actor/onnx/onnx_model.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/base64.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 
 namespace doppel {
 namespace {

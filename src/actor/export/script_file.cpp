@@ -12,7 +12,7 @@
 #include "doppel/core/json_depth.h"
 #include "doppel/core/npy.h"
 #include "doppel/core/scratch_folder.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/reference_scope.h"
 
 namespace doppel {
 namespace {

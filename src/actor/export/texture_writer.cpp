@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/geometry/image_file.h"
-#include "doppel/render/image_tensor.h"
 #include "doppel/render/projection.h"
 
 namespace doppel {

@@ -8,8 +8,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "doppel/layers/surface.h"
-#include "doppel/render/face_tensor.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/mesh/face_tensor.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

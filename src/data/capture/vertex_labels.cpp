@@ -15,9 +15,9 @@
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/geometry/topology.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 namespace {

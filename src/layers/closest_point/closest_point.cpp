@@ -6,8 +6,9 @@
 #include <array>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/closest_point/closest_point_checks.h"
-#include "doppel/layers/reference_scope.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

@@ -1,6 +1,7 @@
-#pragma once
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
-#include "doppel/layers/op_support.h"
+#pragma once
 
 namespace doppel {
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
-#include "doppel/layers/op_support.h"
 
 namespace doppel {
 

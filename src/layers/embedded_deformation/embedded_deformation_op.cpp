@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <tuple>
 
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_kernel.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 namespace {
@@ -40,11 +41,6 @@ std::vector<Tensor> constants_of(const DeformationGraph& graph) {
           w.weights,        w.transposed_offsets, w.transposed_items, w.transposed_weights};
 }
 
-void check_tensor(const Tensor& tensor, const char* name, at::IntArrayRef shape) {
-  TORCH_CHECK(tensor.scalar_type() == torch::kFloat32 && tensor.sizes() == shape, kDeformationOp, ": ", name,
-              " must be float32 ", shape, ", found ", describe(tensor));
-}
-
 /// The data of one call. The tensors own the memory that `params` points to.
 struct DeformationCall {
   Tensor A, T, D, M, table, pose_table, origin;
@@ -55,23 +51,22 @@ struct DeformationCall {
                   at::TensorList graph) {
     TORCH_CHECK(graph.size() == kConstants, kDeformationOp, ": graph must hold ", static_cast<int>(kConstants),
                 " tensors");
-    TORCH_CHECK(A_in.dim() == 3, kDeformationOp, ": A must be float32 [B,K,3], found ", describe(A_in));
     take_constants(graph);
-    batch = A_in.size(0);
     const int64_t N = params.num_vertices, K = params.num_nodes;
-    check_tensor(A_in, "A", {batch, K, 3});
-    check_tensor(T_in, "T", {batch, K, 3});
+    check_floats(kDeformationOp, "A", A_in, {-1, K, 3}, "[B,K,3]");
+    batch = A_in.size(0);
+    check_floats(kDeformationOp, "T", T_in, {batch, K, 3});
     A = A_in.contiguous();
     T = T_in.contiguous();
     params.angles = A.data_ptr<float>();
     params.translations = T.data_ptr<float>();
     if (D_in && D_in->defined()) {
-      check_tensor(*D_in, "D", {batch, N, 3});
+      check_floats(kDeformationOp, "D", *D_in, {batch, N, 3});
       D = D_in->contiguous();
       params.displacements = D.data_ptr<float>();
     }
     if (M_in && M_in->defined()) {
-      check_tensor(*M_in, "node_transforms", {batch, K, 3, 4});
+      check_floats(kDeformationOp, "node_transforms", *M_in, {batch, K, 3, 4});
       M = M_in->contiguous();
       params.node_transforms = M.data_ptr<float>();
     }
@@ -152,7 +147,7 @@ std::tuple<Tensor, Tensor, Tensor, Tensor> deformation_backward_cpu(const Tensor
                                                                     at::TensorList graph, std::array<bool, 3> wants) {
   DeformationCall call(A, T, D, node_transforms, graph);
   DeformationParams& p = call.params;
-  check_tensor(grad_in, "the gradient", {call.batch, p.num_vertices, 3});
+  check_floats(kDeformationOp, "the gradient", grad_in, {call.batch, p.num_vertices, 3});
   const Tensor grad = grad_in.contiguous();
   p.grad_out = grad.data_ptr<float>();
   Tensor grad_A, grad_T, grad_D, grad_M;

@@ -1,24 +1,11 @@
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation_checks.h"
 #include "doppel/layers/rotation_math.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {
-namespace {
-
-/// sum_k w_ik X_k of transforms [B,K,3,4] -> [B,N,3,4].
-torch::Tensor blend(const torch::Tensor& transforms, const SparseRows& weights) {
-  const torch::Tensor items = index_like(weights.padded_items, transforms);
-  const torch::Tensor weight = constant_like(weights.padded_weights, transforms).unsqueeze(-1).unsqueeze(-1);
-  torch::Tensor sum;
-  for (int64_t p = 0; p < items.size(1); ++p) {
-    const torch::Tensor term = weight.select(1, p) * transforms.index_select(1, items.select(1, p));
-    sum = p == 0 ? term : sum + term;
-  }
-  return sum;
-}
-
-}  // namespace
 
 torch::Tensor euler_to_matrix(const torch::Tensor& angles) {
   if (!angles.defined() || !angles.is_floating_point() || angles.dim() < 1 || angles.size(-1) != 3) {
@@ -44,9 +31,9 @@ torch::Tensor embedded_deformation_reference(const torch::Tensor& A, const torch
   const torch::Tensor rotation = euler_to_matrix(A);
   const torch::Tensor rotated_nodes = torch::matmul(rotation, nodes.unsqueeze(-1)).squeeze(-1);
   torch::Tensor points =
-      transform_points(blend(make_transform(rotation, nodes + T - rotated_nodes), graph.weights), rest);
+      transform_points(blend_transforms(make_transform(rotation, nodes + T - rotated_nodes), graph.weights), rest);
   if (D.defined()) points = points + D;
-  if (node_transforms.defined()) points = transform_points(blend(node_transforms, graph.weights), points);
+  if (node_transforms.defined()) points = transform_points(blend_transforms(node_transforms, graph.weights), points);
   return points;
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/global_alignment/global_alignment.h"
-#include "doppel/layers/op_support.h"
 
 namespace doppel {
 

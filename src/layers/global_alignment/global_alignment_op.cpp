@@ -5,10 +5,11 @@
 #include <tuple>
 #include <vector>
 
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/global_alignment/global_alignment.h"
 #include "doppel/layers/global_alignment/global_alignment_checks.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 namespace {
@@ -132,9 +133,8 @@ struct AlignmentCall {
   AlignmentCall(const Tensor& points_in, at::TensorList rays, double threshold, bool binary, double damping,
                 double condition)
       : options{threshold, binary, damping, condition} {
-    TORCH_CHECK(rays.size() == 3 && points_in.dim() == 3 && points_in.scalar_type() == torch::kFloat32, kAlignmentOp,
-                ": points must be float32 [B,M,3] and rays hold origin, direction, confidence; found ",
-                describe(points_in));
+    TORCH_CHECK(rays.size() == 3, kAlignmentOp, ": rays must hold origin, direction, confidence");
+    check_floats(kAlignmentOp, "points", points_in, {-1, -1, 3}, "[B,M,3]");
     check_alignment_arguments(points_in, {rays[0], rays[1], rays[2]}, {});
     points = points_in.contiguous();
     origin = rays[0].to(torch::kFloat64).contiguous();
@@ -167,8 +167,7 @@ struct AlignmentCall {
 std::tuple<Tensor, Tensor> alignment_cpu(const Tensor& points, at::TensorList rays, const Tensor& prior_in,
                                          double threshold, bool binary, double damping, double condition) {
   const AlignmentCall call(points, rays, threshold, binary, damping, condition);
-  TORCH_CHECK(prior_in.dim() == 2 && prior_in.size(0) == points.size(0) && prior_in.size(1) == 3, kAlignmentOp,
-              ": prior must be [B,3], found ", describe(prior_in));
+  check_shape(kAlignmentOp, "prior", prior_in, {points.size(0), 3}, "[B,3]");
   const Tensor prior = prior_in.to(torch::kFloat64).contiguous();
   Tensor translation = at::empty({points.size(0), 3}, call.points.options());
   Tensor valid = at::empty({points.size(0)}, call.points.options().dtype(torch::kBool));

@@ -6,11 +6,11 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/layers/graph_convolution/graph_convolution_kernel.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 

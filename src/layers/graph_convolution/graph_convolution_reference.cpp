@@ -1,8 +1,8 @@
 #include <torch/csrc/jit/frontend/tracer.h>
 #include <torch/types.h>
 
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
-#include "doppel/layers/reference_scope.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <vector>
 
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/image_convolution/image_convolution.h"
 #include "doppel/layers/image_convolution/image_convolution_kernel.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 namespace {

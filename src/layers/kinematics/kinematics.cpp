@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "doppel/core/error.h"
-#include "doppel/layers/op_support.h"
 
 namespace doppel {
 namespace {

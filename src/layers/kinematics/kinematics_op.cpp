@@ -2,11 +2,11 @@
 
 #include <vector>
 
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/kinematics/kinematics_kernel.h"
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
 
 namespace doppel {
 namespace {
@@ -19,8 +19,7 @@ const char* const kKinematicsOp = "doppel::forward_kinematics";
 
 void check_arguments(const Tensor& dofs, const Tensor& weights_of, const Tensor& frame_joint,
                      const Tensor& frame_local) {
-  TORCH_CHECK(dofs.dim() == 2 && dofs.scalar_type() == torch::kFloat32, kKinematicsOp,
-              ": dofs must be float32 [B,D], found ", describe(dofs));
+  check_floats(kKinematicsOp, "dofs", dofs, {-1, -1}, "[B,D]");
   TORCH_CHECK(weights_of.scalar_type() == torch::kFloat64 && frame_local.scalar_type() == torch::kFloat64,
               kKinematicsOp, ": geometry, drive_weight and frame_local must be float64");
   TORCH_CHECK(frame_local.dim() == 3 && frame_local.size(0) == frame_joint.size(0), kKinematicsOp,

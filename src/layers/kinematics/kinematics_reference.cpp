@@ -1,5 +1,5 @@
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/kinematics/kinematics.h"
-#include "doppel/layers/op_support.h"
 #include "doppel/layers/transform_math.h"
 
 namespace doppel {

@@ -1,7 +1,7 @@
 #include "doppel/layers/landmarks/landmarks.h"
 
 #include "doppel/character/landmarks.h"
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <tuple>
 
-#include "doppel/layers/op_handle.h"
-#include "doppel/layers/op_support.h"
-#include "doppel/layers/reference_scope.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/core/tensor/op.h"
+#include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/layers/skinning/skinning_kernel.h"
 
@@ -32,9 +32,7 @@ struct SkinningCall {
     TORCH_CHECK(rows.size() == 3 && rows[0].scalar_type() == torch::kInt32 && rows[1].scalar_type() == torch::kInt32 &&
                     rows[2].scalar_type() == torch::kFloat32,
                 kSkinningOp, ": weights must be int32 offsets, int32 items, float32 weights");
-    TORCH_CHECK(bones_in.dim() == 4 && bones_in.size(2) == 3 && bones_in.size(3) == 4 &&
-                    bones_in.scalar_type() == torch::kFloat32,
-                kSkinningOp, ": bones must be float32 [B,Bn,3,4], found ", describe(bones_in));
+    check_floats(kSkinningOp, "bones", bones_in, {-1, -1, 3, 4}, "[B,Bn,3,4]");
     bones = bones_in.contiguous();
     batch = bones.size(0);
     params.num_points = rows[0].size(0) - 1;
@@ -54,11 +52,11 @@ struct SkinningCall {
 
   void take_points(const Tensor& points_in) {
     const bool shared = points_in.dim() == 2;
-    TORCH_CHECK(points_in.scalar_type() == torch::kFloat32 && (shared || points_in.dim() == 3) &&
-                    points_in.size(-1) == 3 && points_in.size(-2) == params.num_points &&
-                    (shared || points_in.size(0) == batch),
-                kSkinningOp, ": points must be float32 [N,3] or [B,N,3] with N = ", params.num_points, ", B = ", batch,
-                ", found ", describe(points_in));
+    if (shared) {
+      check_floats(kSkinningOp, "points", points_in, {params.num_points, 3}, "[N,3]");
+    } else {
+      check_floats(kSkinningOp, "points", points_in, {batch, params.num_points, 3}, "[B,N,3]");
+    }
     points = points_in.contiguous();
     params.points = points.data_ptr<float>();
     params.point_stride = shared ? 0 : 3 * params.num_points;

@@ -1,4 +1,4 @@
-#include "doppel/layers/op_support.h"
+#include "doppel/core/tensor/checks.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/layers/transform_math.h"
 
@@ -53,17 +53,6 @@ torch::Tensor rigid_of(const torch::Tensor& dual_quaternion) {
                       -2);
 }
 
-torch::Tensor blend_linear(const torch::Tensor& bones, const SparseRows& weights) {
-  const torch::Tensor items = index_like(weights.padded_items, bones);
-  const torch::Tensor weight = constant_like(weights.padded_weights, bones).unsqueeze(-1).unsqueeze(-1);
-  torch::Tensor sum;
-  for (int64_t p = 0; p < items.size(1); ++p) {
-    const torch::Tensor term = weight.select(1, p) * bones.index_select(1, items.select(1, p));
-    sum = p == 0 ? term : sum + term;
-  }
-  return sum;
-}
-
 torch::Tensor blend_dual_quaternions(const torch::Tensor& bones, const SparseRows& weights) {
   const torch::Tensor items = index_like(weights.padded_items, bones);
   const torch::Tensor weight = constant_like(weights.padded_weights, bones).unsqueeze(-1);
@@ -83,7 +72,7 @@ torch::Tensor blend_dual_quaternions(const torch::Tensor& bones, const SparseRow
 
 torch::Tensor skinning_blend_reference(const torch::Tensor& bones, const SparseRows& weights, SkinningMode mode) {
   check_shape("skinning", "bones", bones, {-1, weights.num_columns, 3, 4}, "[B,Bn,3,4]");
-  return mode == SkinningMode::linear ? blend_linear(bones, weights) : blend_dual_quaternions(bones, weights);
+  return mode == SkinningMode::linear ? blend_transforms(bones, weights) : blend_dual_quaternions(bones, weights);
 }
 
 torch::Tensor skinning_reference(const torch::Tensor& points, const torch::Tensor& bones, const SparseRows& weights,

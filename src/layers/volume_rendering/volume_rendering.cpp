@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/layers/op_support.h"
+#include "doppel/core/error.h"
+#include "doppel/core/tensor/checks.h"
 
 namespace doppel {
 

@@ -7,7 +7,8 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
-#include "doppel/render/face_table.h"
+#include "doppel/core/tensor/checks.h"
+#include "doppel/render/raster/face_table.h"
 #include "doppel/render/shading/shading_terms.h"
 
 namespace doppel {
@@ -20,26 +21,20 @@ bool takes_kernel(const Tensor& vertices, bool use_reference) {
   return vertices.scalar_type() == torch::kFloat32 && !use_reference && !torch::jit::tracer::isTracing();
 }
 
-/// Fails unless `t` is on the CPU, has the type of the vertices and the given sizes (-1: any).
+/// Fails unless `t` has the type and device of the vertices and the given sizes (-1: any).
 void check(const char* op, const char* name, const Tensor& t, const Tensor& vertices, torch::IntArrayRef sizes,
            const char* letters) {
-  bool good = t.defined() && t.device().is_cpu() && t.scalar_type() == vertices.scalar_type() &&
-              t.dim() == static_cast<std::int64_t>(sizes.size());
-  for (std::size_t i = 0; good && i < sizes.size(); ++i) {
-    good = sizes[i] < 0 || t.size(static_cast<std::int64_t>(i)) == sizes[i];
-  }
-  if (!good) {
-    fail<UsageError>("{}: {} must be {} {} = {} (-1: any) on the CPU, found {}", op, name,
-                     torch::toString(vertices.scalar_type()), letters, render::describe_sizes(sizes),
-                     render::describe(t));
-  }
+  check_shape(op, name, t, sizes, letters);
+  check_same_kind(op, name, t, vertices);
 }
 
 void check_mesh(const char* op, const Tensor& vertices, const Tensor& projection, const RenderMesh& mesh,
                 float z_near) {
   if (!vertices.defined() || !vertices.is_floating_point() || vertices.scalar_type() == torch::kFloat16) {
-    fail<UsageError>("{}: vertices must be float32 or float64 [B,N,3], found {}", op, render::describe(vertices));
+    fail<UsageError>("{}: vertices must be float32 or float64 [B,N,3], found {}", op, describe(vertices));
   }
+  if (!vertices.device().is_cpu())
+    fail<UsageError>("{}: vertices are on {}; they must be on the CPU", op, vertices.device().str());
   check(op, "vertices", vertices, vertices, {-1, mesh.num_vertices, 3}, "[B,N,3]");
   check(op, "projection", projection, vertices, {vertices.size(0), -1, 3, 4}, "[B,C,3,4]");
   if (!(z_near > 0)) fail<UsageError>("{}: z_near is {} m; it must be greater than 0", op, z_near);
@@ -180,7 +175,7 @@ Tensor target_on_surface(const Tensor& vertices, const Tensor& projection, const
   }
   if (drawn != nullptr && drawn->mask.sizes() != target.sizes().slice(0, 4)) {
     fail<UsageError>("{}: `drawn` is {}, the target {}; they must show the same views at the same size", op,
-                     render::describe(drawn->mask), render::describe(target));
+                     describe(drawn->mask), describe(target));
   }
   if (!takes_kernel(vertices, options.use_reference)) {
     return shading::target_reference(vertices, projection, mesh, target, options);

@@ -2,7 +2,7 @@
 
 #include <torch/types.h>
 
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/shading/shading_types.h"
 
 namespace doppel {

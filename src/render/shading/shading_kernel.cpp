@@ -1,7 +1,7 @@
 #include "doppel/render/shading/shading_kernel.h"
 
-#include "doppel/render/raster_resolve.h"
-#include "doppel/render/sh_lanes.h"
+#include "doppel/render/lighting/sh_lanes.h"
+#include "doppel/render/raster/raster_resolve.h"
 #include "doppel/render/simd.h"
 
 namespace doppel::kernels::DOPPEL_ISA {

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "doppel/core/cpu_dispatch.h"
-#include "doppel/render/raster_kernel.h"
+#include "doppel/render/raster/raster_kernel.h"
 
 namespace doppel::kernels {
 

@@ -1,6 +1,5 @@
 #include <ATen/Parallel.h>
 #include <torch/autograd.h>
-#include <torch/csrc/autograd/functions/basic_ops.h>
 #include <torch/library.h>
 #include <torch/types.h>
 
@@ -9,13 +8,13 @@
 #include <memory>
 
 #include "doppel/core/as_size.h"
+#include "doppel/core/tensor/op.h"
 #include "doppel/render/lease.h"
-#include "doppel/render/op_handle.h"
+#include "doppel/render/raster/view_workers.h"
 #include "doppel/render/recycled.h"
 #include "doppel/render/shading/shading_kernel.h"
 #include "doppel/render/shading/shading_terms.h"
-#include "doppel/render/vertex_normals.h"
-#include "doppel/render/view_workers.h"
+#include "doppel/render/shading/vertex_normals.h"
 
 namespace doppel::shading {
 namespace {
@@ -29,7 +28,6 @@ using kernels::TileGradient;
 using torch::Tensor;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
-using OptionalTensor = c10::optional<Tensor>;
 
 // --- scratch ---------------------------------------------------------------------------------------------------------
 
@@ -484,32 +482,12 @@ Tensor target_on_surface_backward_cpu(const Tensor& upstream_in, const Tensor& v
 
 // --- autograd --------------------------------------------------------------------------------------------------------
 
-OptionalTensor optional(const Tensor& t) { return t.defined() ? OptionalTensor(t) : c10::nullopt; }
-Tensor tensor_or_none(const OptionalTensor& t) { return t.has_value() ? *t : Tensor(); }
-
-/// Gradients without a derivative of their own: differentiating them throws.
-variable_list once_differentiable(variable_list gradients, const char* op) {
-  if (!torch::GradMode::is_enabled()) return gradients;
-  variable_list defined;
-  for (const Tensor& g : gradients) {
-    if (g.defined()) defined.push_back(g.detach().requires_grad_());
-  }
-  auto trap = std::make_shared<torch::autograd::DelayedError>(
-      std::string(op) + " has no second derivative; use its reference", static_cast<int>(defined.size()));
-  variable_list trapped = (*trap)(std::move(defined));
-  std::size_t next = 0;
-  for (Tensor& g : gradients) {
-    if (g.defined()) g = trapped[next++];
-  }
-  return gradients;
-}
-
 class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
  public:
   static variable_list forward(AutogradContext* context, const Tensor& vertices, const OptionalTensor& texture,
                                const OptionalTensor& lighting, const Tensor& projection, const RenderMesh& mesh,
                                std::int64_t height, std::int64_t width, const ShadingOptions& options) {
-    static const auto op = render::find_op<decltype(shade_cpu)>("doppel::shade");
+    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
     context->saved_data["nearest"] = options.nearest;
     context->saved_data["flip"] = options.flip_normals;
     context->saved_data["vertices"] = vertices.requires_grad();
@@ -517,9 +495,9 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
     context->saved_data["lighting"] = lighting.has_value() && lighting->requires_grad();
     at::AutoDispatchBelowADInplaceOrView guard;
     auto [colour, mask, normals, records, counts] = op.call(
-        vertices, texture, lighting, projection, mesh.face_records, optional(mesh.uv_records), mesh.incident_offsets,
+        vertices, texture, lighting, projection, mesh.face_records, optional_of(mesh.uv_records), mesh.incident_offsets,
         mesh.incident_faces, height, width, options.nearest, options.flip_normals, options.z_near, true);
-    context->save_for_backward({vertices, tensor_or_none(texture), tensor_or_none(lighting), projection,
+    context->save_for_backward({vertices, texture.value_or(Tensor()), lighting.value_or(Tensor()), projection,
                                 mesh.face_records, mesh.uv_records, mesh.incident_offsets, mesh.incident_faces, normals,
                                 records, counts});
     context->mark_non_differentiable({mask, records, counts});
@@ -528,7 +506,7 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
   }
 
   static variable_list backward(AutogradContext* context, variable_list upstream) {
-    static const auto op = render::find_op<decltype(shade_backward_cpu)>("doppel::shade_backward");
+    static const auto op = find_op<decltype(shade_backward_cpu)>("doppel::shade_backward");
     const variable_list saved = context->get_saved_variables();
     const bool vertices = context->saved_data["vertices"].toBool(), texture = context->saved_data["texture"].toBool(),
                lighting = context->saved_data["lighting"].toBool();
@@ -536,10 +514,10 @@ class ShadeFunction : public torch::autograd::Function<ShadeFunction> {
     if (!upstream[0].defined()) return out;
     {
       at::AutoDispatchBelowADInplaceOrView guard;
-      auto [to_vertices, to_texture, to_lighting] =
-          op.call(upstream[0], saved[0], optional(saved[1]), optional(saved[2]), saved[3], saved[4], optional(saved[5]),
-                  saved[6], saved[7], saved[8], saved[9], saved[10], context->saved_data["nearest"].toBool(),
-                  context->saved_data["flip"].toBool(), vertices, texture, lighting);
+      auto [to_vertices, to_texture, to_lighting] = op.call(
+          upstream[0], saved[0], optional_of(saved[1]), optional_of(saved[2]), saved[3], saved[4],
+          optional_of(saved[5]), saved[6], saved[7], saved[8], saved[9], saved[10],
+          context->saved_data["nearest"].toBool(), context->saved_data["flip"].toBool(), vertices, texture, lighting);
       if (vertices) out[0] = to_vertices;
       if (texture) out[1] = to_texture;
       if (lighting) out[2] = to_lighting;
@@ -559,8 +537,7 @@ class TargetFunction : public torch::autograd::Function<TargetFunction> {
   }
 
   static variable_list backward(AutogradContext* context, variable_list upstream) {
-    static const auto op =
-        render::find_op<decltype(target_on_surface_backward_cpu)>("doppel::target_on_surface_backward");
+    static const auto op = find_op<decltype(target_on_surface_backward_cpu)>("doppel::target_on_surface_backward");
     const variable_list saved = context->get_saved_variables();
     Tensor to_vertices;
     {
@@ -583,24 +560,25 @@ ShadedImage fused(const Tensor& vertices, const Tensor& texture, const Tensor& l
   const bool gradient = torch::GradMode::is_enabled() &&
                         (needs_gradient(vertices) || needs_gradient(texture) || needs_gradient(lighting));
   if (!gradient) {
-    static const auto op = render::find_op<decltype(shade_cpu)>("doppel::shade");
+    static const auto op = find_op<decltype(shade_cpu)>("doppel::shade");
     at::AutoDispatchBelowADInplaceOrView guard;
     auto [colour, mask, normals, records, counts] =
-        op.call(vertices, optional(texture), optional(lighting), projection, mesh.face_records,
-                optional(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height, width, options.nearest,
-                options.flip_normals, options.z_near, false);
+        op.call(vertices, optional_of(texture), optional_of(lighting), projection, mesh.face_records,
+                optional_of(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height, width,
+                options.nearest, options.flip_normals, options.z_near, false);
     return {colour, mask, {}};
   }
-  const variable_list out =
-      ShadeFunction::apply(vertices, optional(texture), optional(lighting), projection, mesh, height, width, options);
+  const variable_list out = ShadeFunction::apply(vertices, optional_of(texture), optional_of(lighting), projection,
+                                                 mesh, height, width, options);
   return {out[0], out[1], {out[2], out[3]}};
 }
 
 SupersampledImage fused_supersampled(const Tensor& vertices, const Tensor& texture, const Tensor& lighting,
                                      const Tensor& projection, const RenderMesh& mesh, std::int64_t height,
                                      std::int64_t width, int factor, const ShadingOptions& options) {
-  Scene scene(vertices, optional(texture), optional(options.lit ? lighting : Tensor()), projection, mesh.face_records,
-              optional(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height, width);
+  Scene scene(vertices, optional_of(texture), optional_of(options.lit ? lighting : Tensor()), projection,
+              mesh.face_records, optional_of(mesh.uv_records), mesh.incident_offsets, mesh.incident_faces, height,
+              width);
   scene.nearest = options.nearest;
   scene.flip = options.flip_normals;
   const WorkspaceLease workspace;
@@ -623,7 +601,7 @@ Tensor target_fused(const Tensor& vertices, const Tensor& projection, const Rend
   if (!torch::GradMode::is_enabled() || !vertices.requires_grad()) return target;
   Fragments fragments = drawn;
   if (!fragments.defined()) {
-    static const auto op = render::find_op<decltype(draw_fragments_cpu)>("doppel::draw_fragments");
+    static const auto op = find_op<decltype(draw_fragments_cpu)>("doppel::draw_fragments");
     at::AutoDispatchBelowADInplaceOrView guard;
     std::tie(fragments.records, fragments.counts) =
         op.call(vertices, projection, mesh.face_records, target.size(2), target.size(3), options.z_near);

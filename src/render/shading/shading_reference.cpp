@@ -1,7 +1,7 @@
 #include <torch/types.h>
 
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/sh_lighting.h"
+#include "doppel/render/lighting/sh_lighting.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "doppel/render/shading/shading_terms.h"
 #include "doppel/render/shading/surface_pixels.h"
 

@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/shading/shading_types.h"
 
 /// Kernel and reference of `shade` and `target_on_surface`, with checked arguments.

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "doppel/core/as_size.h"
-#include "doppel/render/face_tensor.h"
-#include "doppel/render/rasterizer.h"
+#include "doppel/render/mesh/face_tensor.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

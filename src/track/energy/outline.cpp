@@ -7,10 +7,10 @@
 #include <opencv2/core.hpp>
 
 #include "doppel/core/as_size.h"
-#include "doppel/render/boundary.h"
+#include "doppel/render/mesh/render_mesh.h"
+#include "doppel/render/outline/boundary.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 

@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/core/tensor/image_tensor.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/render/projection.h"
 
@@ -32,11 +33,7 @@ Tensor surface_of(const std::vector<Eigen::Vector3d>& points) {
 }
 
 /// [1,3,T,T] as an image of three channels, which owns its pixels.
-cv::Mat image_of_map(const Tensor& map) {
-  const Tensor packed = map[0].permute({1, 2, 0}).contiguous();
-  return cv::Mat(static_cast<int>(packed.size(0)), static_cast<int>(packed.size(1)), CV_32FC3, packed.data_ptr<float>())
-      .clone();
-}
+cv::Mat image_of_map(const Tensor& map) { return image_view(map[0].permute({1, 2, 0}).contiguous()).clone(); }
 
 /// The smallest depth around each pixel, so that points beside the outline of a nearer part count as hidden; 0 beside
 /// the background, whose colour must not reach the surface.

@@ -7,8 +7,8 @@
 
 #include "doppel/geometry/camera.h"
 #include "doppel/geometry/mesh.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/texture_space.h"
+#include "doppel/render/raster/rasterizer.h"
+#include "doppel/render/texture/texture_space.h"
 
 namespace doppel {
 

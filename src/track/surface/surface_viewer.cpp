@@ -7,9 +7,9 @@
 #include <cmath>
 
 #include "doppel/core/as_size.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/raster/rasterizer.h"
 
 namespace doppel {
 namespace {

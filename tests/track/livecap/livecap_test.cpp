@@ -5,9 +5,9 @@
 
 #include "doppel/character/observable_dofs.h"
 #include "doppel/core/as_size.h"
+#include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
-#include "doppel/render/rasterizer.h"
-#include "doppel/render/render_mesh.h"
+#include "doppel/render/raster/rasterizer.h"
 #include "support/message_of.h"
 #include "track/energy/body_fixture.h"
 
