@@ -44,11 +44,11 @@ rows() {
 }
 
 [ -f "$folder/detected/capture.yaml" ] || "$doppel" detect "$capture" --out "$folder/detected" >/dev/null
-track livecap "$folder/detected" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
+track livecap "$folder/detected" livecap --camera "$camera" --set smoothing=0
 track livecap-paper "$folder/detected" livecap --camera "$camera" --config configs/paper/livecap.yaml --set smoothing=0
-track livecap-2d "$capture" livecap --camera "$camera" --config configs/track/livecap.yaml --set smoothing=0
+track livecap-2d "$capture" livecap --camera "$camera" --set smoothing=0
 track deepcap "$capture" deepcap --camera "$camera" --run "$run" --smoothing 0
-track multiview "$capture" multiview --surface --config configs/track/multiview.yaml --set smoothing=0
+track multiview "$capture" multiview --surface --set smoothing=0
 printf '%s\n' "| Table 5.1 | GLE, mm | 3DPCK, % | AUC, % | MPJPE, mm |" "|---|---:|---:|---:|---:|" >"$folder/5.1.md"
 printf '%s\n' "| Table 5.2 | AMVIoU | RVIoU | SVIoU |" "|---|---:|---:|---:|" >"$folder/5.2.md"
 rows "LiveCap, \`configs/paper\`" livecap-paper "$camera" surface

@@ -16,6 +16,7 @@
 #include "doppel/data/capture/capture_layouts.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
+#include "key_tables.h"
 
 namespace doppel::tools {
 
@@ -25,7 +26,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct InfoOptions {
-  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture;
+  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture, keys;
   double metres_per_unit = 0.001;
   bool verbose = false;
 };
@@ -438,8 +439,9 @@ Command add_info(CLI::App& program) {
   auto options = std::make_shared<InfoOptions>();
   CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
-                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder")
-      ->required();
+                  "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder");
+  // For scripts/key_tables.sh; without a group the option is not listed.
+  app->add_option("--keys", options->keys, "Print a table of the keys of a configuration")->group("");
   app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
@@ -457,6 +459,11 @@ Command add_info(CLI::App& program) {
   app->add_flag("--verbose", options->verbose, "List every DoF with its limits and every bone with its joint");
   app->footer("Example: doppel info actor/actor.character --verbose");
   return {app, [options](const CommonOptions& common) {
+            if (!options->keys.empty()) {
+              fmt::print("{}", key_table_of(options->keys));
+              return 0;
+            }
+            if (options->path.empty()) fail<UsageError>("info: no file or folder is named; add its path");
             const Report report = describe(options->path, *options);
             if (common.json || report.text.empty())
               print_report(report.json, common.json);

@@ -398,8 +398,7 @@ Command add_track(CLI::App& program) {
   app->add_option("--limit-frames", task.limit_frames, "Largest number of frames of each sequence (0: all)")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app->add_option("--config", arguments->config,
-                  "Configuration of weights and thresholds (configs/track/multiview.yaml, livecap.yaml)");
+  app->add_option("--config", arguments->config, "Configuration of weights and thresholds (keys: docs/tracking.md)");
   app->add_option("--camera", arguments->camera,
                   "Name of the camera for livecap and deepcap, if the capture has several");
   app->add_option("--prior-motion", arguments->prior_motion,

@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/nets/graph_chain.h"
 #include "doppel/nets/graph_network.h"
@@ -54,13 +54,10 @@ struct SagcnConfig {
   SagcnInitialisation initialisation = SagcnInitialisation::glorot;
   double head_scale = 1e-3;  ///< `glorot` only: bound of the kernels of head and dense block. A small bound makes the
                              ///< initial outputs about 0.
-
-  /// Reads keys with the names of the members. A missing key takes its value from `defaults`.
-  /// @throws FileError at a key whose value is not allowed
-  static SagcnConfig read(const ConfigReader& reader, const SagcnConfig& defaults);
   /// Checks the numbers. @throws UsageError that lists every value out of range
   void check() const;
 };
+void describe_keys(const Keys& keys, SagcnConfig& config);
 
 /// The batch normalisation that SagcnNorm selects. In training mode it uses the statistics of the batch, which may be
 /// shared by ranks, and updates the running ones. In evaluation mode it uses the running ones.

@@ -325,7 +325,7 @@ TEST(DeltaNetRecovers, ItsStateFromAnArchive) {
 DeltaNetConfig read(const std::string& text) {
   const ConfigDocument document = ConfigDocument::parse(text, "deltanet.yaml");
   const ConfigReader root = document.root();
-  const DeltaNetConfig config = DeltaNetConfig::read(root);
+  const DeltaNetConfig config = read_options<DeltaNetConfig>(root);
   root.finish();
   return config;
 }

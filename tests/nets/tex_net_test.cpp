@@ -319,7 +319,7 @@ TEST(TexNetRecovers, ItsStateFromAnArchive) {
 TexNetConfig read(const std::string& text) {
   const ConfigDocument document = ConfigDocument::parse(text, "texnet.yaml");
   const ConfigReader root = document.root();
-  const TexNetConfig config = TexNetConfig::read(root);
+  const TexNetConfig config = read_options<TexNetConfig>(root);
   root.finish();
   config.check();
   return config;
