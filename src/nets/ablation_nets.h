@@ -23,6 +23,7 @@ struct AblationConfig {
   int fully_connected_layers = 19;  ///< the depth of the graph network: stem, 16 units, dense block, head
   int fully_connected_width = 256;
   int chebyshev_order = 3;  ///< polynomials T_0 .. T_(order-1): the neighbourhood of R = 3 rings
+
   /// @throws UsageError listing every fault
   void check() const;
 };

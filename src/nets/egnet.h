@@ -41,6 +41,7 @@ struct EgNetConfig {
   NetworkKind network = NetworkKind::sagcn;  ///< the others are baselines of Table 6.4
   AblationConfig ablation;
   static EgNetConfig preset(const std::string& name);
+
   /// @throws UsageError listing every fault
   void check() const;
   /// Numbers per node and frame: 6 or 9.

@@ -34,6 +34,7 @@ struct MotionGraphConfig {
 
   /// 16 features, 8 residual blocks, R = 3, broadcast dense block, no batch normalisation.
   MotionGraphConfig();
+
   /// @throws UsageError listing every fault
   void check() const;
 };

@@ -46,6 +46,7 @@ struct RadianceFieldConfig {
   double margin = 0.01;        ///< metres beyond t_mi and t_ma; farther off the density is 0
 
   int vertex_values() const { return features + (place_octaves > 0 ? 3 : 0); }  ///< H
+
   /// @throws UsageError listing every fault
   void check() const;
 };

@@ -37,9 +37,9 @@ enum class SagcnNorm { node, channel, none };
 /// (`dense_matrix`).
 enum class DenseBlock { none, broadcast, matrix };
 /// The initial weights. `glorot`: the kernels of a node are uniform in +-sqrt(6 / (inputs + outputs)). In the head and
-/// in the dense block, they are uniform in +-head_scale instead. Biases are 0. `public_code` (`public` in a
-/// configuration): kernels and biases are normal with mean -1e-3 and standard deviation 1e-3, as in the public code. In
-/// the dense block, the kernels are a hundredth of that, and the bias is 0.
+/// in the dense block, they are uniform in +-head_scale instead. Biases are 0. `public_code`: kernels and biases are
+/// normal with mean -1e-3 and standard deviation 1e-3, as in the public code. In the dense block, the kernels are a
+/// hundredth of that, and the bias is 0.
 enum class SagcnInitialisation { glorot, public_code };
 
 struct SagcnConfig {
@@ -54,6 +54,7 @@ struct SagcnConfig {
   SagcnInitialisation initialisation = SagcnInitialisation::glorot;
   double head_scale = 1e-3;  ///< `glorot` only: bound of the kernels of head and dense block. A small bound makes the
                              ///< initial outputs about 0.
+
   /// Checks the numbers. @throws UsageError that lists every value out of range
   void check() const;
 };

@@ -36,6 +36,7 @@ struct TexNetConfig {
 
   /// `paper`: 1024, all channels, transposed convolutions, the camera's position in the world, no static texture.
   static TexNetConfig preset(const std::string& name);
+
   /// @throws UsageError listing every fault
   void check() const;
 

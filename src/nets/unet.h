@@ -31,6 +31,7 @@ struct UNetConfig {
   double norm_momentum = 0.01;  ///< running = (1 - momentum) running + momentum new
   double leaky_slope = 0.3;
   double head_scale = 1.0;  ///< factor of the last layer's initial weights
+
   /// @throws UsageError listing every fault
   void check() const;
   /// Channels after halving number `level` (0 is the first).

@@ -14,6 +14,7 @@
 #include <optional>
 #include <sstream>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/layers/reference_scope.h"
 #include "support/gradient_check.h"

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/nets/def_net.h"
 #include "nets/weights_fixture.h"

@@ -13,6 +13,7 @@
 
 #include <sstream>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/render/sh_lighting.h"
 #include "support/gradient_check.h"
