@@ -26,7 +26,7 @@ run_variant() {
   local name=$1 sets=() change
   for change in "${@:2}"; do sets+=(--set "$change"); done
   [ -f "$folder/$name/track.json" ] ||
-    "$doppel" track livecap "$capture" --config configs/track/livecap.yaml --vertices --sheet-frames 0 \
+    "$doppel" track livecap "$capture" --vertices --sheet-frames 0 \
       "${options[@]}" "${sets[@]}" --out "$folder/$name" >/dev/null
 }
 

@@ -45,11 +45,11 @@ rows() {
 
 [ -f "$folder/detected/capture.yaml" ] || "$doppel" detect "$capture" --out "$folder/detected" >/dev/null
 fit=(--set smoothing=0 --sheet-frames 0)
-track livecap livecap "$folder/detected" --camera "$camera" --config configs/track/livecap.yaml "${fit[@]}"
+track livecap livecap "$folder/detected" --camera "$camera" "${fit[@]}"
 track livecap-paper livecap "$folder/detected" --camera "$camera" --config configs/paper/livecap.yaml "${fit[@]}"
-track livecap-2d livecap "$capture" --camera "$camera" --config configs/track/livecap.yaml "${fit[@]}"
+track livecap-2d livecap "$capture" --camera "$camera" "${fit[@]}"
 track deepcap deepcap "$capture" --camera "$camera" --run "$run" --smoothing 0
-track multiview "$capture" --surface --config configs/track/multiview.yaml "${fit[@]}"
+track multiview "$capture" --surface "${fit[@]}"
 printf '%s\n' "| Table 5.1 | GLE, mm | 3DPCK, % | AUC, % | MPJPE, mm |" "|---|---:|---:|---:|---:|" >"$folder/5.1.md"
 printf '%s\n' "| Table 5.2 | AMVIoU | RVIoU | SVIoU |" "|---|---:|---:|---:|" >"$folder/5.2.md"
 rows "LiveCap, \`configs/paper\`" livecap-paper "$camera" surface

@@ -129,8 +129,7 @@ Command add_character_fit(CLI::App& character) {
   app->add_option("--nodes", options->nodes, "Number of graph nodes")
       ->check(CLI::Range(50, 10000))
       ->capture_default_str();
-  app->add_option("--config", options->config,
-                  "Weights and thresholds of poses and surface (configs/track/multiview.yaml)");
+  app->add_option("--config", options->config, "Weights and thresholds of poses and surface (keys: docs/tracking.md)");
   app->add_option("--set", options->set, "Override a key of the configuration: --set silhouette.weight=0");
   app->add_option("--name", options->name, "Name of the character and its files")->capture_default_str();
   app->footer(

@@ -16,6 +16,7 @@
 #include "doppel/data/capture/find_capture.h"
 #include "doppel/geometry/image_file.h"
 #include "doppel/geometry/topology.h"
+#include "key_tables.h"
 #include "versions.h"
 
 namespace doppel::tools {
@@ -26,7 +27,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct InfoOptions {
-  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture;
+  std::string path, bone_rule = "exact", metric = "hops", unit, up, picture, keys;
   double metres_per_unit = 0.001;
   bool verbose = false, versions = false;
 };
@@ -440,6 +441,8 @@ Command add_info(CLI::App& program) {
   CLI::App* app = program.add_subcommand("info", "Describe a file, and how Doppel reads it");
   app->add_option("path", options->path,
                   "A .character, .skeleton, .skin, .motion, .obj, calibration or capture.yaml file, or a folder");
+  // For scripts/key_tables.sh; without a group the option is not listed.
+  app->add_option("--keys", options->keys, "Print a table of the keys of a configuration")->group("");
   app->add_option("--bone-rule", options->bone_rule, "How a bone of the skinning weights finds its joint by name")
       ->check(CLI::IsMember({"exact", "prefix"}))
       ->capture_default_str();
@@ -462,6 +465,10 @@ Command add_info(CLI::App& program) {
   return {app, [options](const CommonOptions& common) {
             if (options->versions) {
               print_report(describe_versions(), common.json);
+              return 0;
+            }
+            if (!options->keys.empty()) {
+              fmt::print("{}", key_table_of(options->keys));
               return 0;
             }
             if (options->path.empty())

@@ -82,7 +82,7 @@ void add_multiview_options(CLI::App& app, MultiviewArguments& arguments) {
   add_capture_option(app, arguments);
   add_output_options(app, arguments);
   add_sequences_option(app, arguments);
-  add_config_options(app, arguments, "configs/track/multiview.yaml");
+  add_config_options(app, arguments);
   app.add_flag("--surface", arguments.surface,
                "Deform the surface to the masks after the pose; writes SEQUENCE_graph.npy");
   CLI::Option* scale =

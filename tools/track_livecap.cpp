@@ -38,7 +38,7 @@ Command add_track_livecap(CLI::App& track) {
   app->footer(kLivecapExample);
   add_sequences_option(*app, *arguments);
   add_camera_option(*app, *arguments);
-  add_config_options(*app, *arguments, "configs/track/livecap.yaml");
+  add_config_options(*app, *arguments);
   add_prior_motion_option(*app, *arguments);
   add_vertices_option(*app, *arguments);
   add_sheet_option(*app, *arguments);

@@ -114,9 +114,9 @@ void add_camera_option(CLI::App& app, TrackArguments& arguments) {
   app.add_option("--camera", arguments.camera, "Name of the camera, if the capture has several");
 }
 
-std::vector<CLI::Option*> add_config_options(CLI::App& app, TrackArguments& arguments, const std::string& file) {
+std::vector<CLI::Option*> add_config_options(CLI::App& app, TrackArguments& arguments) {
   return {
-      app.add_option("--config", arguments.config, fmt::format("Configuration of weights and thresholds ({})", file)),
+      app.add_option("--config", arguments.config, "Configuration of weights and thresholds (keys: docs/tracking.md)"),
       app.add_option("--set", arguments.set, "Override a key of the configuration: --set silhouette.weight=0")
           ->allow_extra_args(false)};
 }

@@ -4,13 +4,10 @@
 
 namespace doppel {
 
-DetectionOptions DetectionOptions::read(const ConfigReader& loss) {
-  DetectionOptions o;
-  o.alignment.confidence_threshold =
-      loss.get("confidence_threshold", o.alignment.confidence_threshold, between(0.0, 1.0));
-  o.alignment.binary = loss.get("binary_alignment", o.alignment.binary);
-  o.loss.confidence_threshold = o.alignment.confidence_threshold;
-  return o;
+void describe_keys(const Keys& keys, DetectionOptions& options) {
+  keys("confidence_threshold", options.alignment.confidence_threshold, between(0.0, 1.0),
+       "keypoints below do not count");
+  options.loss.confidence_threshold = options.alignment.confidence_threshold;
 }
 
 LoaderOptions with_people(LoaderOptions options, int person_size) {

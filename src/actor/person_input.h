@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/data/dataset/loader.h"
 #include "doppel/losses/keypoints.h"
 #include "doppel/nets/pose_capture.h"
@@ -13,10 +13,9 @@ namespace doppel {
 struct DetectionOptions {
   GlobalAlignmentOptions alignment;
   KeypointLossOptions loss;
-
-  /// Keys `confidence_threshold` and `binary_alignment` of a section `loss`.
-  static DetectionOptions read(const ConfigReader& loss);
 };
+/// The keys in a section `loss`.
+void describe_keys(const Keys& keys, DetectionOptions& options);
 
 /// The loader's options with images of the person, `person_size` pixels wide, and keypoints; without past frames.
 LoaderOptions with_people(LoaderOptions options, int person_size);

@@ -5,20 +5,18 @@
 
 namespace doppel {
 
-namespace {
-
-CharacterOptions read_character_options(const ConfigReader& reader) {
-  CharacterOptions o;
-  o.bone_rule =
-      reader.choice("bone_rule", {"exact", "prefix"}, "exact") == "exact" ? BoneRule::exact : BoneRule::prefix;
-  o.num_nodes = reader.get("num_nodes", o.num_nodes, at_least(4));
-  o.graph.metric =
-      reader.choice("metric", {"hops", "geodesic"}, "hops") == "hops" ? GraphMetric::hops : GraphMetric::geodesic;
-  o.rigidity = parse_rigidity_preset(reader.choice("rigidity", {"livecap", "graph", "laplacian"}, "graph"));
-  return o;
+void describe_keys(const Keys& keys, CharacterOptions& options) {
+  keys("bone_rule", options.bone_rule, {"exact", "prefix"}, "how a bone of the skinning weights finds its joint");
+  keys("num_nodes", options.num_nodes, at_least(4), "of the graph that is built when none lies beside the character");
+  keys("metric", options.graph.metric, {"hops", "geodesic"}, "distance along the template for the weights of nodes");
+  keys("rigidity", options.rigidity, {"livecap", "graph", "laplacian"}, "of the materials");
 }
 
-}  // namespace
+void describe_keys(const Keys& keys, RunSubject& subject) {
+  keys("seed", subject.seed, at_least<std::int64_t>(0), "of all random numbers of the training");
+  describe_keys(keys.section("character"), subject.character);
+  describe_keys(keys.section("validation"), subject.validation);
+}
 
 RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage) {
   root.choice("stage", {stage}, stage);
@@ -27,8 +25,10 @@ RunSubject RunSubject::read(const ConfigDocument& document, const ConfigReader& 
     fail<UsageError>("{}: no capture is named; add --set capture=DIR with the folder that `doppel prepare` wrote",
                      document.path().string());
   const std::filesystem::path folder = std::filesystem::absolute(document.path()).parent_path();
-  return {(folder / capture).lexically_normal(), root.get<long>("seed", 1, at_least(0L)),
-          read_character_options(root.section("character")), ValidationFrames::read(root.section("validation"))};
+  RunSubject subject;
+  subject.capture = (folder / capture).lexically_normal();
+  read_keys(root, subject);
+  return subject;
 }
 
 void RunSubject::use_capture(const std::filesystem::path& folder) {

@@ -6,6 +6,7 @@
 
 #include "doppel/character/character.h"
 #include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/data/dataset/dataset.h"
 
 namespace doppel {
@@ -17,7 +18,7 @@ struct RunSubject {
   CharacterOptions character;
   ValidationFrames validation;
 
-  /// Reads `stage` (which must be `stage`), `capture`, `seed`, and the sections `character` and `validation`.
+  /// Reads `stage` (which must be `stage`), `capture`, and the keys of `describe_keys`.
   /// @throws UsageError when no capture is named
   static RunSubject read(const ConfigDocument& document, const ConfigReader& root, const std::string& stage);
 
@@ -26,5 +27,7 @@ struct RunSubject {
   /// Opens the capture with its validation frames set aside. @throws as Dataset::open and Dataset::hold_out
   Dataset open_dataset() const;
 };
+/// The keys `seed`, `character` and `validation` of the top level.
+void describe_keys(const Keys& keys, RunSubject& subject);
 
 }  // namespace doppel

@@ -30,7 +30,7 @@ void load_egnet(TrainedActor& actor, const StoredStage& stage, const fs::path& r
   actor.mesh = std::make_shared<RenderMesh>(actor.character.mesh);
   if (!actor.character.mesh.texture.empty() && actor.mesh->has_uvs())
     actor.static_texture = texture_tensor(actor.character.mesh);
-  actor.egnet = EgNet(actor.character, EgNetConfig::read(root.section("model")));
+  actor.egnet = EgNet(actor.character, read_options<EgNetConfig>(root.section("model")));
   load_evaluation_weights(*actor.egnet, stage.checkpoint);
 }
 
@@ -40,12 +40,12 @@ void load_lighting(TrainedActor& actor, const StoredStage& stage) {
 }
 
 void load_delta_net(TrainedActor& actor, const StoredStage& stage) {
-  actor.deltanet = DeltaNet(actor.character, DeltaNetConfig::read(stage.config.root().section("model")));
+  actor.deltanet = DeltaNet(actor.character, read_options<DeltaNetConfig>(stage.config.root().section("model")));
   load_evaluation_weights(*actor.deltanet, stage.checkpoint);
 }
 
 void load_tex_net(TrainedActor& actor, const StoredStage& stage) {
-  const TexNetConfig config = TexNetConfig::read(stage.config.root().section("model"));
+  const TexNetConfig config = read_options<TexNetConfig>(stage.config.root().section("model"));
   actor.texnet = make_tex_net(actor, config, at::detail::createCPUGenerator(0));
   actor.texture_space = std::make_shared<TextureSpace>(*actor.mesh, config.size);
   load_evaluation_weights(*actor.texnet, stage.checkpoint);
@@ -53,17 +53,17 @@ void load_tex_net(TrainedActor& actor, const StoredStage& stage) {
 
 void load_radiance(TrainedActor& actor, const StoredStage& stage) {
   const ConfigReader root = stage.config.root();
-  actor.hybrid = Hybrid(actor.character, actor.deltanet, HybridConfig::read(root.section("model")));
+  actor.hybrid = Hybrid(actor.character, actor.deltanet, read_options<HybridConfig>(root.section("model")));
   load_evaluation_weights(*actor.hybrid, stage.checkpoint);
   actor.field_viewer = std::make_shared<FieldViewer>(actor.character);
-  const FieldRays rays = FieldRays::read(root.section("rays"));
+  const FieldRays rays = read_options<FieldRays>(root.section("rays"));
   actor.field_image.samples = rays.samples;
   actor.field_stencil = rays.stencil;
 }
 
 void load_nerf(TrainedActor& actor, const StoredStage& stage) {
   const ConfigReader root = stage.config.root();
-  actor.nerf = PlainField(torch::zeros({1, 3}), PlainFieldConfig::read(root.section("model")));
+  actor.nerf = PlainField(torch::zeros({1, 3}), read_options<PlainFieldConfig>(root.section("model")));
   load_evaluation_weights(*actor.nerf, stage.checkpoint);
   const ConfigReader data = root.section("data");
   actor.nerf_frame = nerf_frame(actor.subject.open_dataset(), parse_split(data.choice("split", split_words(), "train")),

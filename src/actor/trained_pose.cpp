@@ -18,7 +18,7 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   trained.subject = RunSubject::read(stored->config, root, "posenet");
   trained.subject.validation = run_subject(run).validation;  // posenet may be that of another run
   if (capture) trained.subject.use_capture(*capture);
-  trained.detections = DetectionOptions::read(root.section("loss"));
+  trained.detections = read_options<DetectionOptions>(root.section("loss"));
   trained.trained_on_cameras = root.section("data").list<std::string>("cameras");
   const Dataset dataset = Dataset::open(trained.subject.capture);
   trained.character = load_character(dataset.character_path(), trained.subject.character);
@@ -28,13 +28,13 @@ TrainedPose TrainedPose::load(const fs::path& run, const std::optional<fs::path>
   trained.pose.emplace(trained.character.skeleton, model.list<std::string>("dofs"), trained.character.rest_dofs);
   trained.landmark_layer = Landmarks(trained.character.skeleton, trained.landmarks);
   trained.surface = CharacterSurface(trained.character);
-  trained.posenet = PoseNet(*trained.pose, PoseNetConfig::read(model));
+  trained.posenet = PoseNet(*trained.pose, read_options<PoseNetConfig>(model));
   load_evaluation_weights(*trained.posenet, stored->checkpoint);
   trained.steps["posenet"] = stored->step;
   if (!with_defnet) return trained;
   if (const auto deformation = find_stage(run, "defnet")) {
-    trained.defnet =
-        DefNet(trained.character.num_nodes(), BackboneConfig::read(deformation->config.root().section("model")));
+    trained.defnet = DefNet(trained.character.num_nodes(),
+                            read_options<BackboneConfig>(deformation->config.root().section("model")));
     load_evaluation_weights(*trained.defnet, deformation->checkpoint);
     trained.steps["defnet"] = deformation->step;
   }

@@ -11,7 +11,6 @@
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/core/load_yaml.h"
-#include "doppel/core/log.h"
 #include "doppel/core/text_reader.h"
 
 namespace doppel {
@@ -44,6 +43,14 @@ std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
   return text;
+}
+
+template <typename T>
+std::string list_text(const std::vector<T>& values) {
+  std::vector<std::string> texts;
+  texts.reserve(values.size());
+  for (const auto& value : values) texts.push_back(fmt::format("{}", value));
+  return "[" + joined(texts) + "]";
 }
 
 std::string described(const YAML::Node& node) {
@@ -317,17 +324,25 @@ std::vector<T> ConfigReader::list(const std::string& key) const {
   } else {
     take(node);
   }
-  std::vector<std::string> texts;
-  texts.reserve(values.size());
-  for (const auto& value : std::as_const(values)) texts.push_back(fmt::format("{}", value));
-  note_value(key, "[" + joined(texts) + "]");
+  note_value(key, list_text(values));
   return values;
+}
+
+template <typename T>
+std::vector<T> ConfigReader::list(const std::string& key, const std::vector<T>& fallback) const {
+  if (has(key)) return list<T>(key);
+  note_value(key, list_text(fallback));
+  return fallback;
 }
 template std::vector<bool> ConfigReader::list<bool>(const std::string&) const;
 template std::vector<int> ConfigReader::list<int>(const std::string&) const;
 template std::vector<long> ConfigReader::list<long>(const std::string&) const;
 template std::vector<double> ConfigReader::list<double>(const std::string&) const;
 template std::vector<std::string> ConfigReader::list<std::string>(const std::string&) const;
+template std::vector<int> ConfigReader::list<int>(const std::string&, const std::vector<int>&) const;
+template std::vector<long> ConfigReader::list<long>(const std::string&, const std::vector<long>&) const;
+template std::vector<std::string> ConfigReader::list<std::string>(const std::string&,
+                                                                  const std::vector<std::string>&) const;
 
 std::string ConfigReader::choice(const std::string& key, const std::vector<std::string>& allowed,
                                  const std::optional<std::string>& fallback) const {
@@ -390,19 +405,6 @@ std::vector<std::string> ConfigReader::keys() const {
     note(names.back());
   }
   return names;
-}
-
-void ConfigReader::renamed(const std::string& old_key, const std::string& new_key) const {
-  if (!node_.IsMap() || !node_[old_key].IsDefined()) return;
-  if (node_[new_key].IsDefined())
-    fail_at_key(old_key, "this key is now called {}, which the file also holds; remove one of the two", new_key);
-  const FileLocation place = where(old_key);
-  log::warn("{}: {} is now called {}", place.to_string(), joined_path(prefix_, old_key), joined_path(prefix_, new_key));
-  const auto set = shared_->overridden.find(joined_path(prefix_, old_key));
-  if (set != shared_->overridden.end()) shared_->overridden[joined_path(prefix_, new_key)] = set->second;
-  YAML::Node node = node_;  // shares its content with the document
-  node[new_key] = node[old_key];
-  node.remove(old_key);
 }
 
 void ConfigReader::finish() const {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "doppel/core/error.h"
+#include "doppel/core/range.h"
 
 namespace doppel {
 
@@ -54,20 +55,6 @@ class ConfigDocument {
   std::shared_ptr<std::map<std::string, std::string>> values_ = std::make_shared<std::map<std::string, std::string>>();
 };
 
-/// The allowed values of a number: a closed interval. The default allows all finite values.
-template <typename T>
-struct Range {
-  std::optional<T> minimum, maximum;
-};
-template <typename T>
-Range<T> at_least(T minimum) {
-  return {minimum, std::nullopt};
-}
-template <typename T>
-Range<T> between(T minimum, T maximum) {
-  return {minimum, maximum};
-}
-
 /// One mapping of a configuration, read key by key with types, ranges and defaults. Every error names the file, the
 /// line, the dotted key, the value found and the values allowed. Copies share the record of the keys that were read.
 class ConfigReader {
@@ -94,6 +81,9 @@ class ConfigReader {
   /// A list of values; a single value counts as a list of one. Empty when the key is missing.
   template <typename T>
   std::vector<T> list(const std::string& key) const;
+  /// The same with a default for a missing key.
+  template <typename T>
+  std::vector<T> list(const std::string& key, const std::vector<T>& fallback) const;
   /// An absolute path; a relative one starts at the folder of the configuration file, or, if it came from an
   /// override, at the working folder.
   std::filesystem::path path(const std::string& key, const std::optional<std::string>& fallback = std::nullopt) const;
@@ -106,10 +96,6 @@ class ConfigReader {
   std::vector<ConfigReader> sections(const std::string& key) const;
   /// The keys of this mapping in file order, for free-form mappings. Marks all of them as known.
   std::vector<std::string> keys() const;
-
-  /// Accepts a key under its former name: moves the value to the new name and logs a warning.
-  /// @throws FileError when the file holds both names
-  void renamed(const std::string& old_key, const std::string& new_key) const;
 
   /// Throws for the first key in this mapping, or in a section taken from it, that was not read.
   void finish() const;

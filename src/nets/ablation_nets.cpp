@@ -52,12 +52,8 @@ struct SymmetricProduct : torch::autograd::Function<SymmetricProduct> {
 
 // ---- configuration ----
 
-AblationConfig AblationConfig::read(const ConfigReader& reader, const AblationConfig& defaults) {
-  AblationConfig config = defaults;
-  config.fully_connected_layers = reader.get("fully_connected_layers", config.fully_connected_layers, between(1, 1000));
-  config.fully_connected_width = reader.get("fully_connected_width", config.fully_connected_width, between(1, 65536));
-  config.chebyshev_order = reader.get("chebyshev_order", config.chebyshev_order, between(1, 32));
-  return config;
+void describe_keys(const Keys& keys, AblationConfig& config) {
+  keys("chebyshev_order", config.chebyshev_order, between(1, 32), "polynomials of `network: chebyshev`");
 }
 
 void AblationConfig::check() const {
@@ -218,10 +214,8 @@ std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTo
   }
 }
 
-NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback) {
-  const std::vector<std::string>& words = network_kind_words();
-  const std::string word = reader.choice("network", words, words[as_size(fallback)]);
-  return static_cast<NetworkKind>(std::find(words.begin(), words.end(), word) - words.begin());
+void describe_network_kind(const Keys& keys, NetworkKind& kind) {
+  keys("network", kind, network_kind_words(), "graph network, or a baseline of Table 6.4");
 }
 
 Tensor standardised(const Tensor& input, const Tensor& mean, const Tensor& std, double limit) {

@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/nets/graph_network.h"
 #include "doppel/nets/sagcn.h"
@@ -24,11 +24,10 @@ struct AblationConfig {
   int fully_connected_width = 256;
   int chebyshev_order = 3;  ///< polynomials T_0 .. T_(order-1): the neighbourhood of R = 3 rings
 
-  /// Reads the keys above. @throws FileError at the key
-  static AblationConfig read(const ConfigReader& reader, const AblationConfig& defaults);
   /// @throws UsageError listing every fault
   void check() const;
 };
+void describe_keys(const Keys& keys, AblationConfig& config);
 
 /// Fully connected layers with ELU between them. The input is the normalised motion as one vector.
 class FullyConnectedImpl : public GraphNetwork {
@@ -114,8 +113,8 @@ struct NetworkPlan {
 std::shared_ptr<GraphNetwork> make_network(const NetworkPlan& plan, const MeshTopology& topology,
                                            std::optional<at::Generator> generator);
 
-/// The key `network`. @throws FileError at the key
-NetworkKind read_network_kind(const ConfigReader& reader, NetworkKind fallback);
+/// The key `network`.
+void describe_network_kind(const Keys& keys, NetworkKind& kind);
 
 /// The input of a network: (x - mean) / std, clamped to [-limit, limit] when limit > 0. The limit prevents the output
 /// from exploding for poses far from the training set.

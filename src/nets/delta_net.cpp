@@ -11,8 +11,6 @@ namespace {
 
 constexpr int kDeltaNetOutputs = 3;
 
-const std::vector<std::string> kSpaceWords{"canonical", "global"};
-
 }  // namespace
 
 DeltaNetConfig DeltaNetConfig::preset(const std::string& name) {
@@ -20,13 +18,11 @@ DeltaNetConfig DeltaNetConfig::preset(const std::string& name) {
   return {};
 }
 
-DeltaNetConfig DeltaNetConfig::read(const ConfigReader& reader) {
-  DeltaNetConfig config = preset(reader.choice("preset", {"paper"}, "paper"));
-  static_cast<MotionGraphConfig&>(config) = MotionGraphConfig::read(reader, config);
-  config.space = reader.choice("space", kSpaceWords, kSpaceWords[as_size(config.space)]) == "canonical"
-                     ? DisplacementSpace::canonical
-                     : DisplacementSpace::global;
-  return config;
+void describe_keys(const Keys& keys, DeltaNetConfig& config) {
+  bool other_preset = false;
+  keys("preset", other_preset, {"paper"}, "the values of the thesis");
+  describe_keys(keys, static_cast<MotionGraphConfig&>(config));
+  keys("space", config.space, {"canonical", "global"}, "displace before skinning, or after it (an ablation)");
 }
 
 DeltaNetImpl::DeltaNetImpl(const Character& character, const DeltaNetConfig& config,

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "doppel/character/character.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/surface.h"
 #include "doppel/nets/motion_graph_net.h"
 
@@ -24,10 +24,8 @@ struct DeltaNetConfig : MotionGraphConfig {
 
   /// `paper`: the defaults of MotionGraphConfig.
   static DeltaNetConfig preset(const std::string& name);
-  /// Keys: `preset: paper`, and the keys that override it: `space` and those of MotionGraphConfig.
-  /// @throws FileError at the key
-  static DeltaNetConfig read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, DeltaNetConfig& config);
 
 /// The outputs are the displacements D [B,N,3], metres.
 class DeltaNetImpl : public MotionGraphNetImpl {

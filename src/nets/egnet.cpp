@@ -14,9 +14,6 @@ namespace {
 
 constexpr int kEgNetOutputs = 6;  // [T, A], the order of public checkpoints
 
-const std::vector<std::string> kNodeFeatureWords{"graph", "transform"};
-const std::vector<std::string> kRotationWords{"euler", "rotation_6d"};
-
 Tensor node_positions(const Character& character) {
   const Tensor positions = torch::empty({character.num_nodes(), 3}, torch::kFloat64);
   auto row = positions.accessor<double, 2>();
@@ -40,30 +37,22 @@ EgNetConfig EgNetConfig::preset(const std::string& name) {
   return config;
 }
 
-EgNetConfig EgNetConfig::read(const ConfigReader& reader) {
-  EgNetConfig config = preset(reader.choice("preset", {"paper", "public_checkpoint"}, "paper"));
-  config.sagcn = SagcnConfig::read(reader, config.sagcn);
-  reader.renamed("window", "past_frames");
-  config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
-  const auto word = [](const std::vector<std::string>& words, auto value) { return words[as_size(value)]; };
-  config.node_features =
-      reader.choice("node_features", kNodeFeatureWords, word(kNodeFeatureWords, config.node_features)) == "graph"
-          ? NodeFeatures::graph
-          : NodeFeatures::transform;
-  config.rotation = reader.choice("rotation", kRotationWords, word(kRotationWords, config.rotation)) == "euler"
-                        ? RotationFeatures::euler
-                        : RotationFeatures::rotation_6d;
-  config.rest_inverse = reader.get("rest_inverse", config.rest_inverse);
-  config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
-  config.inertia = reader.get("inertia", config.inertia, between(0, 100));
-  config.inertia_modes = reader.get("inertia_modes", config.inertia_modes, between(1, 8));
-  config.network = read_network_kind(reader, config.network);
-  config.ablation = AblationConfig::read(reader, config.ablation);
-  if (config.node_features == NodeFeatures::graph && !config.rest_inverse)
-    reader.fail_at_key("rest_inverse",
-                       "node_features: graph measures how far a node moves from its rest position, which needs "
-                       "rest_inverse: true; or choose node_features: transform");
-  return config;
+void describe_keys(const Keys& keys, EgNetConfig& config) {
+  bool public_checkpoint = false;
+  keys("preset", public_checkpoint, {"paper", "public_checkpoint"},
+       "the values of the thesis, or those of the public checkpoint: R = 2, and inputs and initial weights of its own");
+  if (public_checkpoint) config = EgNetConfig::preset("public_checkpoint");
+  describe_keys(keys, config.sagcn);
+  keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
+  keys("rotation", config.rotation, {"euler", "rotation_6d"}, "angles, or numbers without jumps at 2 pi");
+  keys("input_limit", config.input_limit, at_least(0.0),
+       "limit of the scaled inputs, standard deviations, so that a pose unlike all training poses cannot distort the "
+       "surface; 0: no limit");
+  keys("inertia", config.inertia, between(0, 100),
+       "past frames over which nodes trail behind their bones; 0: none, as in the thesis");
+  keys("inertia_modes", config.inertia_modes, between(1, 8), "damped oscillations of this motion");
+  describe_network_kind(keys, config.network);
+  describe_keys(keys, config.ablation);
 }
 
 void EgNetConfig::check() const {

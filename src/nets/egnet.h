@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "doppel/character/character.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/nets/ablation_nets.h"
@@ -40,11 +40,8 @@ struct EgNetConfig {
   bool rest_inverse = true;
   NetworkKind network = NetworkKind::sagcn;  ///< the others are baselines of Table 6.4
   AblationConfig ablation;
-
-  /// Keys: `preset: paper | public_checkpoint`, and the keys that override the preset.
-  /// @throws FileError at the key
-  static EgNetConfig read(const ConfigReader& reader);
   static EgNetConfig preset(const std::string& name);
+
   /// @throws UsageError listing every fault
   void check() const;
   /// Numbers per node and frame: 6 or 9.
@@ -54,6 +51,7 @@ struct EgNetConfig {
   /// Numbers per node in the window.
   int num_inputs() const { return features_per_frame() * (past_frames + 1); }
 };
+void describe_keys(const Keys& keys, EgNetConfig& config);
 
 class EgNetImpl : public torch::nn::Module {
  public:

@@ -2,12 +2,11 @@
 
 namespace doppel {
 
-FieldRays FieldRays::read(const ConfigReader& rays) {
-  FieldRays r;
-  r.samples = rays.get("samples", r.samples, between(1, 4096));
-  r.stencil = rays.get("stencil", r.stencil, between(1, 255));
-  if (r.stencil % 2 == 0) rays.fail_at_key("stencil", "found {}; it must be odd", r.stencil);
-  return r;
+void describe_keys(const Keys& keys, FieldRays& rays) {
+  keys("samples", rays.samples, between(1, 4096), "of a ray");
+  keys("stencil", rays.stencil, between(1, 255),
+       "side of the window around a ray, pixels, odd; the ray is sampled between the depths in it");
+  keys.require("stencil", rays.stencil % 2 == 1, fmt::format("found {}; it must be odd", rays.stencil));
 }
 
 using torch::Tensor;

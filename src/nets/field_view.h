@@ -5,7 +5,7 @@
 #include <torch/types.h>
 
 #include "doppel/character/character.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/closest_point/closest_point.h"
 #include "doppel/nets/radiance_field.h"
 #include "doppel/render/raster/rasterizer.h"
@@ -24,10 +24,8 @@ struct FieldImage {
 struct FieldRays {
   int samples = 64;  ///< per ray (A.3)
   int stencil = 9;   ///< pixels, of er and di in 6.24 (A.3)
-
-  /// @throws FileError at the key
-  static FieldRays read(const ConfigReader& rays);
 };
+void describe_keys(const Keys& keys, FieldRays& config);
 
 /// Draws radiance fields around the surfaces of one character. Memory: the image and a group of rays for each thread
 /// (FieldImageOptions).

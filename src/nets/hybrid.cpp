@@ -33,11 +33,9 @@ HybridConfig::HybridConfig() {
   motion.heading = Heading::kept;
 }
 
-HybridConfig HybridConfig::read(const ConfigReader& reader) {
-  HybridConfig config;
-  config.motion = MotionGraphConfig::read(reader.section("motion"), config.motion);
-  config.field = RadianceFieldConfig::read(reader.section("field"), config.field);
-  return config;
+void describe_keys(const Keys& keys, HybridConfig& config) {
+  describe_keys(keys.section("motion"), config.motion);
+  describe_keys(keys.section("field"), config.field);
 }
 
 HybridImpl::HybridImpl(const Character& character, DeltaNet& deltanet, const HybridConfig& config,

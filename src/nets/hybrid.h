@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "doppel/character/character.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/nets/delta_net.h"
 #include "doppel/nets/motion_graph_net.h"
 #include "doppel/nets/radiance_field.h"
@@ -26,10 +26,8 @@ struct HybridConfig {
   /// Sets the defaults of 6.25, with larger initial features, so that the field can distinguish vertices from the first
   /// step on.
   HybridConfig();
-  /// Keys: `motion` (those of MotionGraphConfig) and `field` (those of RadianceFieldConfig).
-  /// @throws FileError at the key
-  static HybridConfig read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, HybridConfig& config);
 
 class HybridImpl : public torch::nn::Module {
  public:

@@ -22,18 +22,14 @@ MotionGraphConfig::MotionGraphConfig() {
   sagcn.dense = DenseBlock::broadcast;
 }
 
-MotionGraphConfig MotionGraphConfig::read(const ConfigReader& reader, const MotionGraphConfig& defaults) {
-  MotionGraphConfig config = defaults;
-  config.sagcn = SagcnConfig::read(reader, config.sagcn);
-  reader.renamed("window", "past_frames");
-  config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
-  const std::vector<std::string> headings{"removed", "kept"};
-  config.heading = reader.choice("heading", headings, headings[as_size(config.heading)]) == "kept" ? Heading::kept
-                                                                                                   : Heading::removed;
-  config.input_limit = reader.get("input_limit", config.input_limit, at_least(0.0));
-  config.network = read_network_kind(reader, config.network);
-  config.ablation = AblationConfig::read(reader, config.ablation);
-  return config;
+void describe_keys(const Keys& keys, MotionGraphConfig& config) {
+  describe_keys(keys, config.sagcn);
+  keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
+  keys("heading", config.heading, {"removed", "kept"}, "which way the person faces is an input (6.25), or not");
+  keys("input_limit", config.input_limit, at_least(0.0),
+       "limit of the scaled inputs, standard deviations; 0: no limit");
+  describe_network_kind(keys, config.network);
+  describe_keys(keys, config.ablation);
 }
 
 void MotionGraphConfig::check() const {

@@ -12,7 +12,7 @@
 #include <string>
 
 #include "doppel/character/character.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/kinematics/kinematics.h"
 #include "doppel/layers/skinning/skinning.h"
 #include "doppel/nets/ablation_nets.h"
@@ -34,13 +34,11 @@ struct MotionGraphConfig {
 
   /// 16 features, 8 residual blocks, R = 3, broadcast dense block, no batch normalisation.
   MotionGraphConfig();
-  /// Keys: `past_frames`, `heading: removed | kept`, `input_limit`, `network`, those of SagcnConfig and of
-  /// AblationConfig, over `defaults`.
-  /// @throws FileError at the key
-  static MotionGraphConfig read(const ConfigReader& reader, const MotionGraphConfig& defaults = {});
+
   /// @throws UsageError listing every fault
   void check() const;
 };
+void describe_keys(const Keys& keys, MotionGraphConfig& config);
 
 /// The template's vertices at rest. @return float64 [N,3], metres
 torch::Tensor rest_vertices(const Character& character);

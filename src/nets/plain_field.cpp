@@ -23,14 +23,11 @@ RadianceFieldConfig network_of(const PlainFieldConfig& config) {
 
 }  // namespace
 
-PlainFieldConfig PlainFieldConfig::read(const ConfigReader& reader) {
-  PlainFieldConfig config;
-  config.field = RadianceFieldConfig::read(reader.section("field"), config.field);
-  config.position_octaves = reader.get("position_octaves", config.position_octaves, between(0, 20));
-  config.coarse = reader.get<long>("coarse", config.coarse, between(1L, 4096L));
-  config.fine = reader.get<long>("fine", config.fine, between(1L, 4096L));
-  config.margin = reader.get("margin", config.margin, between(0.0, 1e3));
-  return config;
+void describe_keys(const Keys& keys, PlainFieldConfig& config) {
+  describe_keys(keys.section("field"), config.field);
+  keys("position_octaves", config.position_octaves, between(0, 20), "encoding of the position");
+  keys("coarse", config.coarse, between<std::int64_t>(1, 4096), "samples of the coarse network");
+  keys("fine", config.fine, between<std::int64_t>(1, 4096), "further samples of the fine network");
 }
 
 PlainFieldImpl::PlainFieldImpl(const Tensor& vertices, const PlainFieldConfig& config,

@@ -9,7 +9,7 @@
 
 #include <optional>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/nets/field_view.h"
 #include "doppel/nets/radiance_field.h"
 
@@ -21,10 +21,8 @@ struct PlainFieldConfig {
   int64_t coarse = 64;  ///< samples of the coarse network
   int64_t fine = 128;   ///< additional samples of the fine network
   double margin = 0.1;  ///< metres between the mesh and the sides of the box
-
-  /// Keys: those above; `field` is a section. @throws FileError at the key
-  static PlainFieldConfig read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, PlainFieldConfig& config);
 
 /// The results and the samples of both networks for rays through the box.
 struct PlainRays {

@@ -6,12 +6,10 @@ namespace doppel {
 
 using torch::Tensor;
 
-PoseNetConfig PoseNetConfig::read(const ConfigReader& reader) {
-  PoseNetConfig config;
-  static_cast<BackboneConfig&>(config) = BackboneConfig::read(reader);
-  config.heading = reader.choice("heading", {"direction", "angle"}, "direction") == "angle" ? HeadingOutput::angle
-                                                                                            : HeadingOutput::direction;
-  return config;
+void describe_keys(const Keys& keys, PoseNetConfig& config) {
+  describe_keys(keys, static_cast<BackboneConfig&>(config));
+  keys("heading", config.heading, {"direction", "angle"},
+       "output for the heading: a direction, or its angle, as in the thesis");
 }
 
 PoseNetImpl::PoseNetImpl(const PoseDofs& pose, const PoseNetConfig& config, std::optional<at::Generator> generator)

@@ -21,10 +21,8 @@ enum class HeadingOutput { direction, angle };
 
 struct PoseNetConfig : BackboneConfig {
   HeadingOutput heading = HeadingOutput::direction;
-
-  /// Keys: `heading: direction | angle`, and those of BackboneConfig. @throws FileError at the key
-  static PoseNetConfig read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, PoseNetConfig& config);
 
 class PoseNetImpl : public torch::nn::Module {
  public:

@@ -28,21 +28,17 @@ int64_t encoded(int64_t channels, int octaves) { return channels * (1 + 2 * octa
 
 }  // namespace
 
-RadianceFieldConfig RadianceFieldConfig::read(const ConfigReader& reader, const RadianceFieldConfig& defaults) {
-  RadianceFieldConfig config = defaults;
-  config.features = reader.get("features", config.features, between(1, 4096));
-  config.layers = reader.get("layers", config.layers, between(1, 32));
-  config.width = reader.get("width", config.width, between(1, 8192));
-  config.view_width = reader.get("view_width", config.view_width, between(1, 8192));
-  config.distance_octaves = reader.get("distance_octaves", config.distance_octaves, between(0, 20));
-  config.view_dependent = reader.get("view_dependent", config.view_dependent);
-  config.direction_octaves = reader.get("direction_octaves", config.direction_octaves, between(0, 20));
-  config.place_octaves = reader.get("place_octaves", config.place_octaves, between(0, 20));
-  config.density_unit = reader.get("density_unit", config.density_unit, between(1e-6, 1e3));
-  config.t_mi = reader.get("t_mi", config.t_mi, between(1e-6, 1e3));
-  config.t_ma = reader.get("t_ma", config.t_ma, between(1e-6, 1e3));
-  config.margin = reader.get("margin", config.margin, between(0.0, 1e3));
-  return config;
+void describe_keys(const Keys& keys, RadianceFieldConfig& config) {
+  keys("features", config.features, between(1, 4096), "of the motion, per vertex");
+  keys("layers", config.layers, between(1, 32), "of the trunk");
+  keys("width", config.width, between(1, 8192), "of the trunk");
+  keys("view_width", config.view_width, between(1, 8192), "of the branch with the direction of view");
+  keys("view_dependent", config.view_dependent,
+       "false: colours do not depend on the direction of view; for few cameras");
+  keys("place_octaves", config.place_octaves, between(0, 20),
+       "encoding of the closest point on the rest surface; 0: not an input, as in the thesis");
+  keys("t_mi", config.t_mi, between(1e-6, 1e3), "metres inside the mesh that are sampled");
+  keys("t_ma", config.t_ma, between(1e-6, 1e3), "metres outside the mesh that are sampled");
 }
 
 void RadianceFieldConfig::check() const {

@@ -24,7 +24,7 @@
 
 #include <optional>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/closest_point/closest_point.h"
 #include "doppel/layers/dense_layers/dense_layers.h"
 #include "doppel/layers/volume_rendering/volume_rendering.h"
@@ -47,11 +47,10 @@ struct RadianceFieldConfig {
 
   int vertex_values() const { return features + (place_octaves > 0 ? 3 : 0); }  ///< H
 
-  /// Reads the keys above over `defaults`. @throws FileError at the key
-  static RadianceFieldConfig read(const ConfigReader& reader, const RadianceFieldConfig& defaults);
   /// @throws UsageError listing every fault
   void check() const;
 };
+void describe_keys(const Keys& keys, RadianceFieldConfig& config);
 
 /// gamma: x, then sin and cos of 2^k pi x for k = 0 .. octaves-1. @param x [...,C] @return [..., C (1 + 2 octaves)]
 torch::Tensor positional_encoding(const torch::Tensor& x, int octaves);

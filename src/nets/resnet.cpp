@@ -28,8 +28,6 @@ Plan plan_of(ResNetKind kind) {
   return {{3, 4, 6, 3}, true};
 }
 
-const std::vector<std::string> kKindWords{"resnet18", "resnet50"};
-
 }  // namespace
 
 ResidualUnitImpl::ResidualUnitImpl(int64_t inputs, int64_t width, int64_t outputs, int64_t stride, bool bottleneck) {
@@ -93,16 +91,12 @@ Tensor ResNetImpl::forward(const Tensor& image) {
   return x.mean({2, 3});
 }
 
-BackboneConfig BackboneConfig::read(const ConfigReader& reader) {
-  BackboneConfig config;
-  const std::string& fallback = kKindWords[as_size(config.kind)];
-  config.kind =
-      reader.choice("backbone", kKindWords, fallback) == "resnet18" ? ResNetKind::resnet18 : ResNetKind::resnet50;
-  config.input_size = reader.get("input_size", config.input_size, between(32, 1024));
-  if (reader.has("pretrained")) config.pretrained = reader.path("pretrained");
-  config.freeze_norm = reader.get("freeze_norm", config.freeze_norm);
-  config.head_scale = reader.get("head_scale", config.head_scale, at_least(0.0));
-  return config;
+void describe_keys(const Keys& keys, BackboneConfig& config) {
+  keys("backbone", config.kind, {"resnet18", "resnet50"}, "network of the image");
+  keys("input_size", config.input_size, between(32, 1024), "side of the images");
+  keys("pretrained", config.pretrained, "weights to start from; none: random ones");
+  keys("freeze_norm", config.freeze_norm, "batch normalisation keeps the statistics of `pretrained`");
+  keys("head_scale", config.head_scale, at_least(0.0), "standard deviation of the last layer's initial weights");
 }
 
 BackboneImpl::BackboneImpl(const BackboneConfig& config, int64_t outputs, const Tensor& head_bias,

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/nets/shared_norm.h"
 
 namespace doppel {
@@ -67,11 +67,8 @@ struct BackboneConfig {
   bool freeze_norm = false;
   /// Standard deviation of the last layer's initial weights: small, so that training starts from the layer's bias.
   double head_scale = 1e-3;
-
-  /// Keys: `backbone: resnet18 | resnet50`, `input_size`, `pretrained`, `freeze_norm`, `head_scale`.
-  /// @throws FileError at the key
-  static BackboneConfig read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, BackboneConfig& config);
 
 /// A ResNet followed by one fully connected layer.
 class BackboneImpl : public torch::nn::Module {

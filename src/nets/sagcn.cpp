@@ -18,15 +18,6 @@ namespace {
 
 constexpr uint64_t kSagcnSeed = 2021;
 
-template <typename Enum>
-Enum read_choice(const ConfigReader& reader, const std::string& key, const std::vector<std::string>& words,
-                 Enum fallback) {
-  const std::string word = reader.choice(key, words, words[as_size(fallback)]);
-  for (std::size_t i = 0; i < words.size(); ++i)
-    if (words[i] == word) return static_cast<Enum>(i);
-  return fallback;
-}
-
 void draw_uniform(const Tensor& tensor, double bound, at::Generator& generator) {
   torch::NoGradGuard no_grad;
   tensor.uniform_(-bound, bound, generator);
@@ -40,22 +31,17 @@ void draw_as_public_code(const Tensor& tensor, double scale, at::Generator& gene
 
 }  // namespace
 
-SagcnConfig SagcnConfig::read(const ConfigReader& reader, const SagcnConfig& defaults) {
-  SagcnConfig config = defaults;
-  config.features = reader.get("features", config.features, between(1, 1024));
-  config.residual_blocks = reader.get("residual_blocks", config.residual_blocks, between(0, 1000));
-  if (config.residual_blocks % 2 != 0)
-    reader.fail_at_key("residual_blocks", "must be even (half before, half after the dense block), found {}",
-                       config.residual_blocks);
-  config.rings = reader.get("rings", config.rings, between(1, 16));
-  config.norm = read_choice(reader, "norm", {"node", "channel", "none"}, config.norm);
-  config.norm_momentum = reader.get("norm_momentum", config.norm_momentum, between(0.0, 1.0));
-  config.norm_epsilon = reader.get("norm_epsilon", config.norm_epsilon, between(1e-12, 1.0));
-  config.dense = read_choice(reader, "dense", {"none", "broadcast", "matrix"}, config.dense);
-  config.dense_normalised = reader.get("dense_normalised", config.dense_normalised);
-  config.initialisation = read_choice(reader, "initialisation", {"glorot", "public"}, config.initialisation);
-  config.head_scale = reader.get("head_scale", config.head_scale, between(0.0, 1.0));
-  return config;
+void describe_keys(const Keys& keys, SagcnConfig& config) {
+  keys("features", config.features, between(1, 1024), "per node inside the network");
+  keys("residual_blocks", config.residual_blocks, between(0, 1000), "an even number");
+  keys.require("residual_blocks", config.residual_blocks % 2 == 0,
+               fmt::format("must be even (half before, half after the dense block), found {}", config.residual_blocks));
+  keys("rings", config.rings, between(1, 16), "R of 6.6");
+  keys("norm", config.norm, {"node", "channel", "none"}, "batch norm per node and feature, or per feature");
+  keys("dense", config.dense, {"none", "broadcast", "matrix"}, "dense block; `broadcast` is that of 6.5.3");
+  keys("dense_normalised", config.dense_normalised, "divide `broadcast` by the number of nodes");
+  keys("head_scale", config.head_scale, between(0.0, 1.0),
+       "size of the last layer's initial weights: training starts at outputs of about 0");
 }
 
 void SagcnConfig::check() const {

@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/layers/graph_convolution/graph_convolution.h"
 #include "doppel/nets/graph_chain.h"
 #include "doppel/nets/graph_network.h"
@@ -37,9 +37,9 @@ enum class SagcnNorm { node, channel, none };
 /// (`dense_matrix`).
 enum class DenseBlock { none, broadcast, matrix };
 /// The initial weights. `glorot`: the kernels of a node are uniform in +-sqrt(6 / (inputs + outputs)). In the head and
-/// in the dense block, they are uniform in +-head_scale instead. Biases are 0. `public_code` (`public` in a
-/// configuration): kernels and biases are normal with mean -1e-3 and standard deviation 1e-3, as in the public code. In
-/// the dense block, the kernels are a hundredth of that, and the bias is 0.
+/// in the dense block, they are uniform in +-head_scale instead. Biases are 0. `public_code`: kernels and biases are
+/// normal with mean -1e-3 and standard deviation 1e-3, as in the public code. In the dense block, the kernels are a
+/// hundredth of that, and the bias is 0.
 enum class SagcnInitialisation { glorot, public_code };
 
 struct SagcnConfig {
@@ -55,12 +55,10 @@ struct SagcnConfig {
   double head_scale = 1e-3;  ///< `glorot` only: bound of the kernels of head and dense block. A small bound makes the
                              ///< initial outputs about 0.
 
-  /// Reads keys with the names of the members. A missing key takes its value from `defaults`.
-  /// @throws FileError at a key whose value is not allowed
-  static SagcnConfig read(const ConfigReader& reader, const SagcnConfig& defaults);
   /// Checks the numbers. @throws UsageError that lists every value out of range
   void check() const;
 };
+void describe_keys(const Keys& keys, SagcnConfig& config);
 
 /// The batch normalisation that SagcnNorm selects. In training mode it uses the statistics of the batch, which may be
 /// shared by ranks, and updates the running ones. In evaluation mode it uses the running ones.

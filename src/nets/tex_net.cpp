@@ -29,8 +29,6 @@ int log2_of(int power) {
   return exponent;
 }
 
-const std::vector<std::string> kCentreWords{"absolute", "root_relative"};
-
 }  // namespace
 
 TexNetConfig TexNetConfig::preset(const std::string& name) {
@@ -38,25 +36,24 @@ TexNetConfig TexNetConfig::preset(const std::string& name) {
   return {};  // the defaults are those of the thesis
 }
 
-TexNetConfig TexNetConfig::read(const ConfigReader& reader) {
-  TexNetConfig config = preset(reader.choice("preset", {"paper"}, "paper"));
-  config.size = reader.get("size", config.size, between(kSmallest, kLargest));
-  if (!is_power_of_two(config.size)) reader.fail_at_key("size", "must be a power of two, found {}", config.size);
-  reader.renamed("window", "past_frames");
-  config.past_frames = reader.get("past_frames", config.past_frames, between(0, 100));
-  config.levels = reader.get("levels", config.levels, between(0, std::min(10, log2_of(config.size))));
-  config.camera_centre =
-      reader.choice("camera_centre", kCentreWords, kCentreWords[as_size(config.camera_centre)]) == "absolute"
-          ? CameraCentre::absolute
-          : CameraCentre::root_relative;
-  config.residual = reader.get("residual", config.residual);
-  config.lit = reader.get("lit", config.lit);
-  if (config.lit && !config.residual)
-    reader.fail_at_key("lit", "needs `residual: true`, because lighting applies to the static texture");
-  config.surface_normals = reader.get("surface_normals", config.surface_normals);
+void describe_keys(const Keys& keys, TexNetConfig& config) {
+  bool other_preset = false;
+  keys("preset", other_preset, {"paper"}, "the values of the thesis");
+  keys("size", config.size, between(kSmallest, kLargest), "texels along a side, a power of two");
+  keys.require("size", is_power_of_two(config.size), fmt::format("must be a power of two, found {}", config.size));
+  keys("past_frames", config.past_frames, between(0, 100), "F, the past frames of the motion window");
+  keys("levels", config.levels, between(0, std::min(10, log2_of(config.size))),
+       "halvings of the UNet; 0: down to one texel");
+  keys("camera_centre", config.camera_centre, {"absolute", "root_relative"},
+       "the position of the camera as the network sees it: in the world, or relative to the root");
+  keys("residual", config.residual, "add the output to the static texture");
+  keys("lit", config.lit, "with `residual`: add it to the static texture under the learnt lighting");
+  keys.require("lit", config.residual || !config.lit,
+               "needs `residual: true`, because lighting applies to the static texture");
+  keys("surface_normals", config.surface_normals,
+       "the last frame's normals are those of the finished surface instead of the skinned one");
   if (config.residual) config.unet.head_scale = kResidualHeadScale;
-  config.unet = UNetConfig::read(reader, config.unet);
-  return config;
+  describe_keys(keys, config.unet);
 }
 
 int TexNetConfig::num_levels() const { return levels > 0 ? levels : std::min(10, log2_of(size)); }

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/nets/motion_window.h"
 #include "doppel/nets/unet.h"
 
@@ -36,8 +36,7 @@ struct TexNetConfig {
 
   /// `paper`: 1024, all channels, transposed convolutions, the camera's position in the world, no static texture.
   static TexNetConfig preset(const std::string& name);
-  /// Keys: `preset: paper`, and the keys above and those of UNetConfig. @throws FileError at the key
-  static TexNetConfig read(const ConfigReader& reader);
+
   /// @throws UsageError listing every fault
   void check() const;
 
@@ -45,6 +44,7 @@ struct TexNetConfig {
   /// Channels of the input: one normal per frame, the camera's centre and direction.
   int num_inputs() const { return 3 * (past_frames + 1) + 6; }
 };
+void describe_keys(const Keys& keys, TexNetConfig& config);
 
 /// The input of TexNet: channels that differ from texel to texel, and channels that do not.
 struct TexNetInput {

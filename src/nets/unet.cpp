@@ -22,27 +22,17 @@ constexpr int kMaxLevels = 10;
 constexpr int kDropoutLevels = 3;
 constexpr double kInitialDeviation = 0.02;
 
-const std::vector<std::string> kUpsamplingWords{"transposed", "bilinear_conv"};
-
 ImageNorm make_norm(int64_t channels, const UNetConfig& config) {
   return ImageNorm(channels, config.norm_epsilon, config.norm_momentum);
 }
 
 }  // namespace
 
-UNetConfig UNetConfig::read(const ConfigReader& reader, const UNetConfig& defaults) {
-  UNetConfig config = defaults;
-  config.width = reader.get("width", config.width, between(0.01, 4.0));
-  config.upsample =
-      reader.choice("upsample", kUpsamplingWords, kUpsamplingWords[as_size(config.upsample)]) == "transposed"
-          ? Upsampling::transposed
-          : Upsampling::bilinear_conv;
-  config.dropout = reader.get("dropout", config.dropout, between(0.0, 0.95));
-  config.norm_epsilon = reader.get("norm_epsilon", config.norm_epsilon, between(1e-12, 1.0));
-  config.norm_momentum = reader.get("norm_momentum", config.norm_momentum, between(0.0, 1.0));
-  config.leaky_slope = reader.get("leaky_slope", config.leaky_slope, between(0.0, 1.0));
-  config.head_scale = reader.get("head_scale", config.head_scale, between(0.0, 10.0));
-  return config;
+void describe_keys(const Keys& keys, UNetConfig& config) {
+  keys("width", config.width, between(0.01, 4.0), "factor of the channels 16, 32, 64, 128, 256, 512, 512, ...");
+  keys("upsample", config.upsample, {"transposed", "bilinear_conv"}, "layers of the decoder");
+  keys("dropout", config.dropout, between(0.0, 0.95), "on the three innermost decoder levels while training");
+  keys("head_scale", config.head_scale, between(0.0, 10.0), "factor of the last layer's initial weights");
 }
 
 void UNetConfig::check() const {

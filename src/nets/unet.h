@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/distributed/batch_share.h"
 #include "doppel/nets/shared_norm.h"
 
@@ -32,13 +32,12 @@ struct UNetConfig {
   double leaky_slope = 0.3;
   double head_scale = 1.0;  ///< factor of the last layer's initial weights
 
-  /// Reads the keys above except `levels`. @throws FileError at the key
-  static UNetConfig read(const ConfigReader& reader, const UNetConfig& defaults);
   /// @throws UsageError listing every fault
   void check() const;
   /// Channels after halving number `level` (0 is the first).
   int64_t channels(int level) const;
 };
+void describe_keys(const Keys& keys, UNetConfig& config);
 
 /// Whether a network runs the kernels for inference: evaluation mode, no gradients, and float32 on the CPU outside a
 /// trace of plain operations (takes_kernel).

@@ -15,6 +15,8 @@ namespace {
 
 /// Fixed, so that partial sums do not depend on the number of threads.
 constexpr std::int64_t kChunk = 1 << 16;
+/// Decays of the running means of the gradient and of its square.
+constexpr double kBeta1 = 0.9, kBeta2 = 0.999;
 
 /// Whether weight decay applies. Biases and the parameters of normalisation layers are exempt, because they shift and
 /// scale outputs only. Parameters of one dimension are always of this kind (ResNet's `bn1`). Those of graph layers have
@@ -25,16 +27,12 @@ bool is_kernel(const std::string& name, const torch::Tensor& parameter) {
 
 }  // namespace
 
-AdamOptions AdamOptions::read(const ConfigReader& reader) {
-  AdamOptions o;
-  o.beta1 = reader.get("beta1", o.beta1, between(0.0, 0.999999));
-  o.beta2 = reader.get("beta2", o.beta2, between(0.0, 0.9999999));
-  o.epsilon = reader.get("epsilon", o.epsilon, between(1e-16, 1.0));
-  o.weight_decay = reader.get("weight_decay", o.weight_decay, at_least(0.0));
-  o.decoupled = reader.choice("weight_decay_kind", {"decoupled", "l2"}, "decoupled") == "decoupled";
-  o.clip_norm = reader.get("clip_norm", o.clip_norm, at_least(0.0));
-  o.mean_decay = reader.get("mean_weights", o.mean_decay, between(0.0, 0.999999));
-  return o;
+void describe_keys(const Keys& keys, AdamOptions& o) {
+  keys("weight_decay", o.weight_decay, at_least(0.0),
+       "per step and unit of learning rate, as in AdamW; kernels only, not biases nor the scales of normalisation");
+  keys("clip_norm", o.clip_norm, at_least(0.0), "largest norm of the whole gradient; 0: no clipping");
+  keys("mean_weights", o.mean_decay, between(0.0, 0.999999),
+       "decay of a running mean of the weights, which evaluation and export then use; 0: none");
 }
 
 Adam::Adam(const std::vector<Group>& groups, const AdamOptions& options) : options_(options) {
@@ -115,14 +113,13 @@ void Adam::step(double learning_rate, double norm) {
     p.second_moment = slot.second.data_ptr<float>();
     p.mean = slot.mean.defined() ? slot.mean.data_ptr<float>() : nullptr;
     p.gradient_scale = static_cast<float>(scale);
-    p.l2 = options_.decoupled ? 0.0f : static_cast<float>(decay);
-    p.shrink = options_.decoupled ? static_cast<float>(1.0 - rate * decay) : 1.0f;
-    p.beta1 = static_cast<float>(options_.beta1);
-    p.beta2 = static_cast<float>(options_.beta2);
-    p.keep1 = static_cast<float>(1.0 - options_.beta1);
-    p.keep2 = static_cast<float>(1.0 - options_.beta2);
-    p.step_size = static_cast<float>(rate / (1.0 - std::pow(options_.beta1, t)));
-    p.inverse_root = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(options_.beta2, t)));
+    p.shrink = static_cast<float>(1.0 - rate * decay);
+    p.beta1 = static_cast<float>(kBeta1);
+    p.beta2 = static_cast<float>(kBeta2);
+    p.keep1 = static_cast<float>(1.0 - kBeta1);
+    p.keep2 = static_cast<float>(1.0 - kBeta2);
+    p.step_size = static_cast<float>(rate / (1.0 - std::pow(kBeta1, t)));
+    p.inverse_root = static_cast<float>(1.0 / std::sqrt(1.0 - std::pow(kBeta2, t)));
     p.epsilon = static_cast<float>(options_.epsilon);
     p.mean_rate = static_cast<float>(mean_rate);
   }

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 
 namespace doppel {
 
@@ -18,15 +18,12 @@ class Checkpoint;
 
 /// Options of the optimiser. Defaults are those of the thesis (no decay, no clipping).
 struct AdamOptions {
-  double beta1 = 0.9, beta2 = 0.999;
   double epsilon = 1e-8;
-  double weight_decay = 0.0;  ///< per step and unit of learning rate
-  bool decoupled = true;      ///< decay the weights themselves (AdamW); false: add the decay to the gradient
+  double weight_decay = 0.0;  ///< of the weights themselves (AdamW), per step and unit of learning rate
   double clip_norm = 0.0;     ///< largest norm of the gradient of all parameters; 0 = no clipping
   double mean_decay = 0.0;    ///< running mean of the weights, mean = decay * mean + (1 - decay) * weights; 0 = none
-
-  static AdamOptions read(const ConfigReader& reader);
 };
+void describe_keys(const Keys& keys, AdamOptions& options);
 
 /// Adam in one pass over memory: one parallel region of flat loops updates all parameters in place (the eager optimiser
 /// launches a dozen operations per tensor). Parameters are float32, contiguous, on the CPU; those without a gradient

@@ -10,7 +10,7 @@ void adam_step(const AdamParams& p, std::int64_t begin, std::int64_t end) {
   float* __restrict first = p.first_moment;
   float* __restrict second = p.second_moment;
   for (std::int64_t i = begin; i < end; ++i) {
-    const float g = gradient[i] * p.gradient_scale + p.l2 * parameter[i];
+    const float g = gradient[i] * p.gradient_scale;
     const float m = p.beta1 * first[i] + p.keep1 * g;
     const float v = p.beta2 * second[i] + p.keep2 * g * g;
     first[i] = m;

@@ -14,8 +14,7 @@ struct AdamParams {
   float* second_moment;
   float* mean;           ///< running mean of the parameter, or null
   float gradient_scale;  ///< clipping
-  float l2;              ///< weight decay added to the gradient
-  float shrink;          ///< decoupled weight decay: factor on the parameter
+  float shrink;          ///< weight decay: factor on the parameter
   float beta1, beta2;
   float keep1, keep2;  ///< 1 - beta, rounded once: in float, 1 - 0.999f has a relative error of 5e-5
   float step_size;     ///< learning rate / (1 - beta1^t)

@@ -317,31 +317,38 @@ class Adaptation {
 
 }  // namespace
 
-AdaptStage AdaptStage::read(const ConfigReader& reader, const AdaptStage& defaults) {
-  AdaptStage s = defaults;
-  s.iterations = reader.get<long>("iterations", s.iterations, at_least(0L));
-  s.learning_rate = reader.get("learning_rate", s.learning_rate, between(0.0, 1.0));
-  s.batch_size = reader.get("batch_size", s.batch_size, at_least(1));
-  s.freeze_norm = reader.get("freeze_norm", s.freeze_norm);
-  return s;
+namespace {
+
+void describe_stage(const Keys& keys, AdaptStage& stage) {
+  keys("iterations", stage.iterations, at_least<std::int64_t>(0), "steps; 0: the network is not changed");
+  keys("learning_rate", stage.learning_rate, between(0.0, 1.0), "of all steps");
+  keys("batch_size", stage.batch_size, at_least(1), "frames of a step");
+  keys("freeze_norm", stage.freeze_norm, "batch normalisation keeps the statistics of the studio");
+}
+
+}  // namespace
+
+void describe_keys(const Keys& keys, AdaptConfig& c) {
+  keys("seed", c.seed, Range<std::int64_t>{}, "of the random numbers");
+  keys("held_out", c.held_out, between(0.0, 0.9),
+       "share of the clip's frames, the last ones, that are used only to evaluate");
+  keys("validation", c.validation, between(0.0, 0.9),
+       "share of the frames before these, which choose the checkpoint; 0: the last step is kept");
+  keys.require("validation", c.held_out + c.validation <= 0.95,
+               fmt::format("held_out and validation are {} and {} of the clip; too few frames are left to tune on",
+                           c.held_out, c.validation));
+  keys("check_every", c.check_every, at_least<std::int64_t>(1), "steps between the checkpoints that are evaluated");
+  describe_stage(keys.section("posenet"), c.posenet);
+  keys("posenet.keypoints", c.posenet.keypoints, at_least(0.0),
+       "weight of the keypoint loss, squared pixels of an image 1024 wide");
+  describe_stage(keys.section("defnet"), c.defnet);
 }
 
 AdaptConfig AdaptConfig::read(const ConfigDocument& document) {
   const ConfigReader root = document.root();
-  AdaptConfig c;
-  c.seed = root.get<long>("seed", c.seed);
-  c.held_out = root.get("held_out", c.held_out, between(0.0, 0.9));
-  c.validation = root.get("validation", c.validation, between(0.0, 0.9));
-  if (c.held_out + c.validation > 0.95)
-    root.fail_at_key("validation",
-                     "held_out and validation are {} and {} of the clip; too few frames are left to tune on",
-                     c.held_out, c.validation);
-  c.check_every = root.get<long>("check_every", c.check_every, at_least(1L));
-  c.posenet = AdaptStage::read(root.section("posenet"), c.posenet);
-  c.posenet.keypoints = root.section("posenet").get("keypoints", c.posenet.keypoints, at_least(0.0));
-  c.defnet = AdaptStage::read(root.section("defnet"), c.defnet);
+  const AdaptConfig config = read_options<AdaptConfig>(root);
   root.finish();
-  return c;
+  return config;
 }
 
 ordered_json adapt(const AdaptOptions& options) { return Adaptation(options).run(); }

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "doppel/core/config.h"
+#include "doppel/core/options.h"
 
 namespace doppel {
 
@@ -18,8 +19,6 @@ struct AdaptStage {
   int batch_size = 90;
   double keypoints = 1e-6;   ///< PoseNet only: weight of the keypoint loss, per squared reference pixel
   bool freeze_norm = false;  ///< batch normalisation keeps the studio's statistics
-
-  static AdaptStage read(const ConfigReader& reader, const AdaptStage& defaults);
 };
 
 /// The content of `configs/*/adapt.yaml`; docs/training.md lists the keys. Defaults are those of the thesis (A.1.3):
@@ -36,6 +35,7 @@ struct AdaptConfig {
   /// @throws FileError at the key
   static AdaptConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, AdaptConfig& config);
 
 struct AdaptOptions {
   std::filesystem::path run;      ///< the studio run: of the chain `deepcap`, or of posenet alone

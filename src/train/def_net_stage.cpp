@@ -6,21 +6,18 @@
 
 namespace doppel {
 
+void describe_keys(const Keys& keys, DefNetRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  describe_keys(keys.section("model"), c.model);
+  keys("loss.silhouette", c.silhouette_weight, at_least(0.0), "weight, thesis A.1.2");
+  keys("loss.keypoints", c.keypoint_weight, at_least(0.0), "weight, thesis A.1.2");
+  keys("loss.arap", c.arap_weight, at_least(0.0), "weight, thesis A.1.2");
+  describe_keys(keys.section("loss"), c.silhouette);
+  describe_keys(keys.section("train"), c.trainer);
+}
+
 DefNetRunConfig DefNetRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  DefNetRunConfig c;
-  c.subject = RunSubject::read(document, root, "defnet");
-  c.loader = read_loader_options(root.section("data"), 50, 0, c.subject.seed);
-  c.model = BackboneConfig::read(root.section("model"));
-  const ConfigReader loss = root.section("loss");
-  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
-  c.keypoint_weight = loss.get("keypoints", c.keypoint_weight, at_least(0.0));
-  c.arap_weight = loss.get("arap", c.arap_weight, at_least(0.0));
-  c.silhouette.data_to_model = 0.0;  // 5.11 has the first sum of 6.8 only
-  c.silhouette = read_silhouette_options(loss, c.silhouette);
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  return c;
+  return read_run<DefNetRunConfig>(document, "defnet");
 }
 
 DefNetStage::DefNetStage(const Dataset& dataset, TrainedPose& pose, const DefNetRunConfig& config)

@@ -16,34 +16,34 @@ namespace doppel {
 namespace {
 
 constexpr std::size_t kDeltaNetStatisticsFrames = 512;
+/// Lower bound of the standard deviation of an input, metres.
+constexpr double kDeltaNetFeatureFloor = 0.01;
 
 }  // namespace
 
+void describe_keys(const Keys& keys, DeltaNetRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  describe_keys(keys.section("data"), c.noise);
+  keys("model.standardise", c.standardise,
+       "scale the inputs by their mean and standard deviation over the training frames");
+  describe_keys(keys.section("model"), c.model);
+  keys("loss.chroma", c.chroma_weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.silhouette", c.silhouette_weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.laplacian", c.laplacian_weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.anchor", c.anchor_weight, at_least(0.0),
+       "weight of the mean squared distance from EGNet's surface, square metres: keeps vertices from sliding along it");
+  keys("loss.smoothing", c.chroma.smoothing, at_least(0.0), "Gaussian on drawing and filmed image, pixels");
+  describe_keys(keys.section("loss"), c.silhouette);
+  keys("loss.lit", c.lit, "draw under the learnt lighting");
+  keys("loss.target_gradient", c.target_gradient,
+       "add the gradient of the filmed image to that of the drawing: convergence from farther away");
+  describe_keys(keys.section("train"), c.trainer);
+}
+
 DeltaNetRunConfig DeltaNetRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  DeltaNetRunConfig c;
-  c.subject = RunSubject::read(document, root, "deltanet");
-  const ConfigReader data = root.section("data");
-  c.loader = read_image_loader_options(data, 8, 40, c.subject.seed);
-  c.noise = PoseNoiseOptions::read(data);
-  const ConfigReader model = root.section("model");
-  c.standardise = model.get("standardise", c.standardise);
-  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
-  c.model = DeltaNetConfig::read(model);
-  const ConfigReader loss = root.section("loss");
-  c.chroma_weight = loss.get("chroma", c.chroma_weight, at_least(0.0));
-  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
-  c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
-  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
-  c.chroma.smoothing = loss.get("smoothing", c.chroma.smoothing, at_least(0.0));
-  c.chroma.half_size = loss.get("smoothing_half_size", c.chroma.half_size, between(1, 8));
-  c.silhouette = read_silhouette_options(loss);
-  c.lit = loss.get("lit", c.lit);
-  c.target_gradient = loss.get("target_gradient", c.target_gradient);
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  c.loader.images = c.chroma_weight > 0.0;
-  return c;
+  DeltaNetRunConfig config = read_run<DeltaNetRunConfig>(document, "deltanet");
+  config.loader.images = config.chroma_weight > 0.0;
+  return config;
 }
 
 DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const DeltaNetRunConfig& config)
@@ -64,7 +64,7 @@ DeltaNetStage::DeltaNetStage(const Dataset& dataset, TrainedActor& actor, const 
   const auto [mean, std] =
       input_statistics(training_windows(kDeltaNetStatisticsFrames, config_.model.past_frames),
                        [this](const torch::Tensor& windows) { return network_->network_input(windows); });
-  network_->set_input_statistics(mean, std, config_.feature_floor);
+  network_->set_input_statistics(mean, std, kDeltaNetFeatureFloor);
 }
 
 LossTerms DeltaNetStage::loss(const Batch& batch, StepContext& context) {

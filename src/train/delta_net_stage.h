@@ -13,12 +13,11 @@ namespace doppel {
 /// The configuration of the stage `deltanet`; `docs/training.md` lists the keys.
 struct DeltaNetRunConfig {
   RunSubject subject;
-  LoaderOptions loader;
+  LoaderOptions loader = image_loader(8, 40);
   PoseNoiseOptions noise;
 
   DeltaNetConfig model;
-  bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
-  double feature_floor = 0.01;  ///< lower bound of the standard deviation, metres
+  bool standardise = true;  ///< scale the network's inputs by their statistics over the training frames
 
   double chroma_weight = 0.03775;    ///< per squared level of 255, thesis A.2
   double silhouette_weight = 500.0;  ///< of the sums of squared residuals (silhouette.h), thesis A.2
@@ -33,6 +32,7 @@ struct DeltaNetRunConfig {
 
   static DeltaNetRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, DeltaNetRunConfig& config);
 
 /// Trains DeltaNet (6.7): displacements on top of EGNet's surface. Losses: silhouettes, chroma of the images, and a
 /// Laplacian that keeps the displacements smooth (6.15). Not in the thesis: `anchor`, which keeps vertices at their

@@ -4,27 +4,27 @@
 
 namespace doppel {
 
+void describe_keys(const Keys& keys, EgNetRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  describe_keys(keys.section("data"), c.noise);
+  keys("model.standardise", c.standardise,
+       "scale the inputs by their mean and standard deviation over the training frames");
+  keys("model.recalibrate_norm", c.recalibrate_norm,
+       "evaluation and export use batch-norm statistics of the whole training set instead of running ones");
+  describe_keys(keys.section("model"), c.model);
+  keys("loss.silhouette", c.silhouette_weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.arap", c.arap_weight, at_least(0.0), "weight, thesis A.2");
+  keys("loss.anchor", c.anchor_weight, at_least(0.0),
+       "weight of the mean squared distance from the skinned surface, square metres: clothes do not slide along the "
+       "body where the masks do not show it");
+  describe_keys(keys.section("loss"), c.silhouette);
+  describe_keys(keys.section("train"), c.trainer);
+}
+
 EgNetRunConfig EgNetRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  EgNetRunConfig c;
-  c.subject = RunSubject::read(document, root, "egnet");
-  const ConfigReader data = root.section("data");
-  c.loader = read_loader_options(data, 40, 40, c.subject.seed);
-  c.noise = PoseNoiseOptions::read(data);
-  const ConfigReader model = root.section("model");
-  c.standardise = model.get("standardise", c.standardise);
-  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
-  c.recalibrate_norm = model.get("recalibrate_norm", c.recalibrate_norm);
-  c.model = EgNetConfig::read(model);
-  const ConfigReader loss = root.section("loss");
-  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
-  c.arap_weight = loss.get("arap", c.arap_weight, at_least(0.0));
-  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
-  c.silhouette = read_silhouette_options(loss);
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  c.loader.past_frames = c.model.history();
-  return c;
+  EgNetRunConfig config = read_run<EgNetRunConfig>(document, "egnet");
+  config.loader.past_frames = config.model.history();
+  return config;
 }
 
 }  // namespace doppel

@@ -11,12 +11,11 @@ namespace doppel {
 struct EgNetRunConfig {
   RunSubject subject;
 
-  LoaderOptions loader;
+  LoaderOptions loader = stage_loader(40, 40);
   PoseNoiseOptions noise;
 
   EgNetConfig model;
-  bool standardise = true;      ///< scale the network's inputs by their statistics over the training frames
-  double feature_floor = 0.01;  ///< lower bound of the standard deviation, metres and radians
+  bool standardise = true;  ///< scale the network's inputs by their statistics over the training frames
   bool recalibrate_norm =
       true;  ///< evaluate with batch-norm statistics of the whole training set instead of running statistics
 
@@ -32,5 +31,6 @@ struct EgNetRunConfig {
   /// Reads a whole configuration. @throws FileError at the key; UsageError when no capture is named
   static EgNetRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, EgNetRunConfig& config);
 
 }  // namespace doppel

@@ -9,6 +9,8 @@ namespace {
 
 /// Enough frames for statistics; more would only need more memory.
 constexpr std::size_t kEgNetStatisticsFrames = 2048;
+/// Lower bound of the standard deviation of an input, metres and radians.
+constexpr double kEgNetFeatureFloor = 0.01;
 
 }  // namespace
 
@@ -25,7 +27,7 @@ EgNetStage::EgNetStage(const Dataset& dataset, const Character& character, const
   const auto [mean, std] =
       input_statistics(training_windows(kEgNetStatisticsFrames, config_.model.past_frames),
                        [this](const torch::Tensor& windows) { return network_->network_input(windows); });
-  network_->set_input_statistics(mean, std, config_.feature_floor);
+  network_->set_input_statistics(mean, std, kEgNetFeatureFloor);
 }
 
 LossTerms EgNetStage::loss(const Batch& batch, StepContext& context) {

@@ -4,25 +4,20 @@ namespace doppel {
 
 HybridPlan::HybridPlan() : rounds_{{110000, 400, 0.01}, {500000, 400, 0.1}} {}
 
-HybridPlan HybridPlan::read(const ConfigReader& root) {
-  HybridPlan plan;
-  const std::vector<ConfigReader> sections = root.sections("rounds");
-  if (!sections.empty()) plan.rounds_.clear();
-  for (const ConfigReader& section : sections) {
-    HybridRound round;
-    round.field = section.get<long>("field", round.field, at_least(0L));
-    round.refine = section.get<long>("refine", round.refine, at_least(0L));
-    round.variance = section.get("variance", round.variance, at_least(0.0));
-    plan.rounds_.push_back(round);
-  }
-  plan.joint_ = root.get<long>("joint", plan.joint_, at_least(0L));
-  const ConfigReader rates = root.section("rates");
-  plan.field_rate_ = rates.get("field", plan.field_rate_, between(0.0, 10.0));
-  plan.refine_rate_ = rates.get("refine", plan.refine_rate_, between(0.0, 10.0));
-  plan.joint_rate_ = rates.get("joint", plan.joint_rate_, between(0.0, 10.0));
-  plan.final_ratio_ = rates.get("final_ratio", plan.final_ratio_, between(0.0, 1.0));
-  if (plan.iterations() == 0) root.fail_at_key("rounds", "no round has any steps, so nothing would be trained");
-  return plan;
+void describe_keys(const Keys& keys, HybridRound& round) {
+  keys("field", round.field, at_least<std::int64_t>(0), "steps of the radiance field");
+  keys("refine", round.refine, at_least<std::int64_t>(0), "steps of DeltaNet");
+  keys("variance", round.variance, at_least(0.0), "weight of the variance of depths (6.28)");
+}
+
+void describe_keys(const Keys& keys, HybridPlan& plan) {
+  keys.items("rounds", plan.rounds_, "one after the other; without it, the two of A.3");
+  keys("joint", plan.joint_, at_least<std::int64_t>(0), "end-to-end steps after the last round");
+  keys("rates.field", plan.field_rate_, between(0.0, 10.0), "learning rate at the start of a phase of the field");
+  keys("rates.refine", plan.refine_rate_, between(0.0, 10.0), "the same of DeltaNet");
+  keys("rates.joint", plan.joint_rate_, between(0.0, 10.0), "the same of end-to-end steps");
+  keys("rates.final_ratio", plan.final_ratio_, between(0.0, 1.0), "last rate / first rate of a phase");
+  keys.require("rounds", plan.iterations() > 0, "no round has any steps, so nothing would be trained");
 }
 
 std::vector<HybridPlan::Part> HybridPlan::parts() const {

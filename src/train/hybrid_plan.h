@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/train/schedule.h"
 
 namespace doppel {
@@ -18,17 +18,13 @@ struct HybridRound {
   std::int64_t refine = 400;    ///< steps of DeltaNet
   double variance = 0.01;       ///< lambda of 6.28 in this round
 };
+void describe_keys(const Keys& keys, HybridRound& round);
 
 /// The rounds, followed by steps that train everything end to end.
 class HybridPlan {
  public:
   /// The two rounds of A.3.
   HybridPlan();
-  /// Keys: `rounds` (a list of mappings with the keys of HybridRound), `joint` (steps, default 0), and the section
-  /// `rates`: `field`, `refine` and `joint` are the rates at the start of such a phase, `final_ratio` their factor at
-  /// its end.
-  /// @throws FileError at the key
-  static HybridPlan read(const ConfigReader& root);
 
   std::int64_t iterations() const;
   Schedule schedule() const;
@@ -54,9 +50,13 @@ class HybridPlan {
   /// Whether a step of this phase, or of the joint one, comes at or after `step`.
   bool comes(HybridPhase phase, std::int64_t step) const;
 
+  friend void describe_keys(const Keys& keys, HybridPlan& plan);
+
   std::vector<HybridRound> rounds_;
   std::int64_t joint_ = 0;
   double field_rate_ = 5e-4, refine_rate_ = 1e-4, joint_rate_ = 1e-4, final_ratio_ = 0.1;
 };
+/// The keys `rounds` (a list), `joint` and `rates`.
+void describe_keys(const Keys& keys, HybridPlan& plan);
 
 }  // namespace doppel

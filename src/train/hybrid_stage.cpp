@@ -40,48 +40,50 @@ RadianceLoss no_radiance_loss() {
   return {zero, zero, zero, zero};
 }
 
+/// Lower bound of the standard deviation of an input, metres.
+constexpr double kHybridFeatureFloor = 0.05;
+
+void describe_refinement(const Keys& keys, HybridRunConfig& c) {
+  keys("chamfer", c.chamfer_weight, at_least(0.0), "weight, A.3");
+  keys("chamfer_threshold", c.chamfer.threshold, at_least(0.0),
+       "metres beyond which a point and a vertex are not compared");
+  keys("chamfer_agreement", c.chamfer.min_agreement, between(-1.0, 1.0),
+       "smallest cosine between the normals of a point and its vertex");
+  keys("min_facing", c.min_facing, between(0.0, 1.0),
+       "smallest cosine between the direction of view and the normal of a point or vertex");
+  keys("min_opacity", c.min_opacity, between(0.0, 1.0), "rays with a lower opacity give no point");
+  keys("silhouette", c.silhouette_weight, at_least(0.0), "weight, A.3");
+  describe_keys(keys, c.silhouette);
+  keys("laplacian", c.laplacian_weight, at_least(0.0), "weight, A.3");
+  keys("isometry", c.isometry_weight, at_least(0.0), "weight, A.3");
+  keys("anchor", c.anchor_weight, at_least(0.0),
+       "weight of the mean squared distance from the mesh at the start of the round: holds parts that no camera sees; "
+       "no effect in `joint` steps");
+}
+
 }  // namespace
 
+void describe_keys(const Keys& keys, HybridRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  keys.require("data.batch_size", c.loader.batch_size == 1,
+               fmt::format("found {}; a step takes the rays of one frame, so only 1 is allowed", c.loader.batch_size));
+  describe_keys(keys.section("model"), c.model);
+  keys("model.standardise", c.standardise, "scale the inputs of the motion network, when there are several frames");
+  keys("rays.count", c.rays, between(1, 1 << 20), "of a step");
+  describe_keys(keys.section("rays"), c.field_rays);
+  keys("rays.cloud", c.cloud_rays, between(1, 1 << 24), "most points of a point cloud");
+  describe_refinement(keys.section("loss"), c);
+  describe_keys(keys, c.plan);
+  describe_phased(keys.section("train"), c.trainer, c.plan.schedule(),
+                  "the stage radiance takes this from its `rounds` and `rates`");
+  keys.require(
+      "train.keep", !c.trainer.keep_best,
+      "found best; the phases of the hybrid train different terms, so no loss compares their checkpoints; only "
+      "last is allowed");
+}
+
 HybridRunConfig HybridRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  HybridRunConfig c;
-  c.subject = RunSubject::read(document, root, "radiance");
-  const ConfigReader data = root.section("data");
-  c.loader = read_image_loader_options(data, 1, 1, c.subject.seed);
-  if (c.loader.batch_size != 1)
-    data.fail_at_key("batch_size", "found {}; a step takes the rays of one frame, so only 1 is allowed",
-                     c.loader.batch_size);
-  const ConfigReader model = root.section("model");
-  c.model = HybridConfig::read(model);
-  c.standardise = model.get("standardise", c.standardise);
-  c.feature_floor = model.get("feature_floor", c.feature_floor, at_least(1e-9));
-  const ConfigReader rays = root.section("rays");
-  c.rays = rays.get("count", c.rays, between(1, 1 << 20));
-  c.field_rays = FieldRays::read(rays);
-  c.cloud_rays = rays.get("cloud", c.cloud_rays, between(1, 1 << 24));
-  const ConfigReader loss = root.section("loss");
-  c.chamfer_weight = loss.get("chamfer", c.chamfer_weight, at_least(0.0));
-  c.chamfer.threshold = loss.get("chamfer_threshold", c.chamfer.threshold, at_least(0.0));
-  c.chamfer.min_agreement = loss.get("chamfer_agreement", c.chamfer.min_agreement, between(-1.0, 1.0));
-  loss.renamed("least_facing", "min_facing");
-  loss.renamed("least_opacity", "min_opacity");
-  c.min_facing = loss.get("min_facing", c.min_facing, between(0.0, 1.0));
-  c.min_opacity = loss.get("min_opacity", c.min_opacity, between(0.0, 1.0));
-  c.silhouette_weight = loss.get("silhouette", c.silhouette_weight, at_least(0.0));
-  c.silhouette = read_silhouette_options(loss);
-  c.laplacian_weight = loss.get("laplacian", c.laplacian_weight, at_least(0.0));
-  c.isometry_weight = loss.get("isometry", c.isometry_weight, at_least(0.0));
-  c.anchor_weight = loss.get("anchor", c.anchor_weight, at_least(0.0));
-  c.variance_in_metres = loss.get("variance_in_metres", c.variance_in_metres);
-  c.plan = HybridPlan::read(root);
-  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.plan.schedule(),
-                                          "the stage radiance takes this from its `rounds` and `rates`");
-  if (c.trainer.keep_best)
-    root.section("train").fail_at_key("keep",
-                                      "found best; the phases of the hybrid train different terms, so no loss "
-                                      "compares their checkpoints; only last is allowed");
-  root.finish();
-  return c;
+  return read_run<HybridRunConfig>(document, "radiance");
 }
 
 HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const HybridRunConfig& config)
@@ -100,7 +102,7 @@ HybridStage::HybridStage(const Dataset& dataset, TrainedActor& actor, const Hybr
   if (!config.standardise || windows.size(0) < 2) return;
   const auto [mean, std] =
       input_statistics(windows, [this](const Tensor& part) { return model_->motion->network_input(part); });
-  model_->motion->set_input_statistics(mean, std, config.feature_floor);
+  model_->motion->set_input_statistics(mean, std, kHybridFeatureFloor);
 }
 
 LossTerms HybridStage::loss(const Batch& batch, StepContext& context) {
@@ -225,7 +227,6 @@ RadianceLoss HybridStage::field_loss(const Batch& batch, const Tensor& views, co
   const RenderedRays seen =
       render_field(model_->field, viewer_.closest(), {vertices, carried}, rays.origin, rays.direction, samples);
   RadianceLossOptions options;
-  options.variance_in_metres = config_.variance_in_metres;
   return radiance_loss(seen, samples, rays.colour, rays.mask, options);
 }
 

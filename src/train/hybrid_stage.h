@@ -21,11 +21,10 @@ namespace doppel {
 /// The configuration of the stage `radiance`; `docs/training.md` lists the keys.
 struct HybridRunConfig {
   RunSubject subject;
-  LoaderOptions loader;
+  LoaderOptions loader = image_loader(1, 1);
 
   HybridConfig model;
-  bool standardise = true;      ///< scale the inputs of the motion network, when there are several frames
-  double feature_floor = 0.05;  ///< lower bound of the standard deviation, metres
+  bool standardise = true;  ///< scale the inputs of the motion network, when there are several frames
 
   // Rays.
   int rays = 1000;  ///< rays of a step, shared among its cameras (A.3)
@@ -40,7 +39,6 @@ struct HybridRunConfig {
   /// Weight of the mean squared distance from the mesh at the start of the round, per square metre. Without it, parts
   /// that no camera sees (the underside of a skirt, for example) drift, because no other loss holds them.
   double anchor_weight = 0.0;
-  bool variance_in_metres = false;
   double min_opacity = 0.98;  ///< T: smallest opacity of a ray that gives a point
   double min_facing = 0.2;    ///< smallest cosine between ray and normal; depth is uncertain at grazing angles
   ChamferOptions chamfer;
@@ -51,6 +49,7 @@ struct HybridRunConfig {
 
   static HybridRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, HybridRunConfig& config);
 
 /// Trains the hybrid (6.12), alternating between the radiance field around the mesh (6.28) and DeltaNet, which is
 /// fitted to point clouds from the radiance field (6.27). The clouds are computed around the mesh at the start of the

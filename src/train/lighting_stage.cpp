@@ -7,19 +7,17 @@
 
 namespace doppel {
 
+void describe_keys(const Keys& keys, LightingRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  keys("loss.lighting", c.weight, at_least(0.0), "weight");
+  keys("loss.deviation", c.deviation_weight, at_least(0.0),
+       "weight that pulls cameras to their mean. A camera observes no light from behind the surfaces that it sees, and "
+       "a camera that was not trained on gets the mean");
+  describe_keys(keys.section("train"), c.trainer);
+}
+
 LightingRunConfig LightingRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  LightingRunConfig c;
-  c.subject = RunSubject::read(document, root, "lighting");
-  const ConfigReader data = root.section("data");
-  c.loader = read_image_loader_options(data, 4, 0, c.subject.seed);
-  const ConfigReader loss = root.section("loss");
-  c.weight = loss.get("lighting", c.weight, at_least(0.0));
-  c.deviation_weight = loss.get("deviation", c.deviation_weight, at_least(0.0));
-  c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  return c;
+  return read_run<LightingRunConfig>(document, "lighting");
 }
 
 LightingStage::LightingStage(const Dataset& dataset, TrainedActor& actor, const LightingRunConfig& config)

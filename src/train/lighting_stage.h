@@ -11,7 +11,7 @@ namespace doppel {
 /// The configuration of the stage `lighting`; `docs/training.md` lists the keys.
 struct LightingRunConfig {
   RunSubject subject;
-  LoaderOptions loader;
+  LoaderOptions loader = image_loader(4, 0);
   LightingLossOptions loss;
   double weight = 1.0;            ///< per squared level of 255
   double deviation_weight = 0.0;  ///< of Lighting::deviation(), no unit; not in the thesis
@@ -19,6 +19,7 @@ struct LightingRunConfig {
 
   static LightingRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, LightingRunConfig& config);
 
 /// Finds the lighting of each camera (6.6): draws the static texture on EGNet's surface and compares it with the
 /// images. Only the spherical-harmonics coefficients are trained.

@@ -26,18 +26,14 @@ Tensor random_pixels(const Tensor& mask, std::int64_t count, at::Generator& gene
 
 }  // namespace
 
-NerfRunConfig NerfRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  NerfRunConfig c;
-  c.subject = RunSubject::read(document, root, "nerf");
-  const ConfigReader data = root.section("data");
-  c.loader = read_image_loader_options(data, 1, 1, c.subject.seed);
-  c.rays = root.section("rays").get("count", c.rays, between(1, 1 << 20));
-  c.model = PlainFieldConfig::read(root.section("model"));
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  return c;
+void describe_keys(const Keys& keys, NerfRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  keys("rays.count", c.rays, between(1, 1 << 20), "of a step");
+  describe_keys(keys.section("model"), c.model);
+  describe_keys(keys.section("train"), c.trainer);
 }
+
+NerfRunConfig NerfRunConfig::read(const ConfigDocument& document) { return read_run<NerfRunConfig>(document, "nerf"); }
 
 NerfStage::NerfStage(const Dataset& dataset, TrainedActor& actor, const NerfRunConfig& config)
     : CaptureStage(dataset, actor.character, with_past_frames(config.loader, actor.past_frames())), config_(config) {

@@ -11,13 +11,14 @@ namespace doppel {
 /// The configuration of the stage `nerf`; `docs/training.md` lists the keys.
 struct NerfRunConfig {
   RunSubject subject;
-  LoaderOptions loader;  ///< of one frame
+  LoaderOptions loader = image_loader(1, 1);  ///< of one frame
   PlainFieldConfig model;
   int rays = 1000;  ///< rays of a step, shared among its cameras
   TrainerOptions trainer;
 
   static NerfRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, NerfRunConfig& config);
 
 /// Trains a radiance field without a mesh on one frame (6.12.5.2), for comparison. The loss compares colour and mask of
 /// both of its networks. Half of the rays pass through the mask, the others through the whole image.

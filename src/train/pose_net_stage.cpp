@@ -34,21 +34,23 @@ std::vector<std::string> dofs_to_predict(const std::vector<std::string>& pattern
 
 }  // namespace
 
+void describe_keys(const Keys& keys, PoseNetRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  keys(
+      "model.dofs", c.dofs,
+      "names of the DoFs to predict; `*` stands for any characters, a leading `!` removes; empty: those that landmarks "
+      "determine");
+  describe_keys(keys.section("model"), c.model);
+  describe_keys(keys.section("loss"), c.detections);
+  describe_keys(keys, c.phases);
+  describe_phased(keys.section("train"), c.trainer, c.phases.schedule(),
+                  "the stage posenet takes this from its `phases`");
+}
+
 PoseNetRunConfig PoseNetRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  PoseNetRunConfig c;
-  c.subject = RunSubject::read(document, root, "posenet");
-  c.loader = read_loader_options(root.section("data"), 90, 0, c.subject.seed);
-  const ConfigReader model = root.section("model");
-  c.dofs = model.list<std::string>("dofs");
-  c.model = PoseNetConfig::read(model);
-  c.detections = DetectionOptions::read(root.section("loss"));
-  c.phases = PosePhases::read(root);
-  c.trainer = TrainerOptions::read_phased(root.section("train"), c.subject.seed, c.phases.schedule(),
-                                          "the stage posenet takes this from its `phases`");
-  root.finish();
-  c.loader = with_people(c.loader, c.model.input_size);
-  return c;
+  PoseNetRunConfig config = read_run<PoseNetRunConfig>(document, "posenet");
+  config.loader = with_people(config.loader, config.model.input_size);
+  return config;
 }
 
 PoseNetStage::PoseNetStage(const Dataset& dataset, const Character& character, const PoseNetRunConfig& config)

@@ -16,7 +16,7 @@ namespace doppel {
 /// The configuration of the stage `posenet`; `docs/training.md` lists the keys.
 struct PoseNetRunConfig {
   RunSubject subject;
-  LoaderOptions loader;
+  LoaderOptions loader = stage_loader(90, 0);
   std::vector<std::string> dofs;  ///< patterns of PoseDofs; empty: `determined_dofs`
   PoseNetConfig model;
   PosePhases phases;
@@ -26,6 +26,7 @@ struct PoseNetRunConfig {
   /// Reads a whole configuration. @throws FileError at the key; UsageError when no capture is named
   static PoseNetRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, PoseNetRunConfig& config);
 
 /// Trains PoseNet (5.5) from the keypoints of many cameras. The network predicts joint angles and the root's rotation
 /// from an image; global alignment finds the position. The loss compares landmarks with their keypoints (5.6).

@@ -22,11 +22,12 @@ torch::Tensor radians_to_dof(const Skeleton& skeleton) {
 
 }  // namespace
 
-PoseNoiseOptions PoseNoiseOptions::read(const ConfigReader& data) {
-  PoseNoiseOptions o;
-  o.input = data.get("input_noise", o.input, between(0.0, 1.0));
-  o.pose = data.get("pose_noise", o.pose, between(0.0, 1.0));
-  return o;
+void describe_keys(const Keys& keys, PoseNoiseOptions& options) {
+  keys("input_noise", options.input, between(0.0, 1.0),
+       "standard deviation, radians, of noise on each joint angle that the network sees; drawn for each frame of the "
+       "motion window");
+  keys("pose_noise", options.pose, between(0.0, 1.0),
+       "the same, but one draw for all frames of the motion window: velocities stay");
 }
 
 PoseNoise::PoseNoise(const Skeleton& skeleton, const PoseNoiseOptions& options)

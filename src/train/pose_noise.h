@@ -4,7 +4,7 @@
 #include <torch/types.h>
 
 #include "doppel/character/skeleton.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/distributed/batch_share.h"
 
 namespace doppel {
@@ -14,10 +14,9 @@ namespace doppel {
 struct PoseNoiseOptions {
   double pose = 0.0;   ///< standard deviation of noise common to a motion window: changes poses, not velocities
   double input = 0.0;  ///< standard deviation of noise of each frame: changes velocities too
-
-  /// Keys `pose_noise` and `input_noise` of a section `data`.
-  static PoseNoiseOptions read(const ConfigReader& data);
 };
+/// The keys in a section `data`.
+void describe_keys(const Keys& keys, PoseNoiseOptions& options);
 
 class PoseNoise {
  public:

@@ -18,22 +18,19 @@ PosePhases::PosePhases() {
   phases_ = {first, second, third};
 }
 
-PosePhases PosePhases::read(const ConfigReader& root) {
-  PosePhases phases;
-  const std::vector<ConfigReader> sections = root.sections("phases");
-  if (sections.empty()) return phases;
-  phases.phases_.clear();
-  for (const ConfigReader& section : sections) {
-    PosePhase phase;
-    phase.iterations = section.get<long>("iterations", phase.iterations, at_least(1L));
-    phase.learning_rate = section.get("learning_rate", phase.learning_rate, between(0.0, 10.0));
-    phase.keypoints = section.get("keypoints", phase.keypoints, at_least(0.0));
-    phase.limits = section.get("limits", phase.limits, at_least(0.0));
-    phase.limits_reduced_at = section.get("limits_reduced_at", phase.limits_reduced_at, between(0.0, 1.0));
-    phase.limits_off_at = section.get("limits_off_at", phase.limits_off_at, between(0.0, 1.0));
-    phases.phases_.push_back(phase);
-  }
-  return phases;
+void describe_keys(const Keys& keys, PosePhase& phase) {
+  keys("iterations", phase.iterations, at_least<std::int64_t>(1), "steps");
+  keys("learning_rate", phase.learning_rate, between(0.0, 10.0), "of all steps");
+  keys("keypoints", phase.keypoints, at_least(0.0),
+       "weight of the keypoint loss, squared pixels of an image 1024 wide");
+  keys("limits", phase.limits, at_least(0.0), "weight of the limits loss, squared radians");
+  keys("limits_reduced_at", phase.limits_reduced_at, between(0.0, 1.0),
+       "share of the phase after which the limits loss counts a tenth");
+  keys("limits_off_at", phase.limits_off_at, between(0.0, 1.0), "share after which it counts nothing");
+}
+
+void describe_keys(const Keys& keys, PosePhases& phases) {
+  keys.items("phases", phases.phases_, "one after the other; without it, the three of A.1.1");
 }
 
 std::int64_t PosePhases::iterations() const {

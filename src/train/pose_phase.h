@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/train/schedule.h"
 
 namespace doppel {
@@ -21,15 +21,13 @@ struct PosePhase {
   /// @param progress of the phase, 0 to 1
   double limits_weight(double progress) const;
 };
+void describe_keys(const Keys& keys, PosePhase& phase);
 
 /// The phases of a configuration, one after the other.
 class PosePhases {
  public:
   /// The three of the thesis.
   PosePhases();
-  /// Reads the key `phases`: a list of mappings with the keys above; without it, the phases of the thesis.
-  /// @throws FileError at the key
-  static PosePhases read(const ConfigReader& root);
 
   std::int64_t iterations() const;  ///< of all phases
   /// The learning rate over all phases.
@@ -44,7 +42,10 @@ class PosePhases {
   Place at(std::int64_t step) const&& = delete;
 
  private:
+  friend void describe_keys(const Keys& keys, PosePhases& phases);
   std::vector<PosePhase> phases_;
 };
+/// The key `phases`, a list.
+void describe_keys(const Keys& keys, PosePhases& phases);
 
 }  // namespace doppel

@@ -1,29 +1,20 @@
 #include "doppel/train/run_config.h"
 
-#include "doppel/core/as_size.h"
+#include "doppel/data/capture/capture.h"
 
 namespace doppel {
 
-LoaderOptions read_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample, std::int64_t seed) {
-  LoaderOptions o;
-  o.split = parse_split(data.choice("split", split_words(), "train"));
-  o.batch_size = data.get("batch_size", batch_size, at_least(1));
-  o.cameras = data.list<std::string>("cameras");
-  o.frames = data.list<long>("frames");
-  o.cameras_per_sample = data.get("cameras_per_sample", cameras_per_sample, at_least(0));
-  o.workers = data.get("workers", o.workers, between(0, 256));
-  o.prefetch = data.get("prefetch", o.prefetch, at_least(1));
-  o.cache_mb = data.get("cache_mb", o.cache_mb, at_least(0));
-  o.seed = static_cast<std::uint64_t>(seed);
-  return o;
+LoaderOptions stage_loader(int batch_size, int cameras_per_sample) {
+  LoaderOptions options;
+  options.batch_size = batch_size;
+  options.cameras_per_sample = cameras_per_sample;
+  return options;
 }
 
-LoaderOptions read_image_loader_options(const ConfigReader& data, int batch_size, int cameras_per_sample,
-                                        std::int64_t seed) {
-  LoaderOptions o = read_loader_options(data, batch_size, cameras_per_sample, seed);
-  o.images = true;
-  o.image_size = data.get("image_size", 0, at_least(0));
-  return o;
+LoaderOptions image_loader(int batch_size, int cameras_per_sample) {
+  LoaderOptions options = stage_loader(batch_size, cameras_per_sample);
+  options.images = true;
+  return options;
 }
 
 LoaderOptions with_past_frames(LoaderOptions options, int past_frames) {
@@ -31,22 +22,31 @@ LoaderOptions with_past_frames(LoaderOptions options, int past_frames) {
   return options;
 }
 
-SilhouetteOptions read_silhouette_options(const ConfigReader& loss, const SilhouetteOptions& defaults) {
-  SilhouetteOptions s = defaults;
-  s.model_to_data = loss.get("model_to_data", s.model_to_data, at_least(0.0));
-  s.data_to_model = loss.get("data_to_model", s.data_to_model, at_least(0.0));
-  s.distance_scale = loss.get("distance_scale", s.distance_scale, at_least(1e-6));
-  s.contour_radius = loss.get("contour_radius", s.contour_radius, at_least(1e-6));
-  s.inset = loss.get("inset", s.inset, between(-50.0, 50.0));
-  const std::vector<std::string> boundaries{"vertices", "outline"};
-  s.boundary = loss.choice("boundary", boundaries, boundaries[as_size(s.boundary)]) == "outline"
-                   ? SilhouetteBoundary::outline
-                   : SilhouetteBoundary::vertices;
-  s.visible_only = loss.get("visible_only", s.visible_only);
-  s.unit = loss.choice("unit", {"crop_pixels", "image_pixels"}, "crop_pixels") == "crop_pixels"
-               ? SilhouetteUnit::crop_pixels
-               : SilhouetteUnit::image_pixels;
-  return s;
+void describe_keys(const Keys& keys, LoaderOptions& options) {
+  keys("split", options.split, split_words(), "of the frames to train on");
+  keys("batch_size", options.batch_size, at_least(1), "frames of a step");
+  keys("cameras", options.cameras, "names of the cameras to train on; empty: all");
+  keys("frames", options.frames, "rows of the sequences' motions to train on; empty: all of the split");
+  keys("cameras_per_sample", options.cameras_per_sample, at_least(0),
+       "drawn anew for each sample; 0, or more than there are: all");
+  keys("workers", options.workers, between(0, 256), "threads that load ahead; does not change results");
+  keys("cache_mb", options.cache_mb, at_least(0), "memory for what is kept between epochs; does not change results");
+  if (options.images)
+    keys("image_size", options.image_size, at_least(0),
+         "side of the images that are drawn and compared; 0: as prepared");
+}
+
+void describe_keys(const Keys& keys, SilhouetteOptions& options) {
+  keys("model_to_data", options.model_to_data, at_least(0.0), "factor of the first sum of 6.8");
+  keys("data_to_model", options.data_to_model, at_least(0.0), "factor of the second sum of 6.8");
+  keys("inset", options.inset, between(-50.0, 50.0),
+       "crop pixels that a boundary vertex should lie inside the outline of the mask, because the drawn outline runs "
+       "outside its vertices; negative: outside");
+  keys("boundary", options.boundary, {"vertices", "outline"},
+       "what is compared with the mask: boundary vertices, as published, or the drawn outline, which needs crops of "
+       "`--mask-size 700` and whose weights do not depend on the size of the crops");
+  keys("visible_only", options.visible_only, "boundary vertices must be visible to the camera");
+  keys("unit", options.unit, {"crop_pixels", "image_pixels"}, "of the residuals");
 }
 
 }  // namespace doppel

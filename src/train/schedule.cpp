@@ -14,20 +14,11 @@ double falling(double final_ratio, double done, double length) {
 
 }  // namespace
 
-Schedule Schedule::read(const ConfigReader& reader, std::int64_t iterations) {
-  Schedule s;
-  s.iterations = iterations;
-  s.learning_rate = reader.get("learning_rate", s.learning_rate, between(0.0, 10.0));
-  const std::string kind = reader.choice("schedule", {"constant", "cosine", "step", "exponential"}, "constant");
-  s.kind = kind == "cosine"        ? Kind::cosine
-           : kind == "step"        ? Kind::step
-           : kind == "exponential" ? Kind::exponential
-                                   : Kind::constant;
-  s.warmup = reader.get<long>("warmup", s.warmup, at_least(0L));
-  s.final_ratio = reader.get("final_ratio", s.final_ratio, between(0.0, 1.0));
-  s.factor = reader.get("decay_factor", s.factor, between(0.0, 1.0));
-  s.interval = reader.get<long>("decay_interval", s.interval, at_least(1L));
-  return s;
+void describe_keys(const Keys& keys, Schedule& schedule) {
+  keys("learning_rate", schedule.learning_rate, between(0.0, 10.0), "after the warm-up");
+  keys("schedule", schedule.kind, {"constant", "cosine"}, "of the learning rate");
+  keys("warmup", schedule.warmup, at_least<std::int64_t>(0), "steps of linear growth at the start");
+  keys("final_ratio", schedule.final_ratio, between(0.0, 1.0), "cosine: last rate / first rate");
 }
 
 double Schedule::rate(std::int64_t step) const {
@@ -42,21 +33,9 @@ double Schedule::rate(std::int64_t step) const {
     return pieces.empty() ? 0.0 : pieces.back().rate * pieces.back().final_ratio;
   }
   if (step < warmup) return learning_rate * static_cast<double>(step + 1) / static_cast<double>(warmup);
-  const double done = static_cast<double>(step - warmup);
-  switch (kind) {
-    case Kind::constant:
-      return learning_rate;
-    case Kind::cosine:
-      return learning_rate *
-             falling(final_ratio, done, static_cast<double>(std::max<std::int64_t>(1, iterations - warmup)));
-    case Kind::step:
-      return learning_rate * std::pow(factor, std::floor(done / static_cast<double>(interval)));
-    case Kind::exponential:
-      return learning_rate * std::pow(factor, done / static_cast<double>(interval));
-    case Kind::pieces:
-      break;  // handled above, without warm-up
-  }
-  return learning_rate;
+  if (kind == Kind::constant) return learning_rate;
+  return learning_rate * falling(final_ratio, static_cast<double>(step - warmup),
+                                 static_cast<double>(std::max<std::int64_t>(1, iterations - warmup)));
 }
 
 }  // namespace doppel

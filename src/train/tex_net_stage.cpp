@@ -10,25 +10,20 @@
 
 namespace doppel {
 
+void describe_keys(const Keys& keys, TexNetRunConfig& c) {
+  describe_keys(keys.section("data"), c.loader);
+  keys.require("data.cameras_per_sample", c.loader.cameras_per_sample == 1,
+               fmt::format("found {}; a texture is for one camera, so only 1 is allowed", c.loader.cameras_per_sample));
+  describe_keys(keys.section("data"), c.noise);
+  describe_keys(keys.section("model"), c.model);
+  keys("loss.photometric", c.weight, at_least(0.0), "weight");
+  keys("loss.distance", c.loss.squares, {"absolute", "squares"}, "of colours, as in the thesis, or half the squares");
+  keys("loss.nearest", c.nearest, "draw with the nearest texel");
+  describe_keys(keys.section("train"), c.trainer);
+}
+
 TexNetRunConfig TexNetRunConfig::read(const ConfigDocument& document) {
-  const ConfigReader root = document.root();
-  TexNetRunConfig c;
-  c.subject = RunSubject::read(document, root, "texnet");
-  const ConfigReader data = root.section("data");
-  c.loader = read_image_loader_options(data, 12, 1, c.subject.seed);
-  if (c.loader.cameras_per_sample != 1)
-    data.fail_at_key("cameras_per_sample", "found {}; a texture is for one camera, so only 1 is allowed",
-                     c.loader.cameras_per_sample);
-  c.noise = PoseNoiseOptions::read(data);
-  c.model = TexNetConfig::read(root.section("model"));
-  const ConfigReader loss = root.section("loss");
-  c.weight = loss.get("photometric", c.weight, at_least(0.0));
-  c.loss.erosion = loss.get("erosion", c.loss.erosion, between(0, 100));
-  c.loss.squares = loss.choice("distance", {"absolute", "squares"}, "absolute") == "squares";
-  c.nearest = loss.get("nearest", c.nearest);
-  c.trainer = TrainerOptions::read(root.section("train"), c.subject.seed);
-  root.finish();
-  return c;
+  return read_run<TexNetRunConfig>(document, "texnet");
 }
 
 TexNetStage::TexNetStage(const Dataset& dataset, TrainedActor& actor, const TexNetRunConfig& config)

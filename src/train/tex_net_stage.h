@@ -12,7 +12,7 @@ namespace doppel {
 /// The configuration of the stage `texnet`; `docs/training.md` lists the keys.
 struct TexNetRunConfig {
   RunSubject subject;
-  LoaderOptions loader;
+  LoaderOptions loader = image_loader(12, 1);
   PoseNoiseOptions noise;
   TexNetConfig model;
   double weight = 1.0;  ///< per level of 255; per squared level with `loss.squares`
@@ -22,6 +22,7 @@ struct TexNetRunConfig {
 
   static TexNetRunConfig read(const ConfigDocument& document);
 };
+void describe_keys(const Keys& keys, TexNetRunConfig& config);
 
 /// Trains TexNet (6.8): a dynamic texture for a motion window and a camera. The texture is drawn without lighting on
 /// the final geometry and compared with the camera's image (6.18).

@@ -52,38 +52,36 @@ void warn_of_other_machine(const Checkpoint& checkpoint) {
       checkpoint.text("machine"), present_machine());
 }
 
+/// All keys except those of iterations and learning rates.
+void describe_unscheduled(const Keys& keys, TrainerOptions& o) {
+  describe_keys(keys, o.adam);
+  keys("log_every", o.log_every, at_least<std::int64_t>(1), "steps per line of `metrics.jsonl`");
+  keys("checkpoint_every", o.checkpoint_every, at_least<std::int64_t>(1), "steps between checkpoints");
+  keys("keep_last", o.keep_last, at_least(1), "newest checkpoints kept");
+  keys("keep_every", o.keep_every, at_least<std::int64_t>(0),
+       "also keep the checkpoints of steps divisible by this; 0: none");
+  keys("keep", o.keep_best, {"last", "best"},
+       "`best`: also keep the checkpoint with the smallest loss on validation frames, which later stages, evaluation "
+       "and export then use");
+  keys("images_every", o.images_every, at_least<std::int64_t>(0), "steps between images in `pictures/`; 0: at the end");
+  keys("max_minutes", o.max_minutes, at_least(0.0),
+       "total training time, over all starts of the command, after which the run ends in order; 0: no limit");
+}
+
 }  // namespace
 
-TrainerOptions TrainerOptions::read_unscheduled(const ConfigReader& reader, std::int64_t seed) {
-  TrainerOptions o;
-  o.seed = seed;
-  o.adam = AdamOptions::read(reader);
-  o.log_every = reader.get<long>("log_every", o.log_every, at_least(1L));
-  o.checkpoint_every = reader.get<long>("checkpoint_every", o.checkpoint_every, at_least(1L));
-  o.keep_last = reader.get("keep_last", o.keep_last, at_least(1));
-  o.keep_every = reader.get<long>("keep_every", o.keep_every, at_least(0L));
-  o.keep_best = reader.choice("keep", {"last", "best"}, "last") == "best";
-  reader.renamed("pictures_every", "images_every");
-  o.images_every = reader.get<long>("images_every", o.images_every, at_least(0L));
-  o.max_minutes = reader.get("max_minutes", o.max_minutes, at_least(0.0));
-  return o;
+void describe_keys(const Keys& keys, TrainerOptions& o) {
+  keys("iterations", o.iterations, at_least<std::int64_t>(1), "steps");
+  describe_keys(keys, o.schedule);
+  o.schedule.iterations = o.iterations;
+  describe_unscheduled(keys, o);
 }
 
-TrainerOptions TrainerOptions::read(const ConfigReader& reader, std::int64_t seed) {
-  TrainerOptions o = read_unscheduled(reader, seed);
-  o.iterations = reader.get<long>("iterations", o.iterations, at_least(1L));
-  o.schedule = Schedule::read(reader, o.iterations);
-  return o;
-}
-
-TrainerOptions TrainerOptions::read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
-                                           const std::string& source) {
-  for (const char* key : {"iterations", "learning_rate", "schedule", "warmup", "final_ratio"})
-    if (reader.has(key)) reader.fail_at_key(key, "{}", source);
-  TrainerOptions o = read_unscheduled(reader, seed);
+void describe_phased(const Keys& keys, TrainerOptions& o, const Schedule& schedule, const std::string& source) {
+  for (const char* key : {"iterations", "learning_rate", "schedule", "warmup", "final_ratio"}) keys.forbid(key, source);
   o.iterations = schedule.iterations;
   o.schedule = schedule;
-  return o;
+  describe_unscheduled(keys, o);
 }
 
 Trainer::Trainer(Stage& stage, const TrainerOptions& options, const RunFolder& run, Ranks* ranks)

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "doppel/actor/run_folder.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/train/adam.h"
 #include "doppel/train/gradient_sum.h"
 #include "doppel/train/metrics.h"
@@ -32,20 +32,13 @@ struct TrainerOptions {
   double max_minutes = 0.0;             ///< limit of the training time, summed over all sessions; 0: no limit
   bool keep_best = false;   ///< keep the checkpoint with the smallest validation loss too, and use this one later
   bool keep_start = false;  ///< write a checkpoint before the first step too; not a configuration key
-
-  /// Reads the keys of the section `train`. @param reader that section @throws FileError at a key with a wrong value
-  static TrainerOptions read(const ConfigReader& reader, std::int64_t seed);
-  /// The same for a stage whose number of steps and learning rates come from other keys.
-  /// @param schedule made from those keys; it gives the iterations too
-  /// @param source the message of the error, which names those keys
-  /// @throws FileError also when the section holds a key of the schedule
-  static TrainerOptions read_phased(const ConfigReader& reader, std::int64_t seed, const Schedule& schedule,
-                                    const std::string& source);
-
- private:
-  /// Reads all keys except those of iterations and learning rates.
-  static TrainerOptions read_unscheduled(const ConfigReader& reader, std::int64_t seed);
 };
+/// The keys of the section `train`.
+void describe_keys(const Keys& keys, TrainerOptions& options);
+/// The same for a stage whose number of steps and learning rates come from other keys.
+/// @param schedule made from those keys; it gives the iterations too
+/// @param source the message of the error at a key of the schedule; it names those keys
+void describe_phased(const Keys& keys, TrainerOptions& options, const Schedule& schedule, const std::string& source);
 
 /// Why a session ended. `finished`: all iterations are done. `time_limit`: max_minutes is reached. `interrupted`:
 /// Ctrl-C or SIGTERM.

@@ -232,21 +232,6 @@ TEST(NearestWord, FindsSlipsAndLeavesStrangersAlone) {
   EXPECT_EQ(nearest_word("x", {}), std::nullopt);
 }
 
-TEST(ConfigReference, AKeyIsReadUnderTheNameItHadBefore) {
-  const ConfigDocument document = ConfigDocument::parse("solver: {smallest_gain: 0.25}\n", "old.yaml");
-  const ConfigReader root = document.root(), solver = root.section("solver");
-  solver.renamed("smallest_gain", "function_tolerance");
-  EXPECT_EQ(solver.get<double>("function_tolerance"), 0.25);
-  root.finish();
-  EXPECT_THAT(document.resolved(), AllOf(HasSubstr("function_tolerance: 0.25"), Not(HasSubstr("smallest_gain"))));
-}
-
-TEST(ConfigRejects, BothNamesOfAKey) {
-  const ConfigDocument document = ConfigDocument::parse("new_name: 2\nold_name: 1\n", "both.yaml");
-  EXPECT_THAT(message_of<FileError>([&] { document.root().renamed("old_name", "new_name"); }),
-              AllOf(HasSubstr("both.yaml:2"), HasSubstr("now called new_name")));
-}
-
 TEST(ConfigRejects, WhatWouldGrowWithoutBound) {
   std::string bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
   for (int i = 1; i < 10; ++i)

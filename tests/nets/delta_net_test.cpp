@@ -14,6 +14,7 @@
 #include <optional>
 #include <sstream>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "support/gradient_check.h"
@@ -325,7 +326,7 @@ TEST(DeltaNetRecovers, ItsStateFromAnArchive) {
 DeltaNetConfig read(const std::string& text) {
   const ConfigDocument document = ConfigDocument::parse(text, "deltanet.yaml");
   const ConfigReader root = document.root();
-  const DeltaNetConfig config = DeltaNetConfig::read(root);
+  const DeltaNetConfig config = read_options<DeltaNetConfig>(root);
   root.finish();
   return config;
 }

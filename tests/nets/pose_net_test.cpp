@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/nets/def_net.h"
 #include "nets/weights_fixture.h"
@@ -231,7 +232,7 @@ TEST(PoseNet, ReadsItsConfiguration) {
       "heading: angle\n",
       "c.yaml");
   const ConfigReader reader = document.root();
-  const PoseNetConfig config = PoseNetConfig::read(reader);
+  const PoseNetConfig config = read_options<PoseNetConfig>(reader);
   reader.finish();
   EXPECT_EQ(config.kind, ResNetKind::resnet18);
   EXPECT_EQ(config.input_size, 128);
@@ -240,7 +241,7 @@ TEST(PoseNet, ReadsItsConfiguration) {
   EXPECT_EQ(config.head_scale, 0.01);
   EXPECT_EQ(config.heading, HeadingOutput::angle);
   EXPECT_THAT(message_of<FileError>(
-                  [] { BackboneConfig::read(ConfigDocument::parse("backbone: resnet51\n", "c.yaml").root()); }),
+                  [] { read_options<BackboneConfig>(ConfigDocument::parse("backbone: resnet51\n", "c.yaml").root()); }),
               HasSubstr("resnet50"));
 }
 

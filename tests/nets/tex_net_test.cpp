@@ -13,6 +13,7 @@
 
 #include <sstream>
 
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 #include "doppel/render/lighting/sh_lighting.h"
 #include "support/gradient_check.h"
@@ -319,7 +320,7 @@ TEST(TexNetRecovers, ItsStateFromAnArchive) {
 TexNetConfig read(const std::string& text) {
   const ConfigDocument document = ConfigDocument::parse(text, "texnet.yaml");
   const ConfigReader root = document.root();
-  const TexNetConfig config = TexNetConfig::read(root);
+  const TexNetConfig config = read_options<TexNetConfig>(root);
   root.finish();
   config.check();
   return config;

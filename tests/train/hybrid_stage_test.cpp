@@ -25,7 +25,9 @@ using ::testing::HasSubstr;
 using torch::Tensor;
 namespace fs = std::filesystem;
 
-HybridPlan plan_of(const std::string& text) { return HybridPlan::read(ConfigDocument::parse(text, "c.yaml").root()); }
+HybridPlan plan_of(const std::string& text) {
+  return read_options<HybridPlan>(ConfigDocument::parse(text, "c.yaml").root());
+}
 
 TEST(HybridPlanReference, IsTheThesissWhereTheConfigurationIsSilent) {
   const HybridPlan plan = plan_of("{}");

@@ -39,7 +39,7 @@ TEST(PosePhases, AreTheThesissWhereTheConfigurationIsSilent) {
 }
 
 TEST(PosePhases, AreReadFromTheConfiguration) {
-  const PosePhases phases = PosePhases::read(
+  const PosePhases phases = read_options<PosePhases>(
       ConfigDocument::parse("phases:\n  - {iterations: 10, learning_rate: 0.1, limits: 2, limits_off_at: 0.2}\n"
                             "  - {iterations: 5, keypoints: 3}\n",
                             "c.yaml")

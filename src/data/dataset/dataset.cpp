@@ -177,9 +177,10 @@ std::vector<SampleId> Dataset::samples(Split split, int every) const {
   return result;
 }
 
-ValidationFrames ValidationFrames::read(const ConfigReader& reader) {
-  return {reader.list<std::string>("sequences"), reader.list<int>("takes"),
-          reader.get("share", 0.0, between(0.0, 0.9))};
+void describe_keys(const Keys& keys, ValidationFrames& frames) {
+  keys("sequences", frames.sequences, "whole training sequences that choose checkpoints");
+  keys("takes", frames.takes, "segments between the cuts of the other training sequences, counted from 0");
+  keys("share", frames.share, between(0.0, 0.9), "of every other training sequence, its last frames; 0: none");
 }
 
 /// Splits the training sequences at their cuts and moves some of the segments.

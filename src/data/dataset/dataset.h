@@ -12,6 +12,7 @@
 
 #include "doppel/character/motion.h"
 #include "doppel/character/skeleton.h"
+#include "doppel/core/options.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/dataset/batch.h"
 #include "doppel/data/prepare/store.h"
@@ -66,11 +67,9 @@ struct ValidationFrames {
   std::vector<std::string> sequences;  ///< whole training sequences
   std::vector<int> takes;              ///< segments between the cuts of the other training sequences, counted from 0
   double share = 0.0;                  ///< of every training sequence that is left, its last frames; 0: none
-
-  /// Keys `sequences` (a list of names), `takes` and `share` (0 to 0.9). @throws FileError at the key
-  static ValidationFrames read(const ConfigReader& reader);
   bool empty() const { return sequences.empty() && takes.empty() && share == 0.0; }
 };
+void describe_keys(const Keys& keys, ValidationFrames& frames);
 
 /// A prepared capture: poses, cameras, and the store of masks and images. Reading is thread-safe.
 class Dataset {

@@ -4,6 +4,7 @@
 
 #include "doppel/character/dof_names.h"
 #include "doppel/character/observable_dofs.h"
+#include "doppel/core/config.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -22,8 +23,10 @@ std::vector<int> named_dofs(const Skeleton& skeleton, const char* key, const std
   return {dofs.begin(), dofs.end()};
 }
 
-DofChoice DofChoice::read(const ConfigReader& root) {
-  return {root.list<std::string>("dofs"), root.list<std::string>("also"), root.list<std::string>("hold")};
+void describe_keys(const Keys& keys, DofChoice& choice) {
+  keys("dofs", choice.dofs, "names of the unknowns, `*` for any letters; empty: the DoFs that landmarks determine");
+  keys("also", choice.also, "further unknowns");
+  keys("hold", choice.hold, "DoFs that keep the values of the rest pose");
 }
 
 std::vector<int> chosen_dofs(const DofChoice& choice, const Skeleton& skeleton, const std::vector<Marker>& landmarks) {

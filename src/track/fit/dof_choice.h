@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "doppel/character/skeleton.h"
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 
 namespace doppel {
 
@@ -13,10 +13,10 @@ struct DofChoice {
   std::vector<std::string> dofs;  ///< DoFs to find; empty: all that landmarks determine (`observable_dofs`)
   std::vector<std::string> also;  ///< further DoFs to find
   std::vector<std::string> hold;  ///< exceptions: DoFs that keep the values of the rest pose
-
-  /// The keys `dofs`, `also` and `hold`; all may be missing.
-  static DofChoice read(const ConfigReader& root);
 };
+
+/// The keys `dofs`, `also` and `hold`.
+void describe_keys(const Keys& keys, DofChoice& choice);
 
 /// The DoFs whose names match one of the patterns, ascending. @param key the configuration key of the patterns
 /// @throws UsageError for a pattern that matches no DoF of the skeleton

@@ -28,21 +28,36 @@ void check_fit(const PoseFitOptions& o) {
     fail("the fit needs outline windows of at least 16 pixels and at least 1 outline vertex");
 }
 
-void read_pose_fit(const ConfigReader& root, PoseFitOptions& o, const ConfigUnits& units) {
-  read_image_term(root, "keypoints", o.keypoint_weight, o.keypoint_scale, units);
-  read_image_term(root, "silhouette", o.silhouette_weight, o.silhouette_scale, units);
-  const ConfigReader silhouette = root.section("silhouette");
-  o.outline_pixels = silhouette.get("pixels", o.outline_pixels, between(16, 4096));
-  o.outline_vertices = silhouette.get("vertices", o.outline_vertices, between(1, 1000000));
-  read_weight(root, "limits", o.limit_weight);
-  read_weight(root, "temporal", o.temporal_weight, units.per_squared_length);
-  read_weight(root, "steady", o.steady_weight);
-  read_weight(root, "prior", o.prior_weight);
-  read_solver(root.section("solver"), o.solver);
-  const ConfigReader inliers = inlier_section(root);
-  read_number(inliers, "threshold", o.inlier_threshold, between(1e-3, 1e6), units.pixels);
-  o.min_inlier_ratio = inliers.get("min_ratio", o.min_inlier_ratio, between(0.0, 1.0));
-  o.min_keypoints = inliers.get("min_keypoints", o.min_keypoints, between(1, 1000000));
+void describe_pose_fit(const Keys& keys, PoseFitOptions& o, const ConfigUnits& units) {
+  const Range<double> weights = between(0.0, kMaxWeight);
+  const std::string kernel = fmt::format("scale of the Geman-McClure kernel, {}; 0: squared distances", units.pixels);
+  keys("keypoints.weight", o.keypoint_weight, weights, "landmarks to keypoints, per squared pixel",
+       units.per_squared_pixel);
+  keys("keypoints.scale", o.keypoint_scale, between(0.0, 1e6), kernel, units.to_pixels);
+  keys("silhouette.weight", o.silhouette_weight, weights,
+       "outline of the surface to that of the mask, per squared pixel", units.per_squared_pixel);
+  keys("silhouette.scale", o.silhouette_scale, between(0.0, 1e6), kernel, units.to_pixels);
+  keys("silhouette.pixels", o.outline_pixels, between(16, 4096), "side of the windows in which outlines are drawn");
+  keys("silhouette.vertices", o.outline_vertices, between(1, 1000000),
+       "largest number of outline vertices in a camera");
+  keys("limits.weight", o.limit_weight, weights, "DoFs beyond their limits, per squared radian");
+  keys("temporal.weight", o.temporal_weight, weights,
+       fmt::format("landmarks to their expected positions, per {}", units.squared_length), units.per_squared_length);
+  keys("steady.weight", o.steady_weight, weights, "DoFs to their predicted values, per squared radian");
+  keys("prior.weight", o.prior_weight, weights, "DoFs to the rest pose, per squared radian");
+  describe_keys(keys.section("solver"), o.solver);
+  keys("inliers.threshold", o.inlier_threshold, between(1e-3, 1e6),
+       fmt::format("largest distance of an inlier from its landmark, {}", units.pixels), units.to_pixels);
+  keys("inliers.min_ratio", o.min_inlier_ratio, between(0.0, 1.0),
+       "inliers among the confident keypoints; below, the frame is lost");
+  keys("inliers.min_keypoints", o.min_keypoints, between(1, 1000000), "confident keypoints; below, the frame is lost");
+}
+
+void describe_keys(const Keys& keys, SolverOptions& o) {
+  keys("iterations", o.iterations, between(1, 10000), "largest number of steps");
+  keys("damping", o.initial_damping, between(0.0, 1e6), "initial damping, relative to the diagonal of J^T J");
+  keys("function_tolerance", o.function_tolerance, between(0.0, 1.0),
+       "the fit ends when a step lowers the cost by this share or less");
 }
 
 }  // namespace doppel

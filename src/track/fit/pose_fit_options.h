@@ -1,8 +1,7 @@
 #pragma once
 
-#include "doppel/core/config.h"
+#include "doppel/core/options.h"
 #include "doppel/solver/least_squares.h"
-#include "doppel/track/fit/config_terms.h"
 
 namespace doppel {
 
@@ -31,8 +30,22 @@ struct PoseFitOptions {
 void check_not_negative(const char* name, double value);
 /// @throws Error for options out of range
 void check_fit(const PoseFitOptions& options);
-/// Reads the keys that the configurations of all these fits share. A missing key leaves its option unchanged.
-/// @param units of the configuration @throws FileError for values out of range
-void read_pose_fit(const ConfigReader& root, PoseFitOptions& options, const ConfigUnits& units = {});
+
+/// The units of the numbers in a configuration.
+struct ConfigUnits {
+  const char* pixels = "pixels of an image 1024 wide";
+  const char* squared_length = "squared metre";
+  UnitConversion per_squared_pixel = same_unit;   ///< weights, to per squared reference pixel
+  UnitConversion to_pixels = same_unit;           ///< lengths, to reference pixels
+  UnitConversion per_squared_length = same_unit;  ///< weights, to per squared metre
+};
+
+/// The largest weight of a term.
+constexpr double kMaxWeight = 1e12;
+
+/// The keys that the configurations of all these fits share.
+void describe_pose_fit(const Keys& keys, PoseFitOptions& options, const ConfigUnits& units = {});
+/// The keys `iterations`, `damping` and `function_tolerance`.
+void describe_keys(const Keys& keys, SolverOptions& options);
 
 }  // namespace doppel

@@ -16,5 +16,7 @@ constexpr double per_squared_thesis_pixel(double weight) {
 }
 /// Converts a length in pixels of the thesis to reference pixels.
 constexpr double thesis_pixels(double pixels) { return pixels * kReferenceWidth / kThesisWidth; }
+/// Converts millimetres to metres.
+constexpr double millimetres(double length) { return 1e-3 * length; }
 
 }  // namespace doppel

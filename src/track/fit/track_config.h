@@ -7,7 +7,7 @@
 
 namespace doppel {
 
-/// The configuration of the multi-view fit, `configs/track/multiview.yaml`.
+/// The configuration of the multi-view fit.
 struct TrackConfig {
   MultiviewOptions fit;
   DofChoice dofs;
@@ -18,6 +18,7 @@ struct TrackConfig {
   double smoothing = 2.0;                ///< sigma of the Gaussian of `smooth_poses` with degree 2, frames; 0: none
 };
 
+void describe_keys(const Keys& keys, TrackConfig& config);
 /// Every key may be missing. @param config the values of missing keys
 /// @throws FileError for unknown keys and impossible values
 TrackConfig read_track_config(const ConfigDocument& document, TrackConfig config = {});

@@ -6,8 +6,8 @@
 
 namespace doppel {
 
-/// The configuration of the one-camera tracker, `configs/track/livecap.yaml`. The file counts in the units of the
-/// thesis, millimetres and pixels of an image 540 wide; reading converts them to those of the options.
+/// The configuration of the one-camera tracker. A file counts in the units of the thesis, millimetres and pixels of an
+/// image 540 wide; reading converts them to those of the options.
 struct LivecapConfig {
   LivecapOptions fit;
   DofChoice dofs;
@@ -15,6 +15,7 @@ struct LivecapConfig {
   bool filter = true;      ///< average the vertices with those of the adjacent frames, weights 0.15 0.7 0.15 (4.8)
 };
 
+void describe_keys(const Keys& keys, LivecapConfig& config);
 /// Every key may be missing. @throws FileError for unknown keys and impossible values
 LivecapConfig read_livecap_config(const ConfigDocument& document);
 

@@ -149,56 +149,5 @@ TEST_F(LivecapCapture, SaysWhatIsWrong) {
   EXPECT_THAT(message_of<Error>([&] { config_of("surface: {snapp: true}"); }), HasSubstr("snap"));
 }
 
-TEST(LivecapConfig, TheFileHoldsTheDefaults) {
-  const auto path = fs::path(DOPPEL_SOURCE_DIR) / "configs/track/livecap.yaml";
-  const LivecapConfig file = read_livecap_config(ConfigDocument::load(path)), defaults;
-  const auto numbers = [](const LivecapConfig& config) {
-    const LivecapOptions& f = config.fit;
-    const NonrigidOptions& s = f.nonrigid;
-    std::vector<double> all{f.keypoint_weight,
-                            f.keypoint_scale,
-                            f.joint_weight,
-                            f.silhouette_weight,
-                            f.silhouette_scale,
-                            f.temporal_weight,
-                            f.limit_weight,
-                            f.prior_weight,
-                            f.steady_weight,
-                            double(f.faces),
-                            double(f.outline_pixels),
-                            double(f.outline_vertices),
-                            double(f.solver.iterations),
-                            f.solver.initial_damping,
-                            f.solver.function_tolerance,
-                            double(f.start_iterations),
-                            f.inlier_threshold,
-                            f.min_inlier_ratio,
-                            double(f.min_keypoints),
-                            double(f.surface),
-                            s.photometric_weight,
-                            s.colour_threshold,
-                            double(s.match_exposure),
-                            s.silhouette_weight,
-                            s.silhouette_scale,
-                            double(s.part_mask),
-                            s.part_growth,
-                            s.smoothness_weight,
-                            s.length_weight,
-                            double(s.materials),
-                            s.velocity_weight,
-                            s.acceleration_weight,
-                            double(s.warp_displacements),
-                            double(s.snap),
-                            s.max_isolated_motion,
-                            double(s.conjugate_gradients),
-                            double(s.window_pixels),
-                            config.smoothing,
-                            double(config.filter)};
-    for (const int size : s.blur_kernels) all.push_back(size);
-    return all;
-  };
-  EXPECT_EQ(numbers(file), numbers(defaults));
-}
-
 }  // namespace
 }  // namespace doppel::livecap_capture_test

@@ -1,0 +1,196 @@
+#include "doppel/core/options.h"
+
+#include <fmt/ranges.h>
+
+#include <cstdlib>
+
+#include "doppel/core/as_size.h"
+#include "doppel/core/config.h"
+
+namespace doppel {
+
+namespace {
+
+/// The mapping that holds a key, and the last part of the key.
+struct KeyPlace {
+  ConfigReader reader;
+  std::string key;
+};
+
+/// The item `i` of the list `key`, for a part `key[i]`; else the section `part`.
+ConfigReader part_of(const ConfigReader& reader, const std::string& part) {
+  const std::size_t bracket = part.find('[');
+  if (bracket == std::string::npos) return reader.section(part);
+  return reader.sections(part.substr(0, bracket))[as_size(std::atoi(part.c_str() + bracket + 1))];
+}
+
+/// Recursive, because assigning a reader would change the document: a YAML node that is assigned becomes an alias.
+KeyPlace place_of(const ConfigReader& reader, const std::string& path) {
+  const std::size_t dot = path.find('.');
+  if (dot == std::string::npos) return {reader, path};
+  return place_of(part_of(reader, path.substr(0, dot)), path.substr(dot + 1));
+}
+
+template <typename T>
+void read_value(const ConfigReader& root, const std::string& path, T& option, const Range<T>& range = {}) {
+  const auto [reader, key] = place_of(root, path);
+  option = reader.get(key, option, range);
+}
+
+template <typename T>
+void read_list(const ConfigReader& root, const std::string& path, std::vector<T>& option) {
+  const auto [reader, key] = place_of(root, path);
+  option = reader.list(key, option);
+}
+
+/// A number in the unit of the configuration. Conversion there and back costs the last digit, which is not shown.
+double in_file_unit(double option, UnitConversion to_option) {
+  if (to_option == same_unit) return option;
+  return std::strtod(fmt::format("{:.15g}", option / to_option(1.0)).c_str(), nullptr);
+}
+
+/// All digits if they are few.
+std::string shown_number(double value) {
+  constexpr std::size_t kMostDigits = 10;
+  const std::string exact = fmt::format("{:.15g}", value);
+  return exact.size() <= kMostDigits ? exact : fmt::format("{:.6g}", value);
+}
+std::string shown_number(int value) { return fmt::format("{}", value); }
+std::string shown_number(std::int64_t value) { return fmt::format("{}", value); }
+
+template <typename T>
+std::string shown_range(const Range<T>& range) {
+  if (range.minimum && range.maximum)
+    return fmt::format("{} to {}", shown_number(*range.minimum), shown_number(*range.maximum));
+  if (range.minimum) return fmt::format("{} or more", shown_number(*range.minimum));
+  return range.maximum ? fmt::format("{} or less", shown_number(*range.maximum)) : "";
+}
+
+template <typename T>
+std::string shown_list(const std::vector<T>& list) {
+  return fmt::format("`[{}]`", fmt::join(list, ", "));
+}
+
+}  // namespace
+
+void OptionReader::visit(const std::string& path, double& option, const Range<double>& range, UnitConversion to_option,
+                         const std::string&) {
+  const auto [reader, key] = place_of(*reader_, path);
+  const double written = reader.get(key, in_file_unit(option, to_option), range);
+  if (reader.has(key)) option = to_option(written);
+}
+
+void OptionReader::visit(const std::string& key, int& option, const Range<int>& range, const std::string&) {
+  read_value(*reader_, key, option, range);
+}
+
+void OptionReader::visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
+                         const std::string&) {
+  read_value(*reader_, key, option, range);
+}
+
+void OptionReader::visit(const std::string& key, bool& option, const std::string&) {
+  read_value(*reader_, key, option);
+}
+
+void OptionReader::visit(const std::string& path, std::filesystem::path& option, const std::string&) {
+  const auto [reader, key] = place_of(*reader_, path);
+  if (reader.has(key)) option = reader.path(key);
+}
+
+void OptionReader::visit(const std::string& key, std::vector<std::string>& option, const std::string&) {
+  read_list(*reader_, key, option);
+}
+
+void OptionReader::visit(const std::string& key, std::vector<int>& option, const std::string&) {
+  read_list(*reader_, key, option);
+}
+
+void OptionReader::visit(const std::string& key, std::vector<std::int64_t>& option, const std::string&) {
+  read_list(*reader_, key, option);
+}
+
+void OptionReader::visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
+                              const std::string&) {
+  const auto [reader, key] = place_of(*reader_, path);
+  const std::string word = reader.choice(key, words, words[as_size(option)]);
+  for (std::size_t i = 0; i < words.size(); ++i)
+    if (words[i] == word) option = static_cast<int>(i);
+}
+
+std::optional<std::size_t> OptionReader::visit_items(const std::string& path, const std::string&) {
+  const auto [reader, key] = place_of(*reader_, path);
+  const std::size_t count = reader.sections(key).size();
+  return count > 0 ? std::optional<std::size_t>(count) : std::nullopt;
+}
+
+void OptionReader::require(const std::string& path, bool met, const std::string& fault) {
+  if (met) return;
+  const auto [reader, key] = place_of(*reader_, path);
+  reader.fail_at_key(key, "{}", fault);
+}
+
+void OptionReader::forbid(const std::string& path, const std::string& reason) {
+  const auto [reader, key] = place_of(*reader_, path);
+  if (reader.has(key)) reader.fail_at_key(key, "{}", reason);
+}
+
+void KeyRows::add(const std::string& key, std::string value, std::string allowed, const std::string& meaning) {
+  std::string shown = key;
+  for (std::size_t at = shown.find("[0]"); at != std::string::npos; at = shown.find("[0]")) shown.erase(at + 1, 1);
+  rows.push_back({shown, std::move(value), std::move(allowed), meaning});
+}
+
+void KeyRows::visit(const std::string& key, double& option, const Range<double>& range, UnitConversion to_option,
+                    const std::string& meaning) {
+  add(key, shown_number(in_file_unit(option, to_option)), shown_range(range), meaning);
+}
+
+void KeyRows::visit(const std::string& key, int& option, const Range<int>& range, const std::string& meaning) {
+  add(key, fmt::format("{}", option), shown_range(range), meaning);
+}
+
+void KeyRows::visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
+                    const std::string& meaning) {
+  add(key, fmt::format("{}", option), shown_range(range), meaning);
+}
+
+void KeyRows::visit(const std::string& key, bool& option, const std::string& meaning) {
+  add(key, option ? "true" : "false", "true, false", meaning);
+}
+
+void KeyRows::visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) {
+  add(key, option.string(), "a path", meaning);
+}
+
+void KeyRows::visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) {
+  add(key, shown_list(option), "a list of words", meaning);
+}
+
+void KeyRows::visit(const std::string& key, std::vector<int>& option, const std::string& meaning) {
+  add(key, shown_list(option), "a list of integers", meaning);
+}
+
+void KeyRows::visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) {
+  add(key, shown_list(option), "a list of integers", meaning);
+}
+
+void KeyRows::visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
+                         const std::string& meaning) {
+  add(key, words[as_size(option)], fmt::format("{}", fmt::join(words, ", ")), meaning);
+}
+
+std::optional<std::size_t> KeyRows::visit_items(const std::string& key, const std::string& meaning) {
+  add(key, "", "a list of mappings", meaning);
+  return 1;
+}
+
+std::string key_table(const std::vector<KeyRow>& rows) {
+  std::string table = "| key | default | allowed | meaning |\n|---|---|---|---|\n";
+  const auto cell = [](const std::string& text) { return text.empty() ? " " : " " + text + " "; };
+  for (const KeyRow& row : rows)
+    table += fmt::format("| `{}` |{}|{}|{}|\n", row.key, cell(row.value), cell(row.allowed), cell(row.meaning));
+  return table;
+}
+
+}  // namespace doppel
