@@ -199,9 +199,8 @@ FilmOptions film_options(const AnimateOptions& options, double fps, const Studio
 /// @throws UsageError for a run that captures poses from images; the message names the right command
 void refuse_pose_run(const char* option, const std::string& path) {
   if (captures_poses(path))
-    fail<UsageError>(
-        "{} {}: this run takes images of a person, not a motion; use it with `doppel track deepcap`", option,
-        path);
+    fail<UsageError>("{} {}: this run takes images of a person, not a motion; use it with `doppel track deepcap`",
+                     option, path);
 }
 
 /// An actor file. @throws UsageError for a run

@@ -9,7 +9,6 @@
 #include "doppel/calibration/estimation/refine_rig.h"
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/core/angles.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel::tools {
@@ -60,7 +59,7 @@ std::vector<int> indices_of(const std::vector<std::string>& names, const RigFoot
 /// All cameras of the calibration file, with those that were refined in their places.
 std::vector<Camera> all_cameras(const RigFootage& footage, const std::vector<Camera>& refined) {
   std::vector<Camera> all = calibrated_cameras(footage.capture);
-  for (std::size_t c = 0; c < refined.size(); ++c) all[as_size(footage.filmed.file_index[c])] = refined[c];
+  for (std::size_t c = 0; c < refined.size(); ++c) all[footage.filmed.file_index[c]] = refined[c];
   return all;
 }
 

@@ -33,7 +33,7 @@ OutlineTrack outlines_of(const RigFootage& footage, std::size_t c, const std::se
   const Camera& camera = footage.filmed.cameras[c];
   MaskReader masks(footage.capture, footage.entry(), camera, footage.filmed.file_index[c]);
   OutlineTrack outlines(as_size(footage.tracks.cameras[c].num_frames()));
-  for (const long frame : frames) outlines[as_size(frame)] = outline_of(masks.read(frame), camera);
+  for (const long frame : frames) outlines[frame] = outline_of(masks.read(frame), camera);
   return outlines;
 }
 

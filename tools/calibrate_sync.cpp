@@ -102,7 +102,7 @@ Capture with_timing(const RigFootage& footage, const Synchronisation& timing, bo
 Json json_of(const Synchronisation& timing, const RigFootage& footage, const std::string& out) {
   Json report{{"capture", footage.capture.name},
               {"sequence", footage.entry().name},
-              {"reference", timing.cameras[as_size(timing.reference)].name},
+              {"reference", timing.cameras[timing.reference].name},
               {"out", out},
               {"median_before_px", timing.before},
               {"median_after_px", timing.after},

@@ -6,7 +6,6 @@
 #include "character_report.h"
 #include "doppel/calibration/formats/read_calibration.h"
 #include "doppel/character/labels.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/vertex_labels.h"
 #include "doppel/layers/surface.h"
@@ -27,9 +26,9 @@ std::vector<Eigen::Vector3d> posed_vertices(const Character& character, const La
     fail<UsageError>("--frame {} is not in {}, which has frames 0 to {}", options.frame, options.motion,
                      motion.num_frames() - 1);
   const torch::NoGradGuard no_grad;
-  const torch::Tensor dofs = torch::tensor(motion.frames[as_size(options.frame)], torch::kFloat64);
+  const torch::Tensor dofs = torch::tensor(motion.frames[options.frame], torch::kFloat64);
   const torch::Tensor skinned = CharacterSurface(character)->skinned(dofs.unsqueeze(0)).contiguous();
-  std::vector<Eigen::Vector3d> vertices(as_size(character.num_vertices()));
+  std::vector<Eigen::Vector3d> vertices(character.num_vertices());
   const double* x = skinned.data_ptr<double>();
   for (Eigen::Vector3d& vertex : vertices)
     for (double& value : vertex) value = *x++;
@@ -43,7 +42,7 @@ int run_label(const LabelOptions& options, const CommonOptions& common) {
   const VertexLabels found = label_vertices(character, posed_vertices(character, options), views);
   write_segmentation(options.out, found.labels);
   std::array<int, kNumLabels> count{};
-  for (const int label : found.labels) ++count[as_size(label)];
+  for (const int label : found.labels) ++count[label];
   nlohmann::ordered_json report;
   report["written"] = options.out;
   report["views"] = views.size();

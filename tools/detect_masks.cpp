@@ -6,7 +6,6 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/detect/blazepose/mask_agreement.h"
@@ -116,7 +115,7 @@ long compare_masks(std::span<const DetectSource> sources, std::span<const fs::pa
       for (const DetectSource* camera : cameras) {
         const long frame = camera->clock.frame(row);
         if (frame >= camera->frames.front() && frame <= camera->frames.back())
-          moment.add(*camera, folders[as_size(camera - sources.data())], frame);
+          moment.add(*camera, folders[camera - sources.data()], frame);
       }
       dropped += moment.compare();
     }

@@ -131,8 +131,7 @@ void add_tracker_options(CLI::App& app, LiveArguments& arguments) {
       "`doppel track livecap`");
   deepcap->excludes(
       app.add_option("--posenet", arguments.posenet, "The PoseNet of this run predicts the 3D joints for the fit"));
-  for (CLI::Option* option : add_config_options(app, arguments))
-    deepcap->excludes(option);
+  for (CLI::Option* option : add_config_options(app, arguments)) deepcap->excludes(option);
   deepcap->excludes(add_prior_motion_option(app, arguments));
 }
 

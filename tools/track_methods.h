@@ -40,7 +40,7 @@ void add_sequences_option(CLI::App& app, TrackArguments& arguments);
 void add_vertices_option(CLI::App& app, TrackArguments& arguments);
 void add_sheet_option(CLI::App& app, TrackArguments& arguments);
 void add_camera_option(CLI::App& app, TrackArguments& arguments);
-/// --config and --set. @param file with the defaults
+/// --config and --set.
 std::vector<CLI::Option*> add_config_options(CLI::App& app, TrackArguments& arguments);
 CLI::Option* add_prior_motion_option(CLI::App& app, TrackArguments& arguments);
 void add_preview_options(CLI::App& app, TrackArguments& arguments);

@@ -6,8 +6,6 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel::bench {
 namespace {
 
@@ -62,7 +60,7 @@ BenchMesh bench_mesh() {
   std::vector<double> uvs;
   for (const Triangle& f : mesh.face_uvs) {
     for (const int i : f) {
-      const Eigen::Vector2d& uv = mesh.uvs[as_size(i)];
+      const Eigen::Vector2d& uv = mesh.uvs[i];
       uvs.insert(uvs.end(), {uv.x(), uv.y()});
     }
   }

@@ -12,8 +12,7 @@ using Eigen::Vector3d;
 std::vector<Eigen::Affine3d> bone_motions(const Character& character, const std::vector<double>& dofs) {
   const auto rest = character.skeleton.pose(character.rest_dofs), posed = character.skeleton.pose(dofs);
   std::vector<Eigen::Affine3d> motions;
-  for (const int joint : character.bone_joint)
-    motions.push_back(posed[as_size(joint)] * rest[as_size(joint)].inverse(Eigen::Isometry));
+  for (const int joint : character.bone_joint) motions.push_back(posed[joint] * rest[joint].inverse(Eigen::Isometry));
   return motions;
 }
 
@@ -30,10 +29,10 @@ SkinBlend::SkinBlend(std::vector<Eigen::Affine3d> motions, SkinningMode mode)
 Vector3d SkinBlend::point(const Vector3d& rest, std::span<const int> bones, std::span<const double> weights) const {
   if (mode_ == SkinningMode::linear) {
     Vector3d sum = Vector3d::Zero();
-    for (std::size_t i = 0; i < bones.size(); ++i) sum += weights[i] * (motions_[as_size(bones[i])] * rest);
+    for (std::size_t i = 0; i < bones.size(); ++i) sum += weights[i] * (motions_[bones[i]] * rest);
     return sum;
   }
-  const Quaterniond& pivot = real_[as_size(bones[0])];
+  const Quaterniond& pivot = real_[bones[0]];
   Eigen::Vector4d real = Eigen::Vector4d::Zero(), dual = Eigen::Vector4d::Zero();
   for (std::size_t i = 0; i < bones.size(); ++i) {
     const std::size_t b = as_size(bones[i]);
@@ -49,7 +48,7 @@ std::vector<Vector3d> SkinBlend::vertices(const std::vector<Vector3d>& rest, con
   std::vector<Vector3d> posed;
   posed.reserve(rest.size());
   for (int v = 0; v < skin.num_vertices(); ++v)
-    posed.push_back(point(rest[as_size(v)], skin.vertex_bones.row(v), skin.vertex_bones.row_of(skin.weights, v)));
+    posed.push_back(point(rest[v], skin.vertex_bones.row(v), skin.vertex_bones.row_of(skin.weights, v)));
   return posed;
 }
 

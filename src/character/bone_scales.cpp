@@ -38,13 +38,13 @@ BoneScales::BoneScales(const Character& character)
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const int parent = joints[j].parent;
     const double length = joints[j].offset.norm();
-    group_[j] = parent >= 0 && length == 0.0 ? group_[as_size(parent)] : static_cast<int>(j);
+    group_[j] = parent >= 0 && length == 0.0 ? group_[parent] : static_cast<int>(j);
     if (parent < 0 || length < kShortest) continue;
     const std::string name = without_side(bone_name(joints[j].name));
     const auto [entry, added] = parameter_of.emplace(name, num_parameters());
     if (added) parameters_.push_back({name, 1.0, 0.1, 0.4, 2.5});
-    group_bones_[as_size(group_[as_size(parent)])].push_back(static_cast<int>(bones_.size()));
-    const Eigen::Affine3d& start = rest_[as_size(parent)];
+    group_bones_[group_[parent]].push_back(static_cast<int>(bones_.size()));
+    const Eigen::Affine3d& start = rest_[parent];
     bones_.push_back(
         {static_cast<int>(j), entry->second, start.translation(), start.linear() * joints[j].offset / length, length});
   }
@@ -54,10 +54,10 @@ BoneScales::BoneScales(const Character& character)
 /// How the bones that start at a group move a point of the group, without the motion of the group itself.
 Vector3d BoneScales::stretch(int group, const Vector3d& p, std::span<const double> factors) const {
   Vector3d sum = Vector3d::Zero();
-  for (const int b : group_bones_[as_size(group)]) {
-    const Bone& bone = bones_[as_size(b)];
+  for (const int b : group_bones_[group]) {
+    const Bone& bone = bones_[b];
     const double along = std::clamp(bone.direction.dot(p - bone.start), 0.0, bone.length);
-    sum += (factors[as_size(bone.parameter)] - 1.0) * along * bone.direction;
+    sum += (factors[bone.parameter] - 1.0) * along * bone.direction;
   }
   return sum;
 }
@@ -74,20 +74,20 @@ Character BoneScales::character(std::span<const double> values) const {
   if (values.size() != parameters_.size())
     fail<UsageError>("{} has {} bones with a length, not {}", character_.name, parameters_.size(), values.size());
   Character scaled = character_;
-  for (const Bone& bone : bones_) scaled.skeleton.joints[as_size(bone.joint)].offset *= values[as_size(bone.parameter)];
+  for (const Bone& bone : bones_) scaled.skeleton.joints[bone.joint].offset *= values[bone.parameter];
   const std::vector<Eigen::Affine3d> moved = scaled.skeleton.pose(scaled.rest_dofs);
   std::vector<Vector3d> shift;
   for (std::size_t j = 0; j < moved.size(); ++j) shift.push_back(moved[j].translation() - rest_[j].translation());
   for (int v = 0; v < character_.num_vertices(); ++v) {
-    const Vector3d& p = character_.mesh.vertices[as_size(v)];
+    const Vector3d& p = character_.mesh.vertices[v];
     const auto bones = character_.skin.vertex_bones.row(v);
     const auto weights = character_.skin.vertex_bones.row_of(character_.skin.weights, v);
     Vector3d sum = Vector3d::Zero();
     for (std::size_t i = 0; i < bones.size(); ++i) {
-      const int joint = character_.bone_joint[as_size(bones[i])];
-      sum += weights[i] * (shift[as_size(joint)] + stretch(group_[as_size(joint)], p, values));
+      const int joint = character_.bone_joint[bones[i]];
+      sum += weights[i] * (shift[joint] + stretch(group_[joint], p, values));
     }
-    scaled.mesh.vertices[as_size(v)] = p + sum;
+    scaled.mesh.vertices[v] = p + sum;
   }
   move_markers(values, scaled.skeleton);
   return scaled;

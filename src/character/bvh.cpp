@@ -27,9 +27,9 @@ struct Run {
 
 /// Whether joint `j` continues the run that ends with its parent: same bone, same position, and no other child.
 bool continues(const Skeleton& skeleton, int j) {
-  const Joint& joint = skeleton.joints[as_size(j)];
+  const Joint& joint = skeleton.joints[j];
   if (joint.parent < 0 || !joint.offset.isZero(1e-12)) return false;
-  if (bone_name(joint.name) != bone_name(skeleton.joints[as_size(joint.parent)].name)) return false;
+  if (bone_name(joint.name) != bone_name(skeleton.joints[joint.parent].name)) return false;
   return std::count_if(skeleton.joints.begin(), skeleton.joints.end(),
                        [&](const Joint& other) { return other.parent == joint.parent; }) == 1;
 }
@@ -37,7 +37,7 @@ bool continues(const Skeleton& skeleton, int j) {
 std::vector<bool> driven_joints(const Skeleton& skeleton) {
   std::vector<bool> driven(skeleton.joints.size(), false);
   for (const Dof& dof : skeleton.dofs)
-    for (const Dof::Drive& drive : dof.joints) driven[as_size(drive.joint)] = true;
+    for (const Dof::Drive& drive : dof.joints) driven[drive.joint] = true;
   return driven;
 }
 
@@ -48,7 +48,7 @@ std::vector<Run> find_runs(const Skeleton& skeleton) {
   for (int j = 0; j < skeleton.num_joints(); ++j) {
     const auto at = as_size(j);
     const Joint& joint = skeleton.joints[at];
-    const int parent = joint.parent < 0 ? -1 : run_of[as_size(joint.parent)];
+    const int parent = joint.parent < 0 ? -1 : run_of[joint.parent];
     if (continues(skeleton, j)) {
       run_of[at] = parent;
     } else {
@@ -57,18 +57,18 @@ std::vector<Run> find_runs(const Skeleton& skeleton) {
           std::any_of(runs.begin(), runs.end(), [&](const Run& other) { return other.name == bone_name(joint.name); });
       runs.push_back({taken ? joint.name : bone_name(joint.name), j, j, parent});
     }
-    Run& run = runs[as_size(run_of[at])];
+    Run& run = runs[run_of[at]];
     run.last = j;
     if (driven[at]) (joint.type == Joint::Type::prismatic ? run.slides : run.turns) = true;
   }
   for (const Run& run : runs)
-    if (run.parent >= 0) ++runs[as_size(run.parent)].children;
+    if (run.parent >= 0) ++runs[run.parent].children;
   return runs;
 }
 
 /// Whether a run has no moving joint and is the only end of a chain.
 bool is_end_site(const std::vector<Run>& runs, const Run& run) {
-  return run.parent >= 0 && !run.slides && !run.turns && run.children == 0 && runs[as_size(run.parent)].children == 1;
+  return run.parent >= 0 && !run.slides && !run.turns && run.children == 0 && runs[run.parent].children == 1;
 }
 
 /// Of the two triples (z, x, y) with R = Rz Rx Ry in [-pi, pi], the one nearer to `previous`, plus multiples of 2 pi.
@@ -108,14 +108,14 @@ class RestAsZero {
   /// Parent-from-run in one pose. Runs without a parent: world-from-run.
   Affine3d local(const Run& run, const std::vector<Affine3d>& world) const {
     if (run.parent < 0) return turned(run, world);
-    return turned(runs_[as_size(run.parent)], world).inverse(Eigen::Isometry) * turned(run, world);
+    return turned(runs_[run.parent], world).inverse(Eigen::Isometry) * turned(run, world);
   }
   Vector3d offset(const Run& run) const { return local(run, rest_).translation(); }
 
  private:
   Affine3d turned(const Run& run, const std::vector<Affine3d>& world) const {
-    Affine3d transform = world[as_size(run.last)];
-    transform.linear() = transform.linear() * rest_[as_size(run.last)].linear().transpose();
+    Affine3d transform = world[run.last];
+    transform.linear() = transform.linear() * rest_[run.last].linear().transpose();
     return transform;
   }
   const std::vector<Run>& runs_;
@@ -147,7 +147,7 @@ std::vector<Affine3d> BvhClip::pose(const std::vector<double>& row) const {
     Affine3d local = Affine3d::Identity();
     local.linear() = turn;
     local.translation() = position;
-    world_from_joint.push_back(joint.parent < 0 ? local : world_from_joint[as_size(joint.parent)] * local);
+    world_from_joint.push_back(joint.parent < 0 ? local : world_from_joint[joint.parent] * local);
   }
   return world_from_joint;
 }
@@ -166,7 +166,7 @@ BvhClip bvh_from_motion(const Skeleton& skeleton, const Motion& motion, double f
     if (run.parent < 0) joint.offset.setZero();
     if (run.parent < 0 || run.slides) joint.channels = {Channel::x_position, Channel::y_position, Channel::z_position};
     if (is_end_site(runs, run))
-      joint.name = clip.joints[as_size(run.parent)].name + "_end";
+      joint.name = clip.joints[run.parent].name + "_end";
     else
       joint.channels.insert(joint.channels.end(), {Channel::z_rotation, Channel::x_rotation, Channel::y_rotation});
     clip.joints.push_back(joint);

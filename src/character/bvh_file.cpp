@@ -97,7 +97,7 @@ class BvhReader {
   void begin_end_site() {
     if (next_word("Site") != "Site") text_.fail_here("End must be followed by Site");
     if (open_.back().is_end) text_.fail_here("an End Site within an End Site");
-    add(clip_.joints[as_size(open_.back().joint)].name + "_end", true);
+    add(clip_.joints[open_.back().joint].name + "_end", true);
   }
 
   void add(const std::string& name, bool is_end) {
@@ -111,7 +111,7 @@ class BvhReader {
     if (next_word("{") != "{") text_.fail_here("the joint '{}' must be followed by {{", excerpt(name));
   }
 
-  BvhJoint& joint() { return clip_.joints[as_size(open_.back().joint)]; }
+  BvhJoint& joint() { return clip_.joints[open_.back().joint]; }
 
   void end_joint() {
     if (!open_.back().has_offset) text_.fail_here("the joint '{}' has no OFFSET", excerpt(joint().name));
@@ -187,8 +187,7 @@ double extent(const BvhClip& clip) {
   Eigen::AlignedBox3d box;
   for (const BvhJoint& joint : clip.joints) {
     // The root's own offset is the position of the person and does not depend on the size.
-    places.push_back(joint.parent < 0 ? Eigen::Vector3d::Zero()
-                                      : Eigen::Vector3d(places[as_size(joint.parent)] + joint.offset));
+    places.push_back(joint.parent < 0 ? Eigen::Vector3d::Zero() : Eigen::Vector3d(places[joint.parent] + joint.offset));
     box.extend(places.back());
   }
   return box.sizes().maxCoeff();
@@ -230,7 +229,7 @@ class BvhWriter {
       if (parent >= static_cast<int>(j) || (parent < 0) != (j == 0))
         fail("a BVH file holds one skeleton with parents before children; joint {} '{}' has the parent {}", j,
              clip.joints[j].name, parent);
-      if (parent >= 0) children_[as_size(parent)].push_back(j);
+      if (parent >= 0) children_[parent].push_back(j);
       first_channel_.push_back(channels);
       channels += clip.joints[j].channels.size();
     }
@@ -264,8 +263,7 @@ class BvhWriter {
   /// A joint without channels that is the only end of a chain is an End Site; its name is not written.
   bool is_end_site(std::size_t j) const {
     const BvhJoint& joint = clip_.joints[j];
-    return joint.parent >= 0 && joint.channels.empty() && children_[j].empty() &&
-           children_[as_size(joint.parent)].size() == 1;
+    return joint.parent >= 0 && joint.channels.empty() && children_[j].empty() && children_[joint.parent].size() == 1;
   }
 
   void write_joint(std::size_t j, int depth) {
@@ -275,7 +273,7 @@ class BvhWriter {
     line(depth, "{");
     write_offset(depth + 1, joint.offset);
     std::string channels = fmt::format("CHANNELS {}", joint.channels.size());
-    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[as_size(channel)];
+    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[channel];
     line(depth + 1, channels);
     order_.push_back(j);
     for (const std::size_t child : children_[j]) write_joint(child, depth + 1);

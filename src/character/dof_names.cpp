@@ -1,7 +1,5 @@
 #include "doppel/character/dof_names.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -30,7 +28,7 @@ bool fits(const std::string& pattern, const std::string& name) {
 std::vector<int> find_dofs(const Skeleton& skeleton, const std::string& pattern) {
   std::vector<int> found;
   for (int d = 0; d < skeleton.num_dofs(); ++d)
-    if (fits(pattern, skeleton.dofs[as_size(d)].name)) found.push_back(d);
+    if (fits(pattern, skeleton.dofs[d].name)) found.push_back(d);
   return found;
 }
 

@@ -16,7 +16,7 @@ Transforms relative_to_parents(const JointTracks& tracks, const Transforms& worl
   Transforms local(world.size());
   for (std::size_t j = 0; j < world.size(); ++j) {
     const int parent = tracks.parents[j];
-    local[j] = parent < 0 ? world[j] : world[as_size(parent)].inverse(Eigen::Isometry) * world[j];
+    local[j] = parent < 0 ? world[j] : world[parent].inverse(Eigen::Isometry) * world[j];
   }
   return local;
 }
@@ -35,7 +35,7 @@ Transforms mix(const JointTracks& tracks, const Transforms& before, const Transf
   for (std::size_t j = 0; j < a.size(); ++j) {
     const int parent = tracks.parents[j];
     const Eigen::Affine3d local = between(a[j], b[j], share);
-    world[j] = parent < 0 ? local : world[as_size(parent)] * local;
+    world[j] = parent < 0 ? local : world[parent] * local;
   }
   return world;
 }

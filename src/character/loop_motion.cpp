@@ -3,7 +3,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -17,7 +16,7 @@ std::vector<double> full_turns(const Skeleton& skeleton) {
   for (const Dof& dof : skeleton.dofs) {
     double turn = 0.0;
     for (const Dof::Drive& drive : dof.joints)
-      if (skeleton.joints[as_size(drive.joint)].type == Joint::Type::revolute && drive.weight != 0.0)
+      if (skeleton.joints[drive.joint].type == Joint::Type::revolute && drive.weight != 0.0)
         turn = dof.joints.size() == 1 ? kTurn / std::abs(drive.weight) : 0.0;
     turns.push_back(turn);
   }
@@ -34,15 +33,15 @@ Motion loop_motion(const Motion& motion, const Skeleton& skeleton, int blend) {
   const std::vector<double> turns = full_turns(skeleton);
   Motion loop;
   loop.frames.assign(motion.frames.begin(), motion.frames.begin() + kept);
-  loop.ids.resize(as_size(kept));
+  loop.ids.resize(kept);
   std::iota(loop.ids.begin(), loop.ids.end(), 0L);
   for (int t = 0; t < blend; ++t) {
     const double share = static_cast<double>(t) / blend;
     for (std::size_t d = 0; d < turns.size(); ++d) {
-      const double late = motion.frames[as_size(kept + t)][d];
-      double change = motion.frames[as_size(t)][d] - late;
+      const double late = motion.frames[kept + t][d];
+      double change = motion.frames[t][d] - late;
       if (turns[d] > 0.0) change = std::remainder(change, turns[d]);
-      loop.frames[as_size(t)][d] = late + share * change;
+      loop.frames[t][d] = late + share * change;
     }
   }
   return loop;

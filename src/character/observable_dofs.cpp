@@ -22,7 +22,7 @@ double unit_of(const Skeleton& skeleton, const Dof& dof) {
 /// How far a landmark moves at most, metres per radian or metre of a DoF. @param dofs [D]
 double lever(const Skeleton& skeleton, const std::vector<Marker>& landmarks, std::vector<double> dofs, int dof) {
   const std::vector<Eigen::Vector3d> before = landmark_positions(skeleton, landmarks, dofs);
-  dofs[as_size(dof)] += kStep * unit_of(skeleton, skeleton.dofs[as_size(dof)]);
+  dofs[dof] += kStep * unit_of(skeleton, skeleton.dofs[dof]);
   const std::vector<Eigen::Vector3d> after = landmark_positions(skeleton, landmarks, dofs);
   double most = 0.0;
   for (std::size_t m = 0; m < before.size(); ++m) most = std::max(most, (after[m] - before[m]).norm() / kStep);
@@ -34,22 +34,22 @@ double lever(const Skeleton& skeleton, const std::vector<Marker>& landmarks, std
 double dof_reach(const Skeleton& skeleton, const Dof& dof) {
   double most = 0.0;
   for (const Dof::Drive& drive : dof.joints)
-    most = std::max(most, std::abs(drive.weight) * skeleton.joints[as_size(drive.joint)].axis.norm());
+    most = std::max(most, std::abs(drive.weight) * skeleton.joints[drive.joint].axis.norm());
   return most;
 }
 
 std::vector<int> observable_dofs(const Skeleton& skeleton, const std::vector<Marker>& landmarks) {
   std::vector<bool> carries(skeleton.joints.size(), false), turned(skeleton.joints.size(), false);
   for (const Marker& landmark : landmarks)
-    for (int j = landmark.joint; j >= 0; j = skeleton.joints[as_size(j)].parent) carries[as_size(j)] = true;
+    for (int j = landmark.joint; j >= 0; j = skeleton.joints[j].parent) carries[j] = true;
   for (std::size_t j = 0; j < turned.size(); ++j) {
     const Joint& joint = skeleton.joints[j];
-    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[as_size(joint.parent)]);
+    turned[j] = joint.type == Joint::Type::revolute || (joint.parent >= 0 && turned[joint.parent]);
   }
   std::vector<int> dofs;
   for (int d = 0; d < skeleton.num_dofs(); ++d) {
     bool moves = false, stretches = false;
-    for (const Dof::Drive& drive : skeleton.dofs[as_size(d)].joints) {
+    for (const Dof::Drive& drive : skeleton.dofs[d].joints) {
       if (drive.weight == 0.0) continue;
       const auto j = as_size(drive.joint);
       stretches = stretches || (skeleton.joints[j].type == Joint::Type::prismatic && turned[j]);
@@ -64,7 +64,7 @@ std::vector<int> determined_dofs(const Skeleton& skeleton, const std::vector<Mar
                                  const std::vector<double>& rest) {
   std::vector<double> bent = rest;
   const std::vector<int> observable = observable_dofs(skeleton, landmarks);
-  for (const int dof : observable) bent[as_size(dof)] += kBend * unit_of(skeleton, skeleton.dofs[as_size(dof)]);
+  for (const int dof : observable) bent[dof] += kBend * unit_of(skeleton, skeleton.dofs[dof]);
   std::vector<int> determined;
   for (const int dof : observable)
     if (std::max(lever(skeleton, landmarks, rest, dof), lever(skeleton, landmarks, bent, dof)) > kShortestLever)

@@ -34,8 +34,8 @@ class PoseGoalProblem : public LeastSquaresProblem {
   PoseGoalProblem(const Skeleton& skeleton, const std::vector<PoseGoal>& goals, const VectorXd& start)
       : skeleton_(skeleton), goals_(goals), start_(start), reach_(start.size()), handles_(skeleton.joints.size()) {
     for (int d = 0; d < skeleton.num_dofs(); ++d) {
-      for (const Dof::Drive& drive : skeleton.dofs[as_size(d)].joints)
-        if (drive.weight != 0.0) handles_[as_size(drive.joint)].push_back({d, drive.weight});
+      for (const Dof::Drive& drive : skeleton.dofs[d].joints)
+        if (drive.weight != 0.0) handles_[drive.joint].push_back({d, drive.weight});
       reach_[d] = reach_of_dof(skeleton, d);
     }
   }
@@ -43,7 +43,7 @@ class PoseGoalProblem : public LeastSquaresProblem {
   double cost(const VectorXd& dofs) override {
     const std::vector<Affine3d> world = skeleton_.pose(to_vector(dofs));
     double sum = (kInertia * reach_.cwiseProduct(dofs - start_)).squaredNorm();
-    for (const PoseGoal& goal : goals_) sum += residual(goal, world[as_size(goal.joint)]).squaredNorm();
+    for (const PoseGoal& goal : goals_) sum += residual(goal, world[goal.joint]).squaredNorm();
     return sum;
   }
 
@@ -56,7 +56,7 @@ class PoseGoalProblem : public LeastSquaresProblem {
     double sum = moved.squaredNorm();
     for (const PoseGoal& goal : goals_) {
       const MatrixXd rows = jacobian(goal, world);
-      const Residual errors = residual(goal, world[as_size(goal.joint)]);
+      const Residual errors = residual(goal, world[goal.joint]);
       hessian_.noalias() += rows.transpose() * rows;
       gradient_.noalias() += rows.transpose() * errors;
       sum += errors.squaredNorm();
@@ -89,8 +89,7 @@ class PoseGoalProblem : public LeastSquaresProblem {
 
   static VectorXd within_limits(const Skeleton& skeleton, VectorXd dofs) {
     for (Eigen::Index d = 0; d < dofs.size(); ++d)
-      if (const auto& limits = skeleton.dofs[as_size(d)].limits)
-        dofs[d] = std::clamp(dofs[d], (*limits)[0], (*limits)[1]);
+      if (const auto& limits = skeleton.dofs[d].limits) dofs[d] = std::clamp(dofs[d], (*limits)[0], (*limits)[1]);
     return dofs;
   }
 
@@ -112,12 +111,12 @@ class PoseGoalProblem : public LeastSquaresProblem {
   /// [6,D]
   MatrixXd jacobian(const PoseGoal& goal, const std::vector<Affine3d>& world) const {
     MatrixXd rows = MatrixXd::Zero(6, start_.size());
-    const Vector3d target = world[as_size(goal.joint)].translation();
-    for (int j = goal.joint; j >= 0; j = skeleton_.joints[as_size(j)].parent) {
-      const Joint& joint = skeleton_.joints[as_size(j)];
-      const Vector3d axis = world[as_size(j)].linear() * joint.axis;
-      const Vector3d arm = target - world[as_size(j)].translation();
-      for (const Handle& handle : handles_[as_size(j)]) {
+    const Vector3d target = world[goal.joint].translation();
+    for (int j = goal.joint; j >= 0; j = skeleton_.joints[j].parent) {
+      const Joint& joint = skeleton_.joints[j];
+      const Vector3d axis = world[j].linear() * joint.axis;
+      const Vector3d arm = target - world[j].translation();
+      for (const Handle& handle : handles_[j]) {
         if (joint.type == Joint::Type::prismatic) {
           rows.col(handle.dof).head<3>() += handle.weight * axis;
         } else {
@@ -133,7 +132,7 @@ class PoseGoalProblem : public LeastSquaresProblem {
 
   bool is_held(Eigen::Index d) const {
     if (reach_[d] == 0.0) return true;
-    const auto& limits = skeleton_.dofs[as_size(d)].limits;
+    const auto& limits = skeleton_.dofs[d].limits;
     return limits && ((dofs_[d] <= (*limits)[0] && gradient_[d] > 0) || (dofs_[d] >= (*limits)[1] && gradient_[d] < 0));
   }
 
@@ -151,14 +150,14 @@ class PoseGoalProblem : public LeastSquaresProblem {
 double reach_of_dof(const Skeleton& skeleton, int dof) {
   double sum = 0.0;
   for (const Dof::Drive& drive : skeleton.dofs.at(as_size(dof)).joints)
-    sum += std::pow(drive.weight * skeleton.joints[as_size(drive.joint)].axis.norm(), 2);
+    sum += std::pow(drive.weight * skeleton.joints[drive.joint].axis.norm(), 2);
   return std::sqrt(sum);
 }
 
 double PoseSolver::mean_distance(const std::vector<PoseGoal>& goals, const std::vector<double>& dofs) const {
   const std::vector<Affine3d> world = skeleton_.pose(dofs);
   double sum = 0.0;
-  for (const PoseGoal& goal : goals) sum += (world[as_size(goal.joint)].translation() - goal.position).squaredNorm();
+  for (const PoseGoal& goal : goals) sum += (world[goal.joint].translation() - goal.position).squaredNorm();
   return std::sqrt(sum / static_cast<double>(goals.size()));
 }
 

@@ -46,7 +46,7 @@ int find_joint(const std::vector<std::string>& joints, const std::string& name, 
 
 /// The nearest node above joint `target`, or -1.
 int node_above(const Skeleton& skeleton, const std::vector<Node>& nodes, int target) {
-  for (int j = skeleton.joints[as_size(target)].parent; j >= 0; j = skeleton.joints[as_size(j)].parent)
+  for (int j = skeleton.joints[target].parent; j >= 0; j = skeleton.joints[j].parent)
     for (std::size_t n = 0; n < nodes.size(); ++n)
       if (nodes[n].target == j) return static_cast<int>(n);
   return -1;
@@ -66,18 +66,18 @@ std::vector<Node> resolve(const Skeleton& skeleton, const JointTracks& source, c
                          .toRotationMatrix();
     for (const Node& other : nodes)
       if (other.target == node.target)
-        fail_at(pair.where, "the character's joint '{}' is mapped twice", skeleton.joints[as_size(node.target)].name);
+        fail_at(pair.where, "the character's joint '{}' is mapped twice", skeleton.joints[node.target].name);
     nodes.push_back(node);
   }
   std::sort(nodes.begin(), nodes.end(), [](const Node& a, const Node& b) { return a.target < b.target; });
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     nodes[n].parent = node_above(skeleton, nodes, nodes[n].target);
-    if (nodes[n].parent >= 0) nodes[as_size(nodes[n].parent)].end = false;
+    if (nodes[n].parent >= 0) nodes[nodes[n].parent].end = false;
     if (n > 0 && nodes[n].parent < 0)
       fail_at(map.pairs.front().where,
               "the map has two roots, '{}' and '{}': no mapped joint lies above either. Map a joint above both, "
               "such as `Root: Hips`",
-              targets[as_size(nodes[0].target)], targets[as_size(nodes[n].target)]);
+              targets[nodes[0].target], targets[nodes[n].target]);
   }
   if (nodes.size() < 2)
     fail_at(map.pairs.empty() ? FileLocation{} : map.pairs.front().where,
@@ -92,18 +92,18 @@ class RestPoses {
       : target_(target), source_(source), nodes_(nodes) {
     for (Node& node : nodes_) {
       if (node.parent < 0) continue;
-      const Node& parent = nodes_[as_size(node.parent)];
-      node.offset_from_parent = target_[as_size(parent.target)].inverse() * place(node);
+      const Node& parent = nodes_[node.parent];
+      node.offset_from_parent = target_[parent.target].inverse() * place(node);
     }
     const Matrix3d whole = alignment(all_bones(), Matrix3d::Identity());
     std::vector<Matrix3d> turns;
     for (std::size_t n = 0; n < nodes_.size(); ++n) {
       Node& node = nodes_[n];
       // A joint without children has no bone of its own: it rotates like its parent.
-      turns.push_back(node.end && node.parent >= 0 ? turns[as_size(node.parent)]
+      turns.push_back(node.end && node.parent >= 0 ? turns[node.parent]
                                                    : alignment(bones_of(static_cast<int>(n)), whole));
-      const Matrix3d source_rest = node.rest_turn * source_[as_size(node.source)].linear();
-      node.joint_from_source = source_rest.transpose() * turns.back() * target_[as_size(node.target)].linear();
+      const Matrix3d source_rest = node.rest_turn * source_[node.source].linear();
+      node.joint_from_source = source_rest.transpose() * turns.back() * target_[node.target].linear();
     }
   }
 
@@ -113,12 +113,11 @@ class RestPoses {
 
   /// The rotation of a node's source joint since its rest pose.
   Matrix3d source_turn(const Node& node, const std::vector<Affine3d>& frame) const {
-    return frame[as_size(node.source)].linear() * source_[as_size(node.source)].linear().transpose() *
-           node.rest_turn.transpose();
+    return frame[node.source].linear() * source_[node.source].linear().transpose() * node.rest_turn.transpose();
   }
   /// The source's rest bone that leads to a node, rotated by the map.
   Vector3d source_bone(const Node& node) const {
-    const Node& parent = nodes_[as_size(node.parent)];
+    const Node& parent = nodes_[node.parent];
     return parent.rest_turn * (source_place(node) - source_place(parent));
   }
 
@@ -137,8 +136,8 @@ class RestPoses {
   }
 
  private:
-  Vector3d place(const Node& node) const { return target_[as_size(node.target)].translation(); }
-  Vector3d source_place(const Node& node) const { return source_[as_size(node.source)].translation(); }
+  Vector3d place(const Node& node) const { return target_[node.target].translation(); }
+  Vector3d source_place(const Node& node) const { return source_[node.source].translation(); }
 
   /// Bones, named by the node they lead to: those that begin at `parent`, or all.
   std::vector<std::size_t> bones_of(int parent) const {
@@ -159,7 +158,7 @@ class RestPoses {
     Eigen::Matrix3Xd from(3, 0), to(3, 0);
     for (const std::size_t n : bones) {
       const Node& node = nodes_[n];
-      const Node& parent = nodes_[as_size(node.parent)];
+      const Node& parent = nodes_[node.parent];
       const Vector3d ours = place(node) - place(parent), theirs = source_place(node) - source_place(parent);
       if (ours.norm() < kNoLength || theirs.norm() < kNoLength) continue;
       from.conservativeResize(3, from.cols() + 1);
@@ -189,7 +188,7 @@ class RestPoses {
     double length = 0.0;
     for (std::size_t n = lowest(); nodes_[n].parent >= 0; n = as_size(nodes_[n].parent)) {
       if (nodes_[n].parent == 0 && length > 0.0) break;
-      length += (place_in(nodes_[n], source) - place_in(nodes_[as_size(nodes_[n].parent)], source)).norm();
+      length += (place_in(nodes_[n], source) - place_in(nodes_[nodes_[n].parent], source)).norm();
     }
     return length;
   }
@@ -204,7 +203,7 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
                                const RestPoses& rest, double scale, const RetargetOptions& options) {
   std::vector<PoseGoal> goals;
   for (const Node& node : nodes) {
-    const Affine3d& source = frame[as_size(node.source)];
+    const Affine3d& source = frame[node.source];
     PoseGoal goal;
     goal.joint = node.target;
     goal.rotation = source.linear() * node.joint_from_source;
@@ -213,11 +212,11 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
     if (node.parent < 0) {
       goal.position = scale * source.translation() + rest.source_turn(node, frame) * Vector3d(0, rest.lift(scale), 0);
     } else {
-      const Node& parent = nodes[as_size(node.parent)];
-      const PoseGoal& above = goals[as_size(node.parent)];
+      const Node& parent = nodes[node.parent];
+      const PoseGoal& above = goals[node.parent];
       const Vector3d ours = above.rotation * node.offset_from_parent;
       const Vector3d theirs = rest.source_turn(parent, frame) * rest.source_bone(node);
-      const Vector3d now = source.translation() - frame[as_size(parent.source)].translation();
+      const Vector3d now = source.translation() - frame[parent.source].translation();
       // A source bone without length has no direction: the joint follows its parent.
       const bool rides = now.norm() < kNoLength || theirs.norm() < kNoLength;
       goal.position =
@@ -243,9 +242,9 @@ std::vector<std::vector<double>> starts(const Skeleton& skeleton, const std::vec
   for (int quarter = 0; quarter < 4; ++quarter) {
     std::vector<double> dofs = rest;
     dofs[heading] += 0.5 * kPi * quarter / root.rotation_weight[vertical];
-    const Vector3d way = root_goal.position - skeleton.pose(dofs)[as_size(root_goal.joint)].translation();
+    const Vector3d way = root_goal.position - skeleton.pose(dofs)[root_goal.joint].translation();
     for (std::size_t axis = 0; axis < 3; ++axis)
-      dofs[as_size(root.translation[axis])] += way[static_cast<int>(axis)] / root.translation_weight[axis];
+      dofs[root.translation[axis]] += way[static_cast<int>(axis)] / root.translation_weight[axis];
     all.push_back(dofs);
   }
   return all;
@@ -265,7 +264,7 @@ void add_distances(const Skeleton& skeleton, const std::vector<double>& dofs, co
                    std::vector<RetargetResult::Track>& tracks, int frames) {
   const std::vector<Affine3d> world = skeleton.pose(dofs);
   for (std::size_t n = 0; n < goals.size(); ++n) {
-    const double distance = (world[as_size(goals[n].joint)].translation() - goals[n].position).norm();
+    const double distance = (world[goals[n].joint].translation() - goals[n].position).norm();
     tracks[n].mean_distance += distance / frames;
     tracks[n].largest_distance = std::max(tracks[n].largest_distance, distance);
   }
@@ -284,13 +283,13 @@ RetargetResult retarget(const Skeleton& skeleton, const JointTracks& given, cons
   const RestPoses rests(rest_pose, source.rest, nodes);
   result.scale = rests.scale(map);
   for (const Node& node : nodes)
-    result.tracks.push_back({skeleton.joints[as_size(node.target)].name, source.names[as_size(node.source)],
-                             node.target, node.end, 0.0, 0.0});
+    result.tracks.push_back(
+        {skeleton.joints[node.target].name, source.names[node.source], node.target, node.end, 0.0, 0.0});
 
   PoseSolver solver(skeleton, options.iterations);
   std::vector<double> dofs = rest;
   for (int f = 0; f < source.num_frames(); ++f) {
-    const auto goals = goals_of(nodes, source.frames[as_size(f)], rests, result.scale, options);
+    const auto goals = goals_of(nodes, source.frames[f], rests, result.scale, options);
     double cost = HUGE_VAL;
     if (f > 0) cost = solver.solve(goals, dofs);
     // After a jump in the source the previous frame can be too far away to be a start.

@@ -133,7 +133,7 @@ YAML::Node child_for_override(YAML::Node parent, const std::string& part, const 
       fail<UsageError>("--set {}: \"{}\" must be an index from 0 to {} into this list", override_text, part,
                        static_cast<long>(parent.size()) - 1);
     }
-    return parent[as_size(*index)];
+    return parent[*index];
   }
   if (parent.IsScalar()) {
     fail<UsageError>("--set {}: cannot set \"{}\" inside a plain value (\"{}\")", override_text, part, parent.Scalar());

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <fstream>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 std::string read_head(const std::filesystem::path& path, std::size_t bytes) {
@@ -13,7 +11,7 @@ std::string read_head(const std::filesystem::path& path, std::size_t bytes) {
   std::ifstream file(path, std::ios::binary);
   std::string head(bytes, '\0');
   file.read(head.data(), static_cast<std::streamsize>(bytes));
-  head.resize(as_size(std::max<std::streamsize>(0, file.gcount())));
+  head.resize(std::max<std::streamsize>(0, file.gcount()));
   return head;
 }
 

@@ -4,7 +4,6 @@
 
 #include <cstdlib>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/config.h"
 
 namespace doppel {
@@ -21,7 +20,7 @@ struct KeyPlace {
 ConfigReader part_of(const ConfigReader& reader, const std::string& part) {
   const std::size_t bracket = part.find('[');
   if (bracket == std::string::npos) return reader.section(part);
-  return reader.sections(part.substr(0, bracket))[as_size(std::atoi(part.c_str() + bracket + 1))];
+  return reader.sections(part.substr(0, bracket))[std::atoi(part.c_str() + bracket + 1)];
 }
 
 /// Recursive, because assigning a reader would change the document: a YAML node that is assigned becomes an alias.
@@ -113,7 +112,7 @@ void OptionReader::visit(const std::string& key, std::vector<std::int64_t>& opti
 void OptionReader::visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
                               const std::string&) {
   const auto [reader, key] = place_of(*reader_, path);
-  const std::string word = reader.choice(key, words, words[as_size(option)]);
+  const std::string word = reader.choice(key, words, words[option]);
   for (std::size_t i = 0; i < words.size(); ++i)
     if (words[i] == word) option = static_cast<int>(i);
 }
@@ -177,7 +176,7 @@ void KeyRows::visit(const std::string& key, std::vector<std::int64_t>& option, c
 
 void KeyRows::visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
                          const std::string& meaning) {
-  add(key, words[as_size(option)], fmt::format("{}", fmt::join(words, ", ")), meaning);
+  add(key, words[option], fmt::format("{}", fmt::join(words, ", ")), meaning);
 }
 
 std::optional<std::size_t> KeyRows::visit_items(const std::string& key, const std::string& meaning) {

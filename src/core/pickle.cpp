@@ -717,7 +717,7 @@ class PickleNumbers {
 
 const char* PickleValue::kind_name() const {
   constexpr const char* kNames[] = {"None", "number", "text", "bytes", "list", "dict", "array", "dtype", "function"};
-  return kNames[as_size(kind_)];
+  return kNames[kind_];
 }
 
 std::string_view PickleValue::text() const {

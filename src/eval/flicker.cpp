@@ -79,9 +79,9 @@ class PairReader {
     const torch::Tensor covered = images.covered.ne(0).to(torch::kUInt8).contiguous().view({2, S, S});
     PairImages result{{}, {}, {}, {faces_, vertices, batch.image_projection.select(1, 0), static_cast<int>(S)}};
     for (int i = 0; i < 2; ++i) {
-      result.drawn[as_size(i)] = image_view(colour[i]).clone();
-      result.filmed[as_size(i)] = image_view(batch.image[i][0]).clone();
-      result.inside[as_size(i)] = well_inside(image_view(batch.image_mask[i][0]), image_view(covered[i]));
+      result.drawn[i] = image_view(colour[i]).clone();
+      result.filmed[i] = image_view(batch.image[i][0]).clone();
+      result.inside[i] = well_inside(image_view(batch.image_mask[i][0]), image_view(covered[i]));
     }
     return result;
   }

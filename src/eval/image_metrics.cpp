@@ -116,13 +116,13 @@ cv::Scalar summed_similarity(const cv::Mat& a8, const cv::Mat& b8) {
 /// The sum over all windows and channels, strip by strip in a fixed order.
 double summed_strips(const cv::Mat& a8, const cv::Mat& b8) {
   const int rows = a8.rows - kWindow + 1;
-  std::vector<double> sums(as_size((rows + kSsimRows - 1) / kSsimRows));
+  std::vector<double> sums((rows + kSsimRows - 1) / kSsimRows);
   at::parallel_for(0, static_cast<std::int64_t>(sums.size()), 1, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
       const int first = static_cast<int>(i) * kSsimRows;
       const cv::Range strip(first, std::min(first + kSsimRows, rows) + kWindow - 1);
       const cv::Scalar sum = summed_similarity(a8.rowRange(strip), b8.rowRange(strip));
-      sums[as_size(i)] = sum[0] + sum[1] + sum[2];
+      sums[i] = sum[0] + sum[1] + sum[2];
     }
   });
   return std::accumulate(sums.begin(), sums.end(), 0.0);

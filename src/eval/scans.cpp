@@ -76,7 +76,7 @@ Scans::Scans(const Dataset& dataset, const std::vector<SampleId>& samples, const
         "scans of each into {}/<sequence>/",
         folder.string(), without_folder.size(), folder.string());
   if (!files_.empty()) return;
-  const std::string first = samples.empty() ? "" : dataset.sequences()[as_size(samples.front().sequence)].name;
+  const std::string first = samples.empty() ? "" : dataset.sequences()[samples.front().sequence].name;
   fail<UsageError>(
       "scans: none of the {} evaluated frames has one; looked for {}/<sequence>/<frame>.obj (such as "
       "{}/{}/{}.obj) and {}/<frame>.obj, where <frame> is the row of the motion{}",

@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "doppel/character/landmarks.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture.h"
@@ -68,9 +67,7 @@ class TrackedEvaluation {
   }
 
  private:
-  const std::string& name_of(const SampleId& sample) const {
-    return dataset_.sequences()[as_size(sample.sequence)].name;
-  }
+  const std::string& name_of(const SampleId& sample) const { return dataset_.sequences()[sample.sequence].name; }
   const TrackedMotion& motion_of(const SampleId& sample) const { return tracked_.sequences.at(name_of(sample)); }
 
   void check(const SampleId& sample) const {
@@ -92,7 +89,7 @@ class TrackedEvaluation {
   std::vector<std::pair<long, double>> window(const SampleId& sample) const {
     if (options_.smoothing == 0.0) return {{sample.frame, 1.0}};
     const TrackedMotion& motion = motion_of(sample);
-    const DatasetSequence& sequence = dataset_.sequences()[as_size(sample.sequence)];
+    const DatasetSequence& sequence = dataset_.sequences()[sample.sequence];
     std::vector<std::pair<long, double>> frames;
     double sum = 0.0;
     for (long i = -kSmoothedFrames; i <= kSmoothedFrames; ++i) {
@@ -119,7 +116,7 @@ class TrackedEvaluation {
   }
 
   Tensor tracked_dofs(const SampleId& sample, long frame) const {
-    return torch::tensor(motion_of(sample).motion.frames[as_size(frame)], torch::kFloat32).unsqueeze(0);
+    return torch::tensor(motion_of(sample).motion.frames[frame], torch::kFloat32).unsqueeze(0);
   }
   Tensor true_dofs(const SampleId& sample) const { return dataset_.dof_window(sample, 0); }
 

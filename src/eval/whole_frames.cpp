@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/capture_cameras.h"
 
@@ -19,7 +18,7 @@ std::pair<Camera, int> calibrated_as(const Capture& capture, const PinholeCamera
   if (found == chosen.cameras.end()) fail("reading whole images: the capture has no camera '{}'", camera.name);
   const bool same = found->width == camera.width && found->height == camera.height;
   return {same ? *found : found->scaled_to(camera.width, camera.height),
-          chosen.file_index[as_size(found - chosen.cameras.begin())]};
+          chosen.file_index[found - chosen.cameras.begin()]};
 }
 
 }  // namespace

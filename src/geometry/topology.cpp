@@ -83,7 +83,7 @@ void MeshTopology::build_rows(int num_vertices) {
 }
 
 std::vector<int> MeshTopology::components() const {
-  std::vector<int> component(as_size(num_vertices()), -1);
+  std::vector<int> component(num_vertices(), -1);
   std::vector<int> stack;
   int count = 0;
   for (int seed = 0; seed < num_vertices(); ++seed) {
@@ -157,7 +157,7 @@ IndexRows face_neighbours(const std::vector<Triangle>& faces) {
     while (last < sides.size() && sides[last].first == sides[first].first) ++last;
     for (std::size_t i = first; i < last; ++i)
       for (std::size_t j = first; j < last; ++j)
-        if (sides[i].second != sides[j].second) found[as_size(sides[i].second)].push_back(sides[j].second);
+        if (sides[i].second != sides[j].second) found[sides[i].second].push_back(sides[j].second);
   }
   IndexRows rows;
   for (std::vector<int>& row : found) {

@@ -83,16 +83,15 @@ namespace {
 /// Halves a range of triangles at the median along its longest axis.
 void halve(std::vector<int>& order, int first, int count, const std::vector<Vector3d>& centres) {
   const auto begin = order.begin() + first, middle = begin + count / 2, end = begin + count;
-  Vector3d low = centres[as_size(*begin)], high = low;
+  Vector3d low = centres[*begin], high = low;
   for (auto i = begin; i != end; ++i) {
-    low = low.cwiseMin(centres[as_size(*i)]);
-    high = high.cwiseMax(centres[as_size(*i)]);
+    low = low.cwiseMin(centres[*i]);
+    high = high.cwiseMax(centres[*i]);
   }
   int axis = 0;
   (high - low).maxCoeff(&axis);
-  std::nth_element(begin, middle, end, [&](int a, int b) {
-    return std::pair(centres[as_size(a)][axis], a) < std::pair(centres[as_size(b)][axis], b);
-  });
+  std::nth_element(begin, middle, end,
+                   [&](int a, int b) { return std::pair(centres[a][axis], a) < std::pair(centres[b][axis], b); });
 }
 
 }  // namespace
@@ -113,7 +112,7 @@ int TriangleTree::add_node(std::vector<int>& order, Range range, const std::vect
   for (int lane = 0; lane < kTreeWidth; ++lane) {
     int child = 0;  // of an unused lane: its box is never near
     if (lane < static_cast<int>(parts.size())) {
-      const Range& part = parts[as_size(lane)];
+      const Range& part = parts[lane];
       child = part.count <= kTreeWidth ? ~add_leaf(order, part) : add_node(order, part, centres);
     }
     nodes_[index].child[lane] = child;
@@ -130,8 +129,8 @@ int TriangleTree::add_leaf(const std::vector<int>& order, Range range) {
   TreeLeaf leaf{};
   for (int lane = 0; lane < kTreeWidth; ++lane) {
     const bool used = lane < range.count;
-    leaf.face[lane] = order[as_size(range.first + (used ? lane : 0))];
-    if (used) place_[as_size(leaf.face[lane])] = index * kTreeWidth + lane;
+    leaf.face[lane] = order[range.first + (used ? lane : 0)];
+    if (used) place_[leaf.face[lane]] = index * kTreeWidth + lane;
   }
   leaves_.push_back(leaf);
   return index;
@@ -151,8 +150,7 @@ void TriangleTree::refit(const std::vector<Vector3d>& vertices) {
   for (TreeLeaf& leaf : leaves_)
     for (int lane = 0; lane < kTreeWidth; ++lane)
       for (int k = 0; k < 3; ++k)
-        for (int axis = 0; axis < 3; ++axis)
-          leaf.corner[k][axis][lane] = vertices[as_size(faces_[as_size(leaf.face[lane])][as_size(k)])][axis];
+        for (int axis = 0; axis < 3; ++axis) leaf.corner[k][axis][lane] = vertices[faces_[leaf.face[lane]][k]][axis];
   const double padding = kPadding * largest;
   for (auto node = nodes_.rbegin(); node != nodes_.rend(); ++node)  // children before parents
     for (int lane = 0; lane < kTreeWidth; ++lane) {
@@ -162,12 +160,12 @@ void TriangleTree::refit(const std::vector<Vector3d>& vertices) {
         double low = std::numeric_limits<double>::infinity(), high = -low;
         if (child < 0) {
           for (int k = 0; k < 3; ++k) {
-            const double* corners = leaves_[as_size(~child)].corner[k][axis];
+            const double* corners = leaves_[~child].corner[k][axis];
             low = std::min(low, *std::min_element(corners, corners + kTreeWidth) - padding);
             high = std::max(high, *std::max_element(corners, corners + kTreeWidth) + padding);
           }
         } else {
-          const TreeNode& below = nodes_[as_size(child)];
+          const TreeNode& below = nodes_[child];
           low = *std::min_element(below.low[axis], below.low[axis] + kTreeWidth);
           high = *std::max_element(below.high[axis], below.high[axis] + kTreeWidth);
         }
@@ -191,33 +189,32 @@ void TriangleTree::try_triangle(const Vector3d& point, const TreeLeaf& leaf, int
 TriangleTree::Hit TriangleTree::closest(const Vector3d& point, int near_face) const {
   Hit best;
   if (near_face >= 0) {
-    const int place = place_[as_size(near_face)];
-    try_triangle(point, leaves_[as_size(place / kTreeWidth)], place % kTreeWidth, best);
+    const int place = place_[near_face];
+    try_triangle(point, leaves_[place / kTreeWidth], place % kTreeWidth, best);
   }
   // The nearest on top. A level adds at most all children but the one that is followed.
   std::array<std::pair<double, std::int32_t>, kMaxLevels * kTreeWidth> stack;
   int size = 0;
-  stack[as_size(size++)] = {0.0, 0};
+  stack[size++] = {0.0, 0};
   while (size > 0) {
-    const auto [distance, child] = stack[as_size(--size)];
+    const auto [distance, child] = stack[--size];
     if (distance > best.squared_distance) continue;
     if (child < 0) {
-      const TreeLeaf& leaf = leaves_[as_size(~child)];
+      const TreeLeaf& leaf = leaves_[~child];
       const double bound = best.squared_distance * (1.0 + kRelativeMargin) + margin_;
       for (unsigned lanes = kernels::near_triangles(leaf, point.data(), bound); lanes != 0; lanes &= lanes - 1)
         try_triangle(point, leaf, std::countr_zero(lanes), best);
       continue;
     }
     double distances[kTreeWidth];
-    const TreeNode& node = nodes_[as_size(child)];
+    const TreeNode& node = nodes_[child];
     const int bottom = size;
     for (unsigned lanes = kernels::near_children(node, point.data(), best.squared_distance, distances); lanes != 0;
          lanes &= lanes - 1) {
       const int lane = std::countr_zero(lanes);
       int at = size++;
-      for (; at > bottom && stack[as_size(at - 1)].first < distances[lane]; --at)
-        stack[as_size(at)] = stack[as_size(at - 1)];
-      stack[as_size(at)] = {distances[lane], node.child[lane]};
+      for (; at > bottom && stack[at - 1].first < distances[lane]; --at) stack[at] = stack[at - 1];
+      stack[at] = {distances[lane], node.child[lane]};
     }
   }
   return best;

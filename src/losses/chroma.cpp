@@ -4,7 +4,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/losses/image_terms.h"
@@ -39,7 +38,7 @@ Tensor smooth(const Tensor& image, const std::vector<double>& taps) {
   const auto half = static_cast<std::int64_t>(taps.size()) - 1;
   if (half == 0) return image;
   std::vector<double> window;
-  for (std::int64_t i = -half; i <= half; ++i) window.push_back(taps[as_size(std::abs(i))]);
+  for (std::int64_t i = -half; i <= half; ++i) window.push_back(taps[std::abs(i)]);
   const Tensor line = torch::tensor(window, torch::kFloat64).to(image.options().requires_grad(false));
   const Tensor planes = image.permute({0, 1, 4, 2, 3}).reshape({-1, 1, image.size(2), image.size(3)});
   const Tensor down = torch::conv2d(planes, line.view({1, 1, -1, 1}), {}, 1, torch::IntArrayRef{half, 0});

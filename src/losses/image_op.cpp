@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/op.h"
 #include "doppel/losses/image_kernel.h"
@@ -59,7 +58,7 @@ struct ImageLossCall {
   template <typename Work>
   void for_each_piece(const Work& work) const {
     at::parallel_for(0, pieces(), 1, [&](std::int64_t begin, std::int64_t end) {
-      std::vector<float> scratch(as_size(kernels::image_loss_scratch(params, kRows)));
+      std::vector<float> scratch(kernels::image_loss_scratch(params, kRows));
       ImageLossParams p = params;
       p.scratch = scratch.data();
       for (std::int64_t piece = begin; piece < end; ++piece) {
@@ -78,9 +77,9 @@ Tensor image_loss_cpu(const Tensor& rendered, const Tensor& target, const Tensor
                       std::int64_t measure, at::ArrayRef<double> taps) {
   const ImageLossCall call(rendered, target, mask, measure, taps);
   if (call.is_empty()) return at::zeros({}, call.rendered.options());
-  std::vector<double> sums(as_size(call.pieces()), 0.0);
+  std::vector<double> sums(call.pieces(), 0.0);
   call.for_each_piece([&](ImageLossParams& p, std::int64_t piece, std::int64_t, std::int64_t first, std::int64_t last) {
-    p.sum = &sums[as_size(piece)];
+    p.sum = &sums[piece];
     kernels::image_loss_forward(p, first, last);
   });
   double sum = 0.0;

@@ -3,7 +3,6 @@
 #include <tuple>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/op.h"
 #include "doppel/core/tensor/reference_scope.h"
@@ -31,9 +30,9 @@ std::tuple<Tensor, Tensor> laplacian_cpu(const Tensor& V_fi_in, const Tensor& V_
   Tensor gradient = with_gradient ? at::empty(V_fi.sizes(), V_fi.options()) : at::empty({0}, V_fi.options());
   if (batch == 0 || edges == 0) return {at::zeros({}, V_fi.options()), gradient.zero_()};
   const double scale = 1.0 / (static_cast<double>(batch) * static_cast<double>(edges));
-  std::vector<double> sums(as_size(batch));
+  std::vector<double> sums(batch);
   at::parallel_for(0, batch, 1, [&](int64_t begin, int64_t end) {
-    std::vector<float> scratch(as_size(8 * N));
+    std::vector<float> scratch(8 * N);
     for (int64_t b = begin; b < end; ++b) {
       LaplacianParams p{};
       p.num_vertices = N;
@@ -47,7 +46,7 @@ std::tuple<Tensor, Tensor> laplacian_cpu(const Tensor& V_fi_in, const Tensor& V_
       p.scale = static_cast<float>(scale);
       p.gradient = with_gradient ? gradient.data_ptr<float>() + 3 * N * b : nullptr;
       kernels::laplacian_item(p);
-      sums[as_size(b)] = p.sum;
+      sums[b] = p.sum;
     }
   });
   double sum = 0.0;

@@ -6,7 +6,6 @@
 #include <atomic>
 #include <functional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/tensor/op.h"
 #include "doppel/losses/silhouette_kernel.h"
 #include "doppel/losses/silhouette_terms.h"
@@ -25,7 +24,7 @@ void add_gradients(const std::vector<CameraResult>& results, std::int64_t item, 
                    float* model_to_data, float* data_to_model) {
   float* const out[2] = {model_to_data, data_to_model};
   for (std::int64_t c = 0; c < cameras; ++c) {
-    for (const VertexGradient& g : results[as_size(item * cameras + c)].gradients) {
+    for (const VertexGradient& g : results[item * cameras + c].gradients) {
       for (int s = 0; s < 2; ++s) {
         for (int d = 0; d < 3; ++d) out[s][3 * static_cast<std::int64_t>(g.vertex) + d] += weight[s] * g.gradient[s][d];
       }
@@ -35,14 +34,14 @@ void add_gradients(const std::vector<CameraResult>& results, std::int64_t item, 
 
 std::vector<CameraResult> evaluate_cameras(std::int64_t views, const bool* valid,
                                            const std::function<CameraInput(std::int64_t)>& input) {
-  std::vector<CameraResult> results(as_size(views));
+  std::vector<CameraResult> results(views);
   std::atomic<std::int64_t> next{0};
   at::parallel_for(0, std::min<std::int64_t>(views, at::get_num_threads()), 1,
                    [&](std::int64_t begin, std::int64_t end) {
                      CameraScratch scratch;
                      for (std::int64_t worker = begin; worker < end; ++worker) {
                        for (std::int64_t i = next++; i < views; i = next++) {
-                         if (valid[i]) results[as_size(i)] = evaluate_camera(input(i), scratch);
+                         if (valid[i]) results[i] = evaluate_camera(input(i), scratch);
                        }
                      }
                    });

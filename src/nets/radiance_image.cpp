@@ -80,15 +80,15 @@ class RayPainter {
   /// @param out the group's pixels
   void draw(const RayGroup& group, const FieldPixels& out) {
     evaluated_.clear();
-    density_.assign(as_size(group.rays() * group.samples()), 0.0f);
+    density_.assign(group.rays() * group.samples(), 0.0f);
     evaluate_first(group);
     evaluate_between(group);
     weights_.resize(density_.size());
     const int64_t K = group.samples();
     for (int64_t ray = 0; ray < group.rays(); ++ray) {
       const RaySums sums =
-          render_ray(&density_[as_size(ray * K)], group.t.data_ptr<float>() + ray * K, K,
-                     group.near.data_ptr<float>()[ray], group.far.data_ptr<float>()[ray], &weights_[as_size(ray * K)]);
+          render_ray(&density_[ray * K], group.t.data_ptr<float>() + ray * K, K, group.near.data_ptr<float>()[ray],
+                     group.far.data_ptr<float>()[ray], &weights_[ray * K]);
       out.opacity.data_ptr<float>()[ray] = sums.opacity;
       out.depth.data_ptr<float>()[ray] = sums.depth;
     }
@@ -101,7 +101,7 @@ class RayPainter {
     const int64_t K = group.samples();
     if (k < 0 || k >= K) return 0.0;
     const float length = group.far.data_ptr<float>()[ray] - group.near.data_ptr<float>()[ray];
-    return static_cast<double>(density_[as_size(ray * K + k)] * std::max(length, 0.0f)) / static_cast<double>(K) *
+    return static_cast<double>(density_[ray * K + k] * std::max(length, 0.0f)) / static_cast<double>(K) *
            static_cast<double>(painted_.options.first_pass);
   }
 
@@ -109,15 +109,15 @@ class RayPainter {
   void evaluate_first(const RayGroup& group) {
     const int64_t step = painted_.options.first_pass, K = group.samples();
     constexpr int64_t kAtOnce = 3;
-    std::vector<double> passed(as_size(group.rays()), 0.0);  // optical depth so far
+    std::vector<double> passed(group.rays(), 0.0);  // optical depth so far
     for (int64_t begin = step / 2; begin < K; begin += kAtOnce * step) {
       const int64_t end = std::min(begin + kAtOnce * step, K);
       chosen_.clear();
       for (int64_t ray = 0; ray < group.rays(); ++ray)
-        for (int64_t k = begin; k < end && passed[as_size(ray)] <= painted_.transparent; k += step)
+        for (int64_t k = begin; k < end && passed[ray] <= painted_.transparent; k += step)
           chosen_.push_back(ray * K + k);
       evaluate(group);
-      for (const int64_t index : chosen_) passed[as_size(index / K)] += absorbed(group, index / K, index % K);
+      for (const int64_t index : chosen_) passed[index / K] += absorbed(group, index / K, index % K);
     }
   }
 
@@ -160,7 +160,7 @@ class RayPainter {
     for (std::size_t i = 0; i < count; ++i) {
       const float logit = painted_.layers.density_bias +
                           weights.dot(Eigen::Map<const Eigen::VectorXf>(hidden + as_size(width) * i, width));
-      density_[as_size(evaluated_[first + i])] = static_cast<float>(softplus(logit) / config.density_unit);
+      density_[evaluated_[first + i]] = static_cast<float>(softplus(logit) / config.density_unit);
     }
   }
 
@@ -187,7 +187,7 @@ class RayPainter {
   /// Writes `count` interpolated vertex values, starting at value `first`. @return end of the written values
   float* interpolate(const ClosedSurface::Hit& hit, int64_t first, int64_t count, float* row) const {
     const int64_t H = painted_.values.size(1);
-    const Triangle& face = painted_.surface.faces()[as_size(hit.face)];
+    const Triangle& face = painted_.surface.faces()[hit.face];
     const float* from = painted_.values.data_ptr<float>() + first;
     const float *a = from + H * face[0], *b = from + H * face[1], *c = from + H * face[2];
     const auto u = static_cast<float>(hit.weights[0]), v = static_cast<float>(hit.weights[1]),
@@ -205,7 +205,7 @@ class RayPainter {
     chosen_.clear();
     for (std::size_t i = 0; i < evaluated_.size(); ++i) {
       const int64_t index = evaluated_[i];
-      if (weights_[as_size(index)] <= static_cast<float>(painted_.options.least_weight)) continue;
+      if (weights_[index] <= static_cast<float>(painted_.options.least_weight)) continue;
       float* row = &inputs_[as_size(columns) * chosen_.size()];
       row = std::copy_n(&hidden_[as_size(width) * i], width, row);
       if (encoded > 0) std::copy_n(group.encoded.data_ptr<float>() + encoded * (index / group.samples()), encoded, row);
@@ -214,7 +214,7 @@ class RayPainter {
     logits_.resize(3 * chosen_.size());
     painted_.layers.colour.run(inputs_.data(), static_cast<int64_t>(chosen_.size()), logits_.data());
     for (std::size_t i = 0; i < chosen_.size(); ++i) {
-      const float weight = weights_[as_size(chosen_[i])];
+      const float weight = weights_[chosen_[i]];
       float* pixel = out + 3 * (chosen_[i] / group.samples());
       for (std::size_t c = 0; c < 3; ++c) pixel[c] += weight / (1.0f + std::exp(-logits_[3 * i + c]));
     }

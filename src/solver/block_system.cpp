@@ -42,7 +42,7 @@ double BlockResiduals::JacobianRow::operator[](Eigen::Index unknown) const {
 
 void BlockSystem::reset(Eigen::Index num_unknowns) {
   gradient_.setZero(num_unknowns);
-  blocks_.assign(as_size(num_unknowns / kBlockSize), SquareBlock::Zero());
+  blocks_.assign(num_unknowns / kBlockSize, SquareBlock::Zero());
   begin_.assign(1, 0);
   entries_.clear();
 }
@@ -54,7 +54,7 @@ void BlockSystem::add(const BlockResiduals& rows) {
       const int block = rows.entries_[i].block;
       const Block jacobian = factor * rows.entries_[i].jacobian;
       gradient_.segment<kBlockSize>(block * kBlockSize) += value * jacobian;
-      blocks_[as_size(block)].noalias() += jacobian * jacobian.transpose();
+      blocks_[block].noalias() += jacobian * jacobian.transpose();
       entries_.push_back({block, jacobian});
     }
     begin_.push_back(entries_.size());
@@ -77,7 +77,7 @@ Eigen::VectorXd BlockSystem::product(const Eigen::VectorXd& x) const {
 Eigen::VectorXd BlockSystem::diagonal(double damping) const {
   Eigen::VectorXd result(gradient_.size());
   for (Eigen::Index i = 0; i < result.size(); ++i) {
-    const double entry = blocks_[as_size(i / kBlockSize)](i % kBlockSize, i % kBlockSize);
+    const double entry = blocks_[i / kBlockSize](i % kBlockSize, i % kBlockSize);
     result[i] = entry > 0.0 ? damping * entry : 1.0;
   }
   return result;

@@ -41,8 +41,8 @@ PointSystem::PointSystem(int num_points, std::vector<Link> links)
   neighbours_.resize(2 * links_.size());
   for (std::size_t l = 0; l < links_.size(); ++l)
     for (const int end : {0, 1}) {
-      const auto slot = as_size(next[as_size(links_[l][as_size(end)])]++);
-      neighbours_[slot] = {links_[l][as_size(1 - end)], static_cast<int>(l), end == 0 ? 1.0 : -1.0};
+      const auto slot = as_size(next[links_[l][end]]++);
+      neighbours_[slot] = {links_[l][1 - end], static_cast<int>(l), end == 0 ? 1.0 : -1.0};
     }
 }
 
@@ -65,8 +65,8 @@ VectorXd PointSystem::gradient() const {
     for (std::size_t p = first; p < last; ++p) {
       Vector3d sum = at_point_[p].gradient;
       for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n) {
-        const Neighbour& neighbour = neighbours_[as_size(n)];
-        sum += neighbour.sign * at_link_[as_size(neighbour.link)].gradient;
+        const Neighbour& neighbour = neighbours_[n];
+        sum += neighbour.sign * at_link_[neighbour.link].gradient;
       }
       point_of(result, p) = sum;
     }
@@ -78,8 +78,7 @@ void PointSystem::prepare(double damping) {
   for_parts(at_point_.size(), [&](std::size_t first, std::size_t last) {
     for (std::size_t p = first; p < last; ++p) {
       Matrix3d sum = at_point_[p].hessian;
-      for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n)
-        sum += at_link_[as_size(neighbours_[as_size(n)].link)].hessian;
+      for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n) sum += at_link_[neighbours_[n].link].hessian;
       sum.diagonal() *= 1.0 + damping;
       own_[p] = sum;
       inverse_[p] = inverse_of(sum);
@@ -93,8 +92,8 @@ void PointSystem::multiply(const VectorXd& x, VectorXd& image) const {
     for (std::size_t p = first; p < last; ++p) {
       Vector3d sum = own_[p] * point_of(x, p);
       for (int n = first_neighbour_[p]; n < first_neighbour_[p + 1]; ++n) {
-        const Neighbour& neighbour = neighbours_[as_size(n)];
-        sum.noalias() -= at_link_[as_size(neighbour.link)].hessian * point_of(x, as_size(neighbour.point));
+        const Neighbour& neighbour = neighbours_[n];
+        sum.noalias() -= at_link_[neighbour.link].hessian * point_of(x, as_size(neighbour.point));
       }
       point_of(image, p) = sum;
     }

@@ -9,8 +9,6 @@
 #include <array>
 #include <vector>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 /// Up to three residuals of one point, or of the difference of two linked points. Their energy is weight * |values|^2.
@@ -36,8 +34,8 @@ class PointSystem {
 
   void reset();
   /// Different threads may add to different points and different links.
-  void add_at_point(int point, const PointRows& rows) { at_point_[as_size(point)].add(rows); }
-  void add_at_link(int link, const PointRows& rows) { at_link_[as_size(link)].add(rows); }
+  void add_at_point(int point, const PointRows& rows) { at_point_[point].add(rows); }
+  void add_at_link(int link, const PointRows& rows) { at_link_[link].add(rows); }
 
   /// Conjugate gradients for (H + damping diag(H)) step = -gradient, preconditioned with the inverse 3x3 blocks of the
   /// diagonal. A point on which no row depends keeps its position.

@@ -4,8 +4,6 @@
 #include <cstddef>
 #include <vector>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 /// A robust kernel: it limits the influence of outliers. s is the squared length of a group of rows.
@@ -32,13 +30,13 @@ struct RobustKernel {
 /// jacobian of the rows with respect to the unknowns.
 class ResidualRows {
  public:
-  double& value(Eigen::Index row) { return values_[as_size(row)]; }
-  double value(Eigen::Index row) const { return values_[as_size(row)]; }
+  double& value(Eigen::Index row) { return values_[row]; }
+  double value(Eigen::Index row) const { return values_[row]; }
   bool has_jacobian() const { return has_jacobian_; }
   int rows_per_group() const { return rows_per_group_; }
   Eigen::Index num_rows() const { return static_cast<Eigen::Index>(values_.size()); }
   Eigen::Index num_groups() const { return static_cast<Eigen::Index>(weights_.size()); }
-  double weight(Eigen::Index group) const { return weights_[as_size(group)]; }
+  double weight(Eigen::Index group) const { return weights_[group]; }
   int num_unknowns() const { return num_unknowns_; }
   const RobustKernel& kernel() const { return kernel_; }
 

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "doppel/character/motion.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/video_file.h"
 #include "doppel/detect/keypoints/keypoint_map.h"
@@ -55,7 +54,7 @@ SequenceWriter::SequenceWriter(const fs::path& folder, const std::vector<Camera>
 void SequenceWriter::write_shot(int camera, const Studio::Shot& shot) {
   images_[camera].write(shot.image);
   masks_[camera].write(shot.mask);
-  ++shots_[as_size(camera)];
+  ++shots_[camera];
 }
 
 void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<double>& body25) {
@@ -71,7 +70,7 @@ void SequenceWriter::write_keypoints(int camera, int frame, const std::vector<do
 }
 
 void SequenceWriter::write_joints(int camera, int frame, const std::vector<Eigen::Vector3d>& points) {
-  std::ofstream& table = joints_[as_size(camera)];
+  std::ofstream& table = joints_[camera];
   for (std::size_t i = 0; i < points.size(); ++i)
     if (points[i].allFinite())
       table << fmt::format("{},{},{},{:.2f},{:.2f},{:.2f}\n", frame, i, names_[i], 1e3 * points[i].x(),

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel::synth {
@@ -24,7 +23,7 @@ struct Path {
 
 Path path_of(const std::vector<Points>& frames, std::size_t f, std::size_t v) {
   const auto at = [&](long k) -> const Vector3d& {
-    return frames[as_size(std::clamp<long>(k, 0, static_cast<long>(frames.size()) - 1))][v];
+    return frames[std::clamp<long>(k, 0, static_cast<long>(frames.size()) - 1)][v];
   };
   const long k = static_cast<long>(f);
   return {at(k), at(k + 1), 0.5 * (at(k + 1) - at(k - 1)), 0.5 * (at(k + 2) - at(k))};

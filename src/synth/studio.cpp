@@ -269,7 +269,7 @@ bool Studio::State::light_sample(std::size_t sample, Light& sum) const {
 void Studio::State::light_rows(int camera, std::uint64_t key, Shot& shot, int begin, int end) const {
   const int size_x = cameras[camera].width, s = options.supersampling;
   const Backdrop& backdrop = backdrops[camera];
-  const CameraDrawing& drawing = drawings[as_size(camera)];
+  const CameraDrawing& drawing = drawings[camera];
   const float noise = static_cast<float>(options.noise);
   for (int y = begin; y < end; ++y)
     for (int x = 0; x < size_x; ++x) {
@@ -350,7 +350,7 @@ void Studio::set_surface(const Points& vertices) {
 Studio::Shot Studio::shoot(int camera, std::uint64_t noise_key) {
   State& s = *state_;
   const Camera& c = s.cameras[camera];
-  const Camera& drawn = s.drawings[as_size(camera)].pinhole;
+  const Camera& drawn = s.drawings[camera].pinhole;
   const RasterImage& raster =
       s.rasterizer.rasterize(camera_space(s.vertices, drawn), intrinsics(drawn), drawn.height, drawn.width);
   s.face_id = raster.face_id.data_ptr<int>();
@@ -366,7 +366,7 @@ Studio::Shot Studio::shoot(int camera, std::uint64_t noise_key) {
 
 bool Studio::sees(int camera, const Vector3d& point, double depth) const {
   const State& s = *state_;
-  const Camera& c = s.drawings[as_size(camera)].pinhole;
+  const Camera& c = s.drawings[camera].pinhole;
   const Vector2d pixel = c.project(point);
   const int x = static_cast<int>(std::floor(pixel.x())), y = static_cast<int>(std::floor(pixel.y()));
   if (s.depth == nullptr || x < 0 || y < 0 || x >= c.width || y >= c.height) return false;

@@ -215,7 +215,7 @@ class CaptureReader : public FootageReader {
     for (const auto& view : views_) view->read(frame, images, outline_pixels_, result);
     return result;
   }
-  cv::Mat image(long frame, int camera) override { return views_[as_size(camera)]->image(frame); }
+  cv::Mat image(long frame, int camera) override { return views_[camera]->image(frame); }
 
  private:
   std::vector<std::unique_ptr<ViewReader>> views_;
@@ -244,8 +244,8 @@ class CaptureFootage : public Footage {
   const std::vector<Marker>& landmarks() const override { return plan_.landmarks; }
   const std::vector<FootageSequence>& sequences() const override { return sequences_; }
   std::unique_ptr<FootageReader> read(int sequence) const override {
-    const FootageSequence& rows = sequences_[as_size(sequence)];
-    const std::vector<View> views = views_of(capture_.sequences[as_size(sequence)]);
+    const FootageSequence& rows = sequences_[sequence];
+    const std::vector<View> views = views_of(capture_.sequences[sequence]);
     const SequencePeople people = read_people_of(views, plan_.map.layout, rows);
     std::vector<std::unique_ptr<ViewReader>> readers;
     for (std::size_t c = 0; c < views.size(); ++c)

@@ -2,7 +2,6 @@
 
 #include <optional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/progress.h"
 #include "doppel/track/energy/outline.h"
@@ -79,7 +78,7 @@ class FirstPass {
       const auto reader = footage_.read(tracked.sequence.index);
       for (const long frame : spread_frames(tracked.sequence, options_.config.shared_frames)) {
         check_not_stopped(tracked.sequence, frame);
-        frames_.push_back({reader->read(frame, false).evidence, tracked.motion.frames[as_size(frame)]});
+        frames_.push_back({reader->read(frame, false).evidence, tracked.motion.frames[frame]});
       }
     }
   }
@@ -89,7 +88,7 @@ class FirstPass {
       const auto reader = footage_.read(tracked.sequence.index);
       for (const long frame : spread_frames(tracked.sequence, options_.config.template_frames)) {
         check_not_stopped(tracked.sequence, frame);
-        fit.add(reader->read(frame, false).evidence, tracked.motion.frames[as_size(frame)]);
+        fit.add(reader->read(frame, false).evidence, tracked.motion.frames[frame]);
         progress_.advance(1, "template");
       }
     }
@@ -109,14 +108,14 @@ void write_vertices(const fs::path& path, const Footage& footage, const TrackedS
   const PoseModel model(footage.character(), {}, {});
   FrameFile file(path, footage.character().num_vertices(), 3);
   for (long row = tracked.sequence.first_frame; row <= tracked.sequence.last_frame; ++row)
-    file.append(posed_vertices(model, model.pose(tracked.motion.frames[as_size(row)], false)));
+    file.append(posed_vertices(model, model.pose(tracked.motion.frames[row], false)));
   file.close();
 }
 
 std::vector<std::pair<std::string, double>> named_values(const Character& character, const SharedDofs& shared) {
   std::vector<std::pair<std::string, double>> values;
   for (std::size_t i = 0; i < shared.dofs.size(); ++i)
-    values.emplace_back(character.skeleton.dofs[as_size(shared.dofs[i])].name, shared.values[i]);
+    values.emplace_back(character.skeleton.dofs[shared.dofs[i]].name, shared.values[i]);
   return values;
 }
 

@@ -61,7 +61,7 @@ void TrackSheet::add(long frame, const FootageFrame& seen, const TrackedFrame& f
     for (const OutlineVertex& vertex : outline)
       if (vertex.camera == camera) cell.dot(lens.project(model_.vertex(body, vertex.vertex)), kSurfaceColour, 1);
     for (int m = 0; m < model_.num_landmarks(); ++m) {
-      const Keypoint& point = view.keypoints[as_size(m)];
+      const Keypoint& point = view.keypoints[m];
       if (point.confidence >= kSeenConfidence) cell.dot({point.x, point.y}, kSeenColour, 2);
       cell.dot(lens.project(model_.landmark(body, m)), kLandmarkColour, 2);
     }

@@ -26,7 +26,7 @@ TrackedSurface track_surface(const Footage& footage, const FootageSequence& sequ
     if (sequence.begins_segment(frame)) tracker.cut();
     const FootageFrame seen = reader->read(frame, false);
     const auto start = Clock::now();
-    SurfaceFrame found = tracker.track(seen.evidence, motion.frames[as_size(frame)]);
+    SurfaceFrame found = tracker.track(seen.evidence, motion.frames[frame]);
     result.seconds += seconds_since(start);
     graph.append(found.parameters);
     if (surface) surface->append(deformed_vertices(tracker.model(), tracker.model().pose(found.parameters, false)));

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
@@ -49,7 +48,7 @@ std::vector<long> spread_frames(const FootageSequence& sequence, int count) {
 
 void require_masks(const Footage& footage, const std::vector<FootageSequence>& sequences, const std::string& method) {
   for (const FootageSequence& sequence : sequences)
-    if (!sequence.has_masks) footage.capture().sequences[as_size(sequence.index)].require_masks(method);
+    if (!sequence.has_masks) footage.capture().sequences[sequence.index].require_masks(method);
 }
 
 void warn_without_masks(const std::vector<FootageSequence>& sequences) {

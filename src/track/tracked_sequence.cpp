@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "doppel/character/bvh.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/process.h"
@@ -34,7 +33,7 @@ void make_motion(TrackedSequence& tracked, const std::optional<RootRotation>& ro
   const std::vector<long> cuts = sequence.cuts_from_first();
   bridge_poses(poses, found, cuts, root);
   smooth_poses(poses, cuts, root, smoothing, degree);
-  tracked.motion.frames.assign(as_size(sequence.first_frame), poses.front());
+  tracked.motion.frames.assign(sequence.first_frame, poses.front());
   tracked.motion.frames.insert(tracked.motion.frames.end(), poses.begin(), poses.end());
   for (int row = 0; row < tracked.motion.num_frames(); ++row) tracked.motion.ids.push_back(row);
 }

@@ -2,7 +2,6 @@
 
 #include <fmt/ranges.h>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/track/energy/outline.h"
@@ -54,7 +53,7 @@ std::optional<SurfaceErrors> surface_errors(const Footage& footage, const Footag
   const PoseModel model(character, footage.landmarks(), {});
   SurfaceErrors errors;
   for (long frame = sequence.first_frame; frame <= sequence.last_frame; ++frame) {
-    const PosedBody body = model.pose(motion.frames[as_size(frame)], false);
+    const PosedBody body = model.pose(motion.frames[frame], false);
     errors.skinned.push_back(distance_mm(matrix_of(posed_vertices(model, body)), truth.at(frame)));
     if (found)
       errors.tracked.push_back(distance_mm(found->at(frame - sequence.first_frame).cast<double>(), truth.at(frame)));

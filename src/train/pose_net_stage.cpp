@@ -6,7 +6,6 @@
 
 #include "doppel/character/landmarks.h"
 #include "doppel/character/observable_dofs.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/losses/limits.h"
 #include "doppel/render/mesh/face_tensor.h"
@@ -28,7 +27,7 @@ std::vector<std::string> dofs_to_predict(const std::vector<std::string>& pattern
   if (!patterns.empty()) return patterns;
   std::vector<std::string> names;
   for (const int dof : determined_dofs(character.skeleton, landmarks_of(dataset), character.rest_dofs))
-    names.push_back(character.skeleton.dofs[as_size(dof)].name);
+    names.push_back(character.skeleton.dofs[dof].name);
   return PoseDofs(character.skeleton, names, character.rest_dofs).names();  // without those of the root
 }
 

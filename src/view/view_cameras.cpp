@@ -102,7 +102,7 @@ std::string ViewCameras::picture(int camera, long row, bool mask) {
   if (camera < 0 || as_size(camera) >= views_.size())
     fail<UsageError>("there is no camera {}; there are {}, counted from 0", camera, views_.size());
   if (mask && !has_masks()) fail<UsageError>("the sequence {} has no masks", sequence_.name);
-  View& view = *views_[as_size(camera)];
+  View& view = *views_[camera];
   const std::lock_guard lock(readers_);
   cv::Mat image = read(view, capture_.clock(sequence_, view.camera.name).frame(row), mask);
   const double scale = kLongerSide / std::max(image.cols, image.rows);

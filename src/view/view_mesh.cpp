@@ -3,8 +3,6 @@
 #include <map>
 #include <utility>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -24,8 +22,8 @@ ViewMesh split_at_seams(const TriangleMesh& mesh) {
       const auto [found, is_new] = known.try_emplace({vertex, uv}, static_cast<std::uint32_t>(result.source.size()));
       if (is_new) {
         result.source.push_back(static_cast<std::uint32_t>(vertex));
-        result.uvs.push_back(uv < 0 ? 0.0f : static_cast<float>(mesh.uvs[as_size(uv)].x()));
-        result.uvs.push_back(uv < 0 ? 0.0f : static_cast<float>(mesh.uvs[as_size(uv)].y()));
+        result.uvs.push_back(uv < 0 ? 0.0f : static_cast<float>(mesh.uvs[uv].x()));
+        result.uvs.push_back(uv < 0 ? 0.0f : static_cast<float>(mesh.uvs[uv].y()));
       }
       result.corners.push_back(found->second);
     }

@@ -84,10 +84,10 @@ std::string training_image(const fs::path& run, int stage, int image) {
   const std::vector<RunFolder> stages = begun_stages(run);
   if (stage < 0 || as_size(stage) >= stages.size())
     fail<UsageError>("there is no stage {}; {} stages have begun, counted from 0", stage, stages.size());
-  const std::vector<fs::path> files = image_files(stages[as_size(stage)]);
+  const std::vector<fs::path> files = image_files(stages[stage]);
   if (image < 0 || as_size(image) >= files.size())
     fail<UsageError>("there is no image {}; there are {}, counted from 0", image, files.size());
-  return read_file(files[as_size(image)], kLargestImage);
+  return read_file(files[image], kLargestImage);
 }
 
 }  // namespace doppel

@@ -48,7 +48,7 @@ TEST_F(ScaledTube, BonesHaveTheLengthInEveryPoseAndTheOthersKeepTheirs) {
     const double length = joints[j].offset.norm();
     if (length < BoneScales::kShortest || joints[j].parent < 0) continue;
     const int segment = bone_name(joints[j].name).back() - '1';
-    EXPECT_NEAR(scaled.skeleton.joints[j].offset.norm(), factors[as_size(segment)] * length, 1e-12) << joints[j].name;
+    EXPECT_NEAR(scaled.skeleton.joints[j].offset.norm(), factors[segment] * length, 1e-12) << joints[j].name;
   }
 }
 
@@ -60,12 +60,12 @@ TEST_F(ScaledTube, TheSurfaceMovesWithTheJoints) {
   std::fill(straight.rest_dofs.begin(), straight.rest_dofs.end(), 0.0);
   const auto rest = straight.skeleton.pose(straight.rest_dofs);
   const int first = straight.bone_joint[0];
-  const Vector3d start = rest[as_size(first)].translation();
+  const Vector3d start = rest[first].translation();
   for (int v = 0; v < straight.num_vertices(); ++v) {
     auto& bones = straight.skin.vertex_bones;
     const auto row = bones.row(v);
     for (std::size_t i = 0; i < row.size(); ++i) {  // all weight on the first bone
-      const auto at = as_size(bones.offsets[as_size(v)]) + i;
+      const auto at = as_size(bones.offsets[v]) + i;
       straight.skin.weights[at] = i == 0 ? 1.0 : 0.0;
       bones.items[at] = i == 0 ? 0 : bones.items[at];
     }
@@ -73,7 +73,7 @@ TEST_F(ScaledTube, TheSurfaceMovesWithTheJoints) {
   const double length = test_character::kSegment;
   const Character longer = BoneScales(straight).character(std::vector<double>{1.5, 1.0, 1.0});
   for (int v = 0; v < straight.num_vertices(); ++v) {
-    const Vector3d &before = straight.mesh.vertices[as_size(v)], &after = longer.mesh.vertices[as_size(v)];
+    const Vector3d &before = straight.mesh.vertices[v], &after = longer.mesh.vertices[v];
     const double along = std::clamp(before.y() - start.y(), 0.0, length);
     EXPECT_LT((after - before - Vector3d(0, 0.5 * along, 0)).norm(), 1e-9) << v;
   }

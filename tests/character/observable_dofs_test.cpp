@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "support/test_character.h"
 
 namespace doppel::observable_dofs_test {
@@ -26,7 +25,7 @@ Marker landmark(int i, double across) {
 
 Names names_of(const std::vector<int>& dofs) {
   Names names;
-  for (const int dof : dofs) names.push_back(tube().skeleton.dofs[as_size(dof)].name);
+  for (const int dof : dofs) names.push_back(tube().skeleton.dofs[dof].name);
   return names;
 }
 

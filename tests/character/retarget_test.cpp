@@ -43,8 +43,8 @@ std::vector<PoseGoal> goals_at(const std::vector<double>& dofs) {
   for (int i = 0; i < 5; ++i) {
     PoseGoal goal;
     goal.joint = test_character::segment_joint(i);
-    goal.position = world[as_size(goal.joint)].translation();
-    goal.rotation = world[as_size(goal.joint)].linear();
+    goal.position = world[goal.joint].translation();
+    goal.rotation = world[goal.joint].linear();
     goals.push_back(goal);
   }
   return goals;

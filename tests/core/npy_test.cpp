@@ -5,7 +5,6 @@
 
 #include <fstream>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"
@@ -30,7 +29,7 @@ TEST(NpyReference, KeepsShapeAndValues) {
 
 TEST(NpyReference, DataBeginsAtAMultipleOf64) {
   for (std::int64_t n : {1, 10, 100000}) {
-    const std::vector<double> values(as_size(n), 1.0);
+    const std::vector<double> values(n, 1.0);
     EXPECT_EQ((npy_bytes(values.data(), "<f8", {n}).size() - 8 * values.size()) % 64, 0u) << n;
   }
 }

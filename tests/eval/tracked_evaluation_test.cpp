@@ -5,7 +5,6 @@
 
 #include <filesystem>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
 #include "doppel/data/capture/capture.h"
@@ -49,7 +48,7 @@ class TrackedEvaluationTest : public ::testing::Test {
     std::vector<float> vertices;
     for (long f = 0; f < motion.num_frames(); ++f) {
       const double moved = shift + (f % 2 == 1 ? jitter : 0.0);
-      motion.frames[as_size(f)][as_size(root.translation[0])] += moved / root.translation_weight[0];
+      motion.frames[f][root.translation[0]] += moved / root.translation_weight[0];
       const Tensor surface = truth[f] + torch::tensor({static_cast<float>(moved), 0.0f, 0.0f});
       if (f >= first_frame)
         vertices.insert(vertices.end(), surface.data_ptr<float>(), surface.data_ptr<float>() + surface.numel());

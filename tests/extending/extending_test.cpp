@@ -25,7 +25,7 @@ TEST(ExtendingPage, TheTermHasTheJacobianOfItsResiduals) {
   const Character character = make_test_character(4);
   const PoseModel model(character, tube_landmarks(4), all_dofs(character));
   std::vector<double> dofs = bent_pose(character, 0.2);
-  dofs[as_size(character.skeleton.root().translation[1])] -= 5.0;
+  dofs[character.skeleton.root().translation[1]] -= 5.0;
   FloorTerm term(3.0);
   support::check_term(term, model, dofs);
 }

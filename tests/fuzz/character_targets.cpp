@@ -34,7 +34,7 @@ bool all_finite(const std::vector<double>& values) {
 void read_skeleton_bytes(std::string_view bytes, const Path& folder) {
   const Skeleton skeleton = read_skeleton(written(bytes, folder, "a.skeleton"));
   for (int j = 0; j < skeleton.num_joints(); ++j) {
-    const Joint& joint = skeleton.joints[as_size(j)];
+    const Joint& joint = skeleton.joints[j];
     promise(joint.parent >= -1 && joint.parent < j, "parents come before children");
     promise(joint.offset.allFinite() && joint.axis.allFinite(), "joints are finite");
   }
@@ -53,10 +53,10 @@ void read_skin_bytes(std::string_view bytes, const Path& folder) {
   const SkinningWeights skin = read_skin(written(bytes, folder, "a.skin"));
   for (int v = 0; v < skin.num_vertices(); ++v) {
     double sum = 0.0;
-    for (int i = skin.vertex_bones.offsets[as_size(v)]; i < skin.vertex_bones.offsets[as_size(v) + 1]; ++i) {
-      const int bone = skin.vertex_bones.items[as_size(i)];
+    for (int i = skin.vertex_bones.offsets[v]; i < skin.vertex_bones.offsets[as_size(v) + 1]; ++i) {
+      const int bone = skin.vertex_bones.items[i];
       promise(bone >= 0 && bone < skin.num_bones(), "weights belong to bones");
-      sum += skin.weights[as_size(i)];
+      sum += skin.weights[i];
     }
     promise(std::abs(sum - 1) < 1e-9, "weights sum to 1");
   }
@@ -169,7 +169,7 @@ Skeleton small_skeleton() {
                      {"root_ty", Joint::Type::prismatic, 0, zero, 0.001 * y},
                      {"root_ry", Joint::Type::revolute, 1, zero, y},
                      {"knee_rx", Joint::Type::revolute, 2, Eigen::Vector3d(0.1, -0.4, 0), x}};
-  for (int j = 0; j < 4; ++j) skeleton.dofs.push_back({skeleton.joints[as_size(j)].name, {{j, 1.0}}, {}});
+  for (int j = 0; j < 4; ++j) skeleton.dofs.push_back({skeleton.joints[j].name, {{j, 1.0}}, {}});
   skeleton.dofs[3].limits = {0.0, 2.5};
   skeleton.markers = {{"ankle", 3, Eigen::Vector3d(0, -0.4, 0), 0.01}};
   return skeleton;

@@ -25,7 +25,7 @@ void read_tflite_bytes(std::string_view bytes, const Path& folder) {
     promise(!tensor.values || static_cast<std::int64_t>(tensor.values->size()) == num_elements(tensor.shape),
             "constants have the numbers of their shape");
   for (const NetworkOperator& step : model.operators) {
-    promise(is_tensor(step.output) && !model.tensors[as_size(step.output)].values, "results are tensors");
+    promise(is_tensor(step.output) && !model.tensors[step.output].values, "results are tensors");
     for (const int input : step.inputs) promise(is_tensor(input), "inputs are tensors");
   }
   for (const int index : model.inputs) promise(is_tensor(index), "inputs of the network are tensors");

@@ -29,7 +29,7 @@ void check_nodes(const Scene& scene) {
     promise(!node.name.empty() && names.insert(node.name).second, "names of nodes are unique and not empty");
     promise(node.parent == -1 || is_index(node.parent, scene.nodes), "parents are nodes");
     std::size_t steps = 0;
-    for (int n = node.parent; n >= 0; n = scene.nodes[as_size(n)].parent)
+    for (int n = node.parent; n >= 0; n = scene.nodes[n].parent)
       promise(++steps <= scene.nodes.size(), "nodes form no circle");
     promise(node.translation.allFinite() && node.rotation.coeffs().allFinite() && node.scale.allFinite() &&
                 node.before.matrix().allFinite() && node.between.matrix().allFinite() &&
@@ -41,16 +41,16 @@ void check_nodes(const Scene& scene) {
 void check_skin_of(const Scene& scene, const ScenePrimitive& primitive) {
   if (primitive.skin < 0) return promise(primitive.weights.empty(), "weights belong to a skin");
   promise(is_index(primitive.skin, scene.skins), "skins exist");
-  const auto& joints = scene.skins[as_size(primitive.skin)].joints;
+  const auto& joints = scene.skins[primitive.skin].joints;
   const IndexRows& rows = primitive.vertex_joints;
   promise(rows.offsets.size() == primitive.vertices.size() + 1, "each vertex has a row of joints");
   promise(rows.items.size() == primitive.weights.size(), "each joint of a vertex has a weight");
   for (int v = 0; v < primitive.num_vertices(); ++v) {
     double sum = 0.0;
-    for (int i = rows.offsets[as_size(v)]; i < rows.offsets[as_size(v) + 1]; ++i) {
-      promise(is_index(rows.items[as_size(i)], joints), "joints of vertices are in the skin");
-      promise(primitive.weights[as_size(i)] >= 0, "weights are not negative");
-      sum += primitive.weights[as_size(i)];
+    for (int i = rows.offsets[v]; i < rows.offsets[as_size(v) + 1]; ++i) {
+      promise(is_index(rows.items[i], joints), "joints of vertices are in the skin");
+      promise(primitive.weights[i] >= 0, "weights are not negative");
+      sum += primitive.weights[i];
     }
     promise(rows.size(v) == 0 || std::abs(sum - 1) < 1e-6, "weights sum to 1");
   }

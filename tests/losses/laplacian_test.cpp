@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/gradient_check.h"
 #include "support/message_of.h"
@@ -56,7 +55,7 @@ TEST(LaplacianReference, CharacterWithoutLabelsWeighsEverythingAlike) {
   EXPECT_EQ(plain.num_vertices, actor().num_vertices());
   EXPECT_EQ(plain.num_edges, 2 * static_cast<int64_t>(MeshTopology(actor().mesh).edges().size()));
   Character labelled = actor();
-  labelled.labels.assign(as_size(actor().num_vertices()), 13);
+  labelled.labels.assign(actor().num_vertices(), 13);
   EXPECT_FALSE(torch::equal(LaplacianGraph(labelled).weight, plain.weight));
 }
 

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 
 namespace doppel::support {
@@ -31,7 +30,7 @@ class GltfPose {
   const Json& primitive() const { return json["meshes"][0]["primitives"][0]; }
   /// The rows of an accessor.
   std::vector<std::vector<double>> rows(int index) const {
-    const Json& accessor = json["accessors"][as_size(index)];
+    const Json& accessor = json["accessors"][index];
     const Json& view = json["bufferViews"][accessor["bufferView"].get<std::size_t>()];
     const int kind = accessor["componentType"].get<int>();
     const std::size_t bytes = kind == 5123 ? 2 : 4, width = widths().at(accessor["type"].get<std::string>());
@@ -113,8 +112,7 @@ class GltfPose {
       for (const Json& child : nodes[i].value("children", Json::array()))
         parent[child.get<std::size_t>()] = static_cast<int>(i);
     for (std::size_t i = 0; i < nodes.size(); ++i)
-      for (int at = static_cast<int>(i); at >= 0; at = parent[as_size(at)])
-        world[i] = local_of(nodes[as_size(at)]) * world[i];
+      for (int at = static_cast<int>(i); at >= 0; at = parent[at]) world[i] = local_of(nodes[at]) * world[i];
     return world;
   }
   static Eigen::Affine3d local_of(const Json& node) {

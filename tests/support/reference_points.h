@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <optional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/detect/keypoints/landmark_key.h"
 #include "doppel/detect/keypoints/read_space_points.h"
 
@@ -26,7 +25,7 @@ inline ReferenceDistance distance_from_pose2sim(const SpacePoints& found, const 
     if (!place) continue;
     ++distance.common;
     for (const auto& [frame, points] : reference.frames) {
-      const auto& point = found.frames.at(frame)[as_size(*place)];
+      const auto& point = found.frames.at(frame)[*place];
       if (!point || !points[k]) continue;
       distance.mean += (*point - Eigen::Vector3d(points[k]->z(), points[k]->y(), -points[k]->x())).norm();
       ++count;

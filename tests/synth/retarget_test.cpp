@@ -9,7 +9,6 @@
 #include <map>
 
 #include "doppel/character/bvh.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/synth/actor.h"
 #include "doppel/synth/performance.h"
@@ -44,7 +43,7 @@ std::vector<double> other_rest(const Skeleton& skeleton) {
                                     {"LeftForeArm_rx", 0.4},
                                     {"RightForeArm_rx", 0.9},
                                     {"LeftLeg_rx", 0.3}})
-    dofs[as_size(*skeleton.find_dof(name))] = angle;
+    dofs[*skeleton.find_dof(name)] = angle;
   return dofs;
 }
 

@@ -329,9 +329,9 @@ TEST(SynthStudio, FisheyeMasksAreTheCoverageOfTheTruth) {
   Studio studio(actor, cameras);
   studio.set_surface(take.truth[0]);
   for (int c = 0; c < 2; ++c) {
-    ASSERT_EQ(cameras[as_size(c)].lens, Lens::fisheye);
+    ASSERT_EQ(cameras[c].lens, Lens::fisheye);
     const cv::Mat mask = studio.shoot(c, 0).mask;
-    const cv::Mat truth = brute_coverage(take.truth[0], actor.character.mesh.faces, cameras[as_size(c)]) > 4;
+    const cv::Mat truth = brute_coverage(take.truth[0], actor.character.mesh.faces, cameras[c]) > 4;
     const int both = cv::countNonZero(mask & truth), either = cv::countNonZero(mask | truth);
     EXPECT_GT(both, 600) << "camera " << c;
     // A sample is looked up with an error of up to half a sample, a sixth of a pixel.
@@ -437,9 +437,8 @@ TEST_F(SynthCapture, JointsInSpaceAreNearTheLandmarks) {
   double sum = 0.0;
   int count = 0;
   for (const auto& [frame, joints] : found) {
-    const auto points =
-        landmark_positions(character.skeleton, character.skeleton.markers, motion.frames[as_size(frame)]);
-    const auto point = [&](std::size_t k) { return points[as_size(markers[k])]; };
+    const auto points = landmark_positions(character.skeleton, character.skeleton.markers, motion.frames[frame]);
+    const auto point = [&](std::size_t k) { return points[markers[k]]; };
     EXPECT_EQ(joints[8].position, Eigen::Vector3d(0, 0, 0)) << "the root";
     for (std::size_t k = 0; k < markers.size(); ++k) {
       EXPECT_EQ(joints[k].seen, markers[k] >= 0);

@@ -46,7 +46,7 @@ TEST_P(RealAnimateImported, VerticesAreThoseOfTheFile) {
   Eigen::Affine3d file_from_character;
   for (int row = 0; row < 4; ++row)
     for (int column = 0; column < 4; ++column)
-      file_from_character(row, column) = joints["file_from_character"][as_size(row)][as_size(column)].get<double>();
+      file_from_character(row, column) = joints["file_from_character"][row][column].get<double>();
   EXPECT_LT(largest_error(posed, map, file_from_character), 1e-4);
   EXPECT_EQ(found_, 200);
 }

@@ -67,8 +67,8 @@ TEST_F(DetectWithNetwork, WritesTheTableAndTheMasks) {
   for (const int frame : {0, 2}) {
     const Person& person = people.at(frame).at(0);
     for (int channel = 0; channel < 3; ++channel) {
-      EXPECT_NEAR(person[as_size(channel)].x, x(frame, channel), 0.1);
-      EXPECT_NEAR(person[as_size(channel)].y, 30.2, 0.1);
+      EXPECT_NEAR(person[channel].x, x(frame, channel), 0.1);
+      EXPECT_NEAR(person[channel].y, 30.2, 0.1);
     }
     const cv::Mat mask = cv::imread(path(fmt::format("masks/{:06}.png", frame)), cv::IMREAD_GRAYSCALE);
     ASSERT_EQ(mask.size(), cv::Size(80, 60));

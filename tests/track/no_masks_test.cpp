@@ -3,7 +3,6 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/livecap/livecap_capture.h"
 #include "doppel/track/track_capture.h"
 #include "support/message_of.h"
@@ -37,8 +36,8 @@ class NoMasks : public TrackCapture {
     return read_motion(options.out / "walk.motion", character_.num_dofs());
   }
   double distance(const Motion& a, const Motion& b, int frame) const {
-    const PosedBody left = model_.pose(a.frames[as_size(frame)], false);
-    const PosedBody right = model_.pose(b.frames[as_size(frame)], false);
+    const PosedBody left = model_.pose(a.frames[frame], false);
+    const PosedBody right = model_.pose(b.frames[frame], false);
     double worst = 0.0;
     for (int m = 0; m < model_.num_landmarks(); ++m)
       worst = std::max(worst, (model_.landmark(left, m) - model_.landmark(right, m)).norm());

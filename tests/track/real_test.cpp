@@ -29,11 +29,11 @@ class RealTracking : public support::SharedFolderTest {
   static std::vector<int> hand_vertices(const Character& character) {
     std::vector<int> vertices;
     for (int v = 0; v < character.num_vertices(); ++v) {
-      const auto first = as_size(character.skin.vertex_bones.offsets[as_size(v)]);
+      const auto first = as_size(character.skin.vertex_bones.offsets[v]);
       const auto begin = character.skin.weights.begin() + static_cast<std::ptrdiff_t>(first);
       const auto largest = std::max_element(begin, begin + character.skin.vertex_bones.size(v));
       const int bone = character.skin.vertex_bones.items[first + as_size(largest - begin)];
-      const auto joint = as_size(character.bone_joint[as_size(bone)]);
+      const auto joint = as_size(character.bone_joint[bone]);
       if (character.skeleton.joints[joint].name.find("Hand") != std::string::npos) vertices.push_back(v);
     }
     return vertices;

@@ -69,7 +69,7 @@ double largest_error(const PointMotion& motion) {
   double largest = 0.0;
   for (std::size_t f = 0; f < motion.frames.size(); ++f)
     for (int k = 0; k < kPoints; ++k)
-      if (const auto& point = motion.frames[f][as_size(k)])
+      if (const auto& point = motion.frames[f][k])
         largest = std::max(largest, (*point - true_point(k, static_cast<double>(f))).norm());
   return largest;
 }
@@ -173,7 +173,7 @@ TEST(PointMotion, FilesHoldThePointsAndTheGaps) {
   const NpyArray array = read_npy(folder / "points.npy");
   EXPECT_EQ(array.shape, (std::vector<std::int64_t>{kRows, kPoints, 3}));
   const std::vector<float> values = array.as<float>();
-  EXPECT_TRUE(std::isnan(values[as_size((3 * kPoints + 1) * 3)]));
+  EXPECT_TRUE(std::isnan(values[(3 * kPoints + 1) * 3]));
   EXPECT_NEAR(values[4], (*motion.frames[0][1]).y(), 1e-6);
 }
 

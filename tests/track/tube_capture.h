@@ -10,7 +10,6 @@
 #include "doppel/character/landmarks.h"
 #include "doppel/character/motion.h"
 #include "doppel/character/observable_dofs.h"
-#include "doppel/core/as_size.h"
 #include "support/temporary_folder.h"
 #include "track/energy/body_fixture.h"
 
@@ -44,7 +43,7 @@ class TrackCapture : public ::testing::Test {
   std::vector<double> truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
-      if (!model_.moves_root(dof)) dofs[as_size(dof)] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
+      if (!model_.moves_root(dof)) dofs[dof] += 0.15 * std::sin(0.2 * frame + 1.3 * static_cast<double>(dof));
     dofs[0] += 0.02 * frame + (frame >= kCut ? 0.3 : 0.0);
     dofs[3] += frame >= kCut ? 0.9 : 0.0;
     return dofs;
@@ -75,13 +74,13 @@ class TrackCapture : public ::testing::Test {
     const PosedBody body = model_.pose(truth(frame), false);
     for (int m = 0; m < model_.num_landmarks(); ++m) {
       const Eigen::Vector3d way = 1e3 * camera.R * (model_.landmark(body, m) - model_.landmark(body, 0));
-      table << frame << ',' << m << ',' << landmarks_[as_size(m)].name << ',' << way.x() << ',' << way.y() << ','
-            << way.z() << '\n';
+      table << frame << ',' << m << ',' << landmarks_[m].name << ',' << way.x() << ',' << way.y() << ',' << way.z()
+            << '\n';
     }
   }
 
   double error(const Motion& motion, int frame) const {
-    const PosedBody a = model_.pose(motion.frames[as_size(frame)], false);
+    const PosedBody a = model_.pose(motion.frames[frame], false);
     const PosedBody b = model_.pose(truth(frame), false);
     double worst = 0.0;
     for (int m = 0; m < model_.num_landmarks(); ++m)

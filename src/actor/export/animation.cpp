@@ -51,7 +51,7 @@ torch::Tensor motion_window(const Motion& motion, int frame, int past_frames) {
   torch::Tensor rows = torch::empty({past_frames + 1, dofs});
   float* out = rows.data_ptr<float>();
   for (int i = 0; i <= past_frames; ++i) {
-    const auto& row = motion.frames[as_size(std::max(0, frame - past_frames + i))];
+    const auto& row = motion.frames[std::max(0, frame - past_frames + i)];
     out = std::transform(row.begin(), row.end(), out, [](double v) { return static_cast<float>(v); });
   }
   return rows;
@@ -90,7 +90,7 @@ void animate(const Character& character, const Motion& motion, int past_frames, 
       fail("animating {}: frame {} or one of the next {} has positions that are not finite", character.name, first,
            last - first - 1);
     for (int f = first; f < last; ++f)
-      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[as_size(f - first)]});
+      for (const auto& writer : writers) writer->write({frame_of(vertices, f - first), windows[f - first]});
     progress.advance(last - first);
   }
   for (const auto& writer : writers) writer->close();

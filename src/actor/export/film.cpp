@@ -7,7 +7,6 @@
 
 #include "doppel/actor/draw.h"
 #include "doppel/core/angles.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/core/tensor/image_tensor.h"
@@ -177,7 +176,7 @@ double winding_number(const TriangleMesh& mesh, std::span<const float> vertices,
   for (const Triangle& face : mesh.faces) {
     std::array<Vector3d, 3> to;
     for (std::size_t i = 0; i < 3; ++i)
-      to[i] = Eigen::Map<const Eigen::Vector3f>(&vertices[as_size(3 * face[i])]).cast<double>() - point;
+      to[i] = Eigen::Map<const Eigen::Vector3f>(&vertices[3 * face[i]]).cast<double>() - point;
     const double a = to[0].norm(), b = to[1].norm(), c = to[2].norm();
     sum += std::atan2(to[0].dot(to[1].cross(to[2])),
                       a * b * c + to[0].dot(to[1]) * c + to[1].dot(to[2]) * a + to[2].dot(to[0]) * b);

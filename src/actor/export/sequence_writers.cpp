@@ -3,7 +3,6 @@
 #include <cstdio>
 
 #include "doppel/actor/export/animation.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/npy.h"
 #include "doppel/geometry/mesh.h"
@@ -38,8 +37,8 @@ class ObjWriter : public SequenceWriter {
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
       tail_ += 'f';
       for (int corner = 0; corner < 3; ++corner) {
-        tail_ += fmt::format(" {}", mesh.faces[f][as_size(corner)] + 1);
-        if (!mesh.face_uvs.empty()) tail_ += fmt::format("/{}", mesh.face_uvs[f][as_size(corner)] + 1);
+        tail_ += fmt::format(" {}", mesh.faces[f][corner] + 1);
+        if (!mesh.face_uvs.empty()) tail_ += fmt::format("/{}", mesh.face_uvs[f][corner] + 1);
       }
       tail_ += '\n';
     }

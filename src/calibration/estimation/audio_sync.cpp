@@ -120,7 +120,7 @@ bool onsets_agree(const std::vector<double>& a, const std::vector<double>& b, do
   const double best = *std::max_element(values.begin(), values.end());
   double here = -1.0;
   for (int lag = -reach; lag <= reach; ++lag)
-    if (std::abs(lag / onset_rate - seconds) <= kOnsetTolerance) here = std::max(here, values[as_size(lag + reach)]);
+    if (std::abs(lag / onset_rate - seconds) <= kOnsetTolerance) here = std::max(here, values[lag + reach]);
   return best > 0.0 && here >= kShareOfBestOnsets * best;
 }
 
@@ -146,11 +146,10 @@ AudioOffset audio_offset(const AudioTrack& first, const AudioTrack& second, cons
   AudioOffset result;
   double second_best = 0.0;
   for (int i = 0; i < static_cast<int>(values.size()); ++i)
-    if (std::abs(i - at) > kSecondsOfPeak * rate) second_best = std::max(second_best, values[as_size(i)]);
+    if (std::abs(i - at) > kSecondsOfPeak * rate) second_best = std::max(second_best, values[i]);
   result.contrast = second_best > 0.0 ? *best / second_best : 1.0;
   double lag = at - reach;
-  if (at > 0 && at + 1 < static_cast<int>(values.size()))
-    lag += parabola_shift(values[as_size(at - 1)], *best, values[as_size(at + 1)]);
+  if (at > 0 && at + 1 < static_cast<int>(values.size())) lag += parabola_shift(values[at - 1], *best, values[at + 1]);
   result.seconds = lag / rate;
   if (!(*best > 0.0) || result.contrast < options.smallest_contrast)
     result.reason = fmt::format("no lag stands out (contrast {:.2f}, needed {:.2f}); the recordings may share no sound",

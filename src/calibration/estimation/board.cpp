@@ -114,7 +114,7 @@ void refine_corners(const cv::Mat& image, std::vector<cv::Point2f>& corners, dou
 /// The grey level in the middle of the square whose first corner is (column, row).
 double level_in_square(const cv::Mat& image, const std::vector<cv::Point2f>& corners, int columns, int column,
                        int row) {
-  const auto corner = [&](int c, int r) { return corners[as_size(r * columns + c)]; };
+  const auto corner = [&](int c, int r) { return corners[r * columns + c]; };
   const cv::Point2f middle =
       0.25F * (corner(column, row) + corner(column + 1, row) + corner(column, row + 1) + corner(column + 1, row + 1));
   cv::Mat patch;
@@ -125,8 +125,8 @@ double level_in_square(const cv::Mat& image, const std::vector<cv::Point2f>& cor
 /// Numbers the corners such that columns and rows turn as x and y of the image do, and that the square behind the first
 /// corner is black. With an odd number of columns and rows together, only one numbering is like that.
 void orient(const cv::Mat& image, std::vector<cv::Point2f>& corners, int columns, int rows) {
-  const cv::Point2f across = corners[as_size(columns - 1)] - corners[0];
-  const cv::Point2f down = corners[as_size((rows - 1) * columns)] - corners[0];
+  const cv::Point2f across = corners[columns - 1] - corners[0];
+  const cv::Point2f down = corners[(rows - 1) * columns] - corners[0];
   if (across.cross(down) < 0.0F)
     for (int r = 0; r < rows; ++r) std::reverse(corners.begin() + r * columns, corners.begin() + (r + 1) * columns);
   double even = 0.0, odd = 0.0;

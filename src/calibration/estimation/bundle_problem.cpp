@@ -31,8 +31,8 @@ BundleProblem::BundleProblem(Bundle bundle, const BundleOptions& options)
   }
   for (const Bundle::Point& point : bundle_.points) {
     if (as_size(point.group) >= group_sizes_.size()) group_sizes_.resize(as_size(point.group) + 1, 0);
-    in_group_.push_back(group_sizes_[as_size(point.group)]);
-    group_sizes_[as_size(point.group)] += 3;
+    in_group_.push_back(group_sizes_[point.group]);
+    group_sizes_[point.group] += 3;
   }
   std::vector<Eigen::Index> begins;
   Eigen::Index begin = num_shared();
@@ -41,7 +41,7 @@ BundleProblem::BundleProblem(Bundle bundle, const BundleOptions& options)
     begin += size;
   }
   for (std::size_t p = 0; p < bundle_.points.size(); ++p)
-    in_state_.push_back(begins[as_size(bundle_.points[p].group)] + in_group_[p]);
+    in_state_.push_back(begins[bundle_.points[p].group] + in_group_[p]);
 }
 
 Eigen::Index BundleProblem::num_shared() const {
@@ -53,8 +53,8 @@ Eigen::Index BundleProblem::state_size() const {
 }
 
 Camera BundleProblem::camera_at(const Eigen::VectorXd& state, int index) const {
-  Camera camera = bundle_.cameras[as_size(index)];
-  int at = index_[as_size(index)];
+  Camera camera = bundle_.cameras[index];
+  int at = index_[index];
   if (at < 0) return camera;
   camera = moved_by(camera, state.segment<3>(at), state.segment<3>(at + 3));
   at += 6;
@@ -64,7 +64,7 @@ Camera BundleProblem::camera_at(const Eigen::VectorXd& state, int index) const {
 }
 
 Vector3d BundleProblem::point_at(const Eigen::VectorXd& state, int point) const {
-  return bundle_.points[as_size(point)].position + state.segment<3>(in_state_[as_size(point)]);
+  return bundle_.points[point].position + state.segment<3>(in_state_[point]);
 }
 
 Bundle BundleProblem::bundle(const Eigen::VectorXd& state) const {
@@ -115,7 +115,7 @@ double BundleProblem::link_residual(const Bundle::Link& link, double distance, d
 }
 
 double BundleProblem::link_scale(const Bundle::Link& link) const {
-  return options_.kernel / kSigmasOfKernel * bundle_.lengths[as_size(link.length)] / options_.link_sigma;
+  return options_.kernel / kSigmasOfKernel * bundle_.lengths[link.length] / options_.link_sigma;
 }
 
 double BundleProblem::cost(const Eigen::VectorXd& state) {
@@ -123,12 +123,12 @@ double BundleProblem::cost(const Eigen::VectorXd& state) {
   for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) cameras.push_back(camera_at(state, static_cast<int>(c)));
   last_cost_ = 0.0;
   for (const Bundle::Observation& seen : bundle_.observations) {
-    const Projected found = projected(cameras[as_size(seen.camera)], seen, point_at(state, seen.point), false);
+    const Projected found = projected(cameras[seen.camera], seen, point_at(state, seen.point), false);
     const double worst = options_.kernel * options_.kernel;
     last_cost_ += found.valid ? kernel_.cost(found.residual.squaredNorm()) : worst;
   }
   for (const Bundle::Link& link : bundle_.links) {
-    const double length = bundle_.lengths[as_size(link.length)] + state[num_camera_unknowns_ + link.length];
+    const double length = bundle_.lengths[link.length] + state[num_camera_unknowns_ + link.length];
     const double distance = (point_at(state, link.points[0]) - point_at(state, link.points[1])).norm();
     last_cost_ += kernel_.cost(std::pow(link_residual(link, distance, length), 2));
   }
@@ -137,9 +137,9 @@ double BundleProblem::cost(const Eigen::VectorXd& state) {
 
 void BundleProblem::add(const Bundle::Observation& seen, const Projected& found) {
   const double weight = kernel_.weight(found.residual.squaredNorm());
-  const Bundle::Point& point = bundle_.points[as_size(seen.point)];
+  const Bundle::Point& point = bundle_.points[seen.point];
   SchurSystem::Group& group = system_.group(as_size(point.group));
-  const int own = in_group_[as_size(seen.point)], shared = index_[as_size(seen.camera)];
+  const int own = in_group_[seen.point], shared = index_[seen.camera];
   const Eigen::Matrix<double, 3, 2> pull = weight * found.by_point.transpose();
   group.hessian.block<3, 3>(own, own) += pull * found.by_point;
   group.gradient.segment<3>(own) += pull * found.residual;
@@ -155,17 +155,17 @@ void BundleProblem::add_link(const Bundle::Link& link, const Eigen::VectorXd& st
   const double distance = apart.norm();
   if (!(distance > 1e-9)) return;
   const Eigen::Index shared = num_camera_unknowns_ + link.length;
-  const double length = bundle_.lengths[as_size(link.length)] + state[shared];
+  const double length = bundle_.lengths[link.length] + state[shared];
   const double residual = link_residual(link, distance, length);
   const double weight = kernel_.weight(residual * residual);
   const Vector3d by_first = link_scale(link) / (length * distance) * apart;
   const double by_length = -link_scale(link) * distance / (length * length);
-  SchurSystem::Group& group = system_.group(as_size(bundle_.points[as_size(link.points[0])].group));
+  SchurSystem::Group& group = system_.group(as_size(bundle_.points[link.points[0]].group));
   for (int i = 0; i < 2; ++i) {
-    const int row = in_group_[as_size(link.points[as_size(i)])];
+    const int row = in_group_[link.points[i]];
     const double sign = i == 0 ? 1.0 : -1.0;
     for (int j = 0; j < 2; ++j)
-      group.hessian.block<3, 3>(row, in_group_[as_size(link.points[as_size(j)])]) +=
+      group.hessian.block<3, 3>(row, in_group_[link.points[j]]) +=
           (i == j ? weight : -weight) * by_first * by_first.transpose();
     group.gradient.segment<3>(row) += sign * weight * residual * by_first;
     group.cross.block<3, 1>(row, shared) += sign * weight * by_length * by_first;
@@ -181,7 +181,7 @@ double BundleProblem::linearise(const Eigen::VectorXd& state) {
   std::vector<Camera> cameras;
   for (std::size_t c = 0; c < bundle_.cameras.size(); ++c) cameras.push_back(camera_at(state, static_cast<int>(c)));
   for (const Bundle::Observation& seen : bundle_.observations) {
-    const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(state, seen.point), true);
+    const Projected here = projected(cameras[seen.camera], seen, point_at(state, seen.point), true);
     if (here.valid) add(seen, here);
   }
   for (const Bundle::Link& link : bundle_.links) add_link(link, state);
@@ -242,21 +242,21 @@ Eigen::MatrixXd BundleProblem::covariance() {
   std::vector<int> stretch_of_group(of_groups.size(), 0);
   int last = 0;
   for (const Bundle::Point& point : bundle_.points) {
-    stretch_of_group[as_size(point.group)] = point.stretch;
+    stretch_of_group[point.group] = point.stretch;
     last = std::max(last, point.stretch);
   }
   std::vector<Eigen::VectorXd> gradients(as_size(last) + 1, Eigen::VectorXd::Zero(reduced.rows()));
-  for (std::size_t g = 0; g < of_groups.size(); ++g) gradients[as_size(stretch_of_group[g])] += of_groups[g];
+  for (std::size_t g = 0; g < of_groups.size(); ++g) gradients[stretch_of_group[g]] += of_groups[g];
   std::vector<Camera> cameras;
   for (std::size_t c = 0; c < bundle_.cameras.size(); ++c)
     cameras.push_back(camera_at(linearised_at_, static_cast<int>(c)));
   for (const Bundle::Observation& seen : bundle_.observations) {
-    const int at = index_[as_size(seen.camera)];
+    const int at = index_[seen.camera];
     if (at < 0) continue;
-    const Projected here = projected(cameras[as_size(seen.camera)], seen, point_at(linearised_at_, seen.point), true);
+    const Projected here = projected(cameras[seen.camera], seen, point_at(linearised_at_, seen.point), true);
     if (!here.valid) continue;
     const double weight = kernel_.weight(here.residual.squaredNorm());
-    gradients[as_size(bundle_.points[as_size(seen.point)].stretch)].segment(at, camera_unknowns()) +=
+    gradients[bundle_.points[seen.point].stretch].segment(at, camera_unknowns()) +=
         weight * here.by_camera.transpose() * here.residual;
   }
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(reduced.rows(), reduced.cols());

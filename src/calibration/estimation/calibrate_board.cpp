@@ -272,14 +272,13 @@ class BoardProblem : public LeastSquaresProblem {
     return Eigen::VectorXd::Zero(kBlockSize * static_cast<Eigen::Index>(cameras_.size() + boards_.size()));
   }
   Camera camera(const Eigen::VectorXd& state, int c) const {
-    return c == 0
-               ? cameras_[0]
-               : moved_by(cameras_[as_size(c)], state.segment<3>(kBlockSize * c), state.segment<3>(kBlockSize * c + 3));
+    return c == 0 ? cameras_[0]
+                  : moved_by(cameras_[c], state.segment<3>(kBlockSize * c), state.segment<3>(kBlockSize * c + 3));
   }
   /// World from board.
   Rigid board(const Eigen::VectorXd& state, int b) const {
     const Eigen::Index at = kBlockSize * (static_cast<Eigen::Index>(cameras_.size()) + b);
-    const Rigid& old = boards_[as_size(b)];
+    const Rigid& old = boards_[b];
     return {rotation_of(state.segment<3>(at)) * old.R, old.t + state.segment<3>(at + 3)};
   }
 
@@ -311,9 +310,9 @@ class BoardProblem : public LeastSquaresProblem {
     for (std::size_t b = 0; b < boards_.size(); ++b) boards.push_back(board(state, static_cast<int>(b)));
     rows_.reset(static_cast<int>(state.size()), 2, RobustKernel::geman_mcclure_of(kBoardKernel), jacobian);
     for (const Seen& seen : seen_) {
-      const Camera& in = cameras[as_size(seen.camera)];
-      const Vector3d turned = boards[as_size(seen.board)].R * seen.corner;
-      const auto found = camera_jacobian(in, turned + boards[as_size(seen.board)].t);
+      const Camera& in = cameras[seen.camera];
+      const Vector3d turned = boards[seen.board].R * seen.corner;
+      const auto found = camera_jacobian(in, turned + boards[seen.board].t);
       const Eigen::Index first = rows_.add_group(1.0);
       const double unit = rig_reference_pixels(in);
       for (Eigen::Index i = 0; i < 2; ++i) {
@@ -386,8 +385,8 @@ class BoardRig {
             "calibrating by a board: no posed camera sees the board at instant {}, where it is said to lie on the "
             "floor",
             *floor);
-      up = boards_[as_size(instants_.at(*floor))].R.col(2);
-      if (up.dot(cameras_[0].centre() - boards_[as_size(instants_.at(*floor))].t) < 0.0) up = -up;
+      up = boards_[instants_.at(*floor)].R.col(2);
+      if (up.dot(cameras_[0].centre() - boards_[instants_.at(*floor)].t) < 0.0) up = -up;
     } else {
       for (const Camera& camera : cameras_) up -= camera.R.row(1).transpose();
       if (!(up.norm() > 1e-6)) up = -cameras_[0].R.row(1).transpose();
@@ -395,7 +394,7 @@ class BoardRig {
     const Matrix3d turn = Eigen::Quaterniond::FromTwoVectors(up.normalized(), Vector3d::UnitY()).toRotationMatrix();
     Vector3d origin = Vector3d::Zero();
     for (const Camera& camera : cameras_) origin += turn * camera.centre() / static_cast<double>(cameras_.size());
-    origin.y() = floor ? (turn * boards_[as_size(instants_.at(*floor))].t).y() : lowest_corner(turn);
+    origin.y() = floor ? (turn * boards_[instants_.at(*floor)].t).y() : lowest_corner(turn);
     for (Camera& camera : cameras_) {
       const Vector3d centre = turn * camera.centre() - origin;
       camera.R = camera.R * turn.transpose();
@@ -408,8 +407,8 @@ class BoardRig {
   bool agrees() const {
     std::vector<double> distances;
     for (const BoardProblem::Seen& seen : seen_) {
-      const Camera& camera = cameras_[as_size(seen.camera)];
-      const Rigid& board = boards_[as_size(seen.board)];
+      const Camera& camera = cameras_[seen.camera];
+      const Rigid& board = boards_[seen.board];
       const auto pixel = safe_pixel(camera, board.R * seen.corner + board.t);
       distances.push_back(pixel ? rig_reference_pixels(camera) * (*pixel - seen.pixel).norm() : kRigReferenceWidth);
     }
@@ -420,12 +419,12 @@ class BoardRig {
     std::vector<double> squares(cameras_.size(), 0.0), counts(cameras_.size(), 0.0);
     double sum = 0.0;
     for (const BoardProblem::Seen& seen : seen_) {
-      const Rigid& board = boards_[as_size(seen.board)];
-      const auto pixel = safe_pixel(cameras_[as_size(seen.camera)], board.R * seen.corner + board.t);
+      const Rigid& board = boards_[seen.board];
+      const auto pixel = safe_pixel(cameras_[seen.camera], board.R * seen.corner + board.t);
       if (!pixel) continue;
-      squares[as_size(seen.camera)] += (*pixel - seen.pixel).squaredNorm();
+      squares[seen.camera] += (*pixel - seen.pixel).squaredNorm();
       sum += (*pixel - seen.pixel).squaredNorm();
-      counts[as_size(seen.camera)] += 1.0;
+      counts[seen.camera] += 1.0;
     }
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       BoardCamera& camera = result_.cameras[index_[i]];
@@ -439,7 +438,7 @@ class BoardRig {
 
  private:
   void add_corners(int camera, long instant) {
-    const BoardView& view = sightings_[index_[as_size(camera)]].views.at(instant);
+    const BoardView& view = sightings_[index_[camera]].views.at(instant);
     for (std::size_t i = 0; i < view.corners.size(); ++i)
       seen_.push_back({camera, instants_.at(instant), board_.corner(view.corners[i]), view.pixels[i]});
   }
@@ -447,7 +446,7 @@ class BoardRig {
   double lowest_corner(const Matrix3d& turn) const {
     double lowest = std::numeric_limits<double>::infinity();
     for (const BoardProblem::Seen& seen : seen_) {
-      const Rigid& board = boards_[as_size(seen.board)];
+      const Rigid& board = boards_[seen.board];
       lowest = std::min(lowest, (turn * (board.R * seen.corner + board.t)).y());
     }
     return lowest;

@@ -96,8 +96,8 @@ std::vector<EpipolarAgreement> epipolar_agreement(const std::vector<Camera>& cam
   std::vector<EpipolarAgreement> all;
   for (int a = 0; a < tracks.num_cameras(); ++a)
     for (int b = a + 1; b < tracks.num_cameras(); ++b) {
-      const EpipolarPair pair(cameras[as_size(a)], cameras[as_size(b)]);
-      const CameraTrack &in_a = straight.cameras[as_size(a)], &in_b = straight.cameras[as_size(b)];
+      const EpipolarPair pair(cameras[a], cameras[b]);
+      const CameraTrack &in_a = straight.cameras[a], &in_b = straight.cameras[b];
       std::vector<double> distances;
       for (const double time : times)
         for (int k = 0; k < tracks.num_points(); ++k) {

@@ -43,12 +43,11 @@ CameraSightings sightings_of(const std::vector<Camera>& cameras, const PointTrac
   for (const double time : times) {
     std::vector<PointSighting> found;
     for (int k = 0; k < tracks.num_points(); ++k) {
-      const CameraTrack& track = tracks.cameras[as_size(camera)];
+      const CameraTrack& track = tracks.cameras[camera];
       const TrackPoint seen = track.sample(track.frame_at(time), k);
       if (!seen.seen()) continue;
       std::vector<SeenFrom> others = seen_at(tracks, time, k);
-      std::erase_if(others,
-                    [&](const SeenFrom& view) { return view.camera == camera || !trusted[as_size(view.camera)]; });
+      std::erase_if(others, [&](const SeenFrom& view) { return view.camera == camera || !trusted[view.camera]; });
       const auto point = triangulate(cameras, others, {});
       if (point) found.push_back({point->position, seen.pixel});
     }
@@ -255,8 +254,8 @@ std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, 
     std::optional<MovedCamera> clearest;
     double most = 0.0;
     for (int c = 0; c < usable.num_cameras(); ++c) {
-      if (!trusted[as_size(c)]) continue;
-      const Camera& camera = cameras[as_size(c)];
+      if (!trusted[c]) continue;
+      const Camera& camera = cameras[c];
       MoveOfCamera move(camera, sightings_of(cameras, usable, trusted, c, times), options);
       if (!move.fit() || move.jump() * rig_reference_pixels(camera) < options.smallest_move) continue;
       const double gain = std::min(move.gain(), move.local_gain());
@@ -267,10 +266,10 @@ std::vector<MovedCamera> find_moved_cameras(const std::vector<Camera>& cameras, 
       const CameraSightings fine = sightings_of(cameras, usable, trusted, c, near);
       if (fine.times.size() < 2) continue;
       most = gain;
-      clearest = move.report(c, usable.cameras[as_size(c)], fine);
+      clearest = move.report(c, usable.cameras[c], fine);
     }
     if (!clearest) break;
-    trusted[as_size(clearest->camera)] = false;
+    trusted[clearest->camera] = false;
     found.push_back(*clearest);
   }
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.seconds < b.seconds; });

@@ -25,10 +25,10 @@ constexpr int kSweeps = 3;
 class PairAtLags {
  public:
   PairAtLags(const std::vector<Camera>& cameras, const PointTracks& tracks, int a, int b)
-      : pair_(cameras[as_size(a)], cameras[as_size(b)]),
-        in_a_(tracks.cameras[as_size(a)]),
-        in_b_(tracks.cameras[as_size(b)]),
-        scale_(2048.0 / (cameras[as_size(a)].width + cameras[as_size(b)].width)) {
+      : pair_(cameras[a], cameras[b]),
+        in_a_(tracks.cameras[a]),
+        in_b_(tracks.cameras[b]),
+        scale_(2048.0 / (cameras[a].width + cameras[b].width)) {
     const double first = in_a_.frame_at(in_b_.seconds_at(0.0));
     const double last = in_a_.frame_at(in_b_.seconds_at(static_cast<double>(in_b_.num_frames() - 1)));
     first_ = std::max(0L, static_cast<long>(std::floor(first)));
@@ -85,7 +85,7 @@ LagCurve curve_of(const std::vector<Camera>& cameras, const PointTracks& tracks,
   const PairAtLags pair(cameras, tracks, a, b);
   const bool has_reference = a == options.reference || b == options.reference;
   const int reach = has_reference ? options.steps : 2 * options.steps;
-  LagCurve curve{a, b, std::vector<double>(as_size(2 * reach + 1), 1.0), 0.0, options.kernel};
+  LagCurve curve{a, b, std::vector<double>(2 * reach + 1, 1.0), 0.0, options.kernel};
   double least = least_median(pair, reach, options.step, false);
   if (!std::isfinite(least)) return curve;
   // A calibration that is a degree or more off moves all points off their lines, and more than the lag does.
@@ -98,9 +98,9 @@ LagCurve curve_of(const std::vector<Camera>& cameras, const PointTracks& tracks,
     const std::vector<double> distances = sizes_of(pair.at(i * options.step), unbiased);
     double sum = 0.0;
     for (const double distance : distances) sum += kernel.cost(distance * distance);
-    counts[as_size(i + reach)] = static_cast<double>(distances.size());
+    counts[i + reach] = static_cast<double>(distances.size());
     if (!distances.empty())
-      curve.costs[as_size(i + reach)] = sum / (curve.scale * curve.scale * static_cast<double>(distances.size()));
+      curve.costs[i + reach] = sum / (curve.scale * curve.scale * static_cast<double>(distances.size()));
   }
   curve.samples = *std::max_element(counts.begin(), counts.end());
   for (std::size_t i = 0; i < counts.size(); ++i)
@@ -115,12 +115,12 @@ class LagGraph {
       : curves_(std::move(curves)), options_(options), found_(as_size(cameras)) {}
 
   std::vector<FoundLag> place() {
-    found_[as_size(options_.reference)].reached = true;
+    found_[options_.reference].reached = true;
     while (place_clearest()) {
     }
     for (int sweep = 0; sweep < kSweeps; ++sweep)
       for (int c = 0; c < static_cast<int>(found_.size()); ++c)
-        if (c != options_.reference && found_[as_size(c)].reached) found_[as_size(c)] = *best_of(c);
+        if (c != options_.reference && found_[c].reached) found_[c] = *best_of(c);
     return found_;
   }
 
@@ -129,31 +129,31 @@ class LagGraph {
     int clearest = -1;
     FoundLag best;
     for (int c = 0; c < static_cast<int>(found_.size()); ++c) {
-      if (found_[as_size(c)].reached) continue;
+      if (found_[c].reached) continue;
       const auto found = best_of(c);
       if (found && (clearest < 0 || found->contrast > best.contrast)) {
         clearest = c;
         best = *found;
       }
     }
-    if (clearest >= 0) found_[as_size(clearest)] = best;
+    if (clearest >= 0) found_[clearest] = best;
     return clearest >= 0;
   }
 
   /// The lag with the lowest cost over the pairs of a camera with cameras that were placed.
   std::optional<FoundLag> best_of(int camera) const {
-    std::vector<double> sums(as_size(2 * options_.steps + 1), 0.0);
+    std::vector<double> sums(2 * options_.steps + 1, 0.0);
     double samples = 0.0;
     for (const LagCurve& curve : curves_) {
       if ((curve.a != camera && curve.b != camera) || curve.samples < kFewestOfLag) continue;
       const int other = curve.a == camera ? curve.b : curve.a;
-      if (!found_[as_size(other)].reached) continue;
+      if (!found_[other].reached) continue;
       samples += curve.samples;
       const auto reach = static_cast<int>(curve.costs.size() / 2);
       for (int i = -options_.steps; i <= options_.steps; ++i) {
-        const int later = curve.b == camera ? i - found_[as_size(other)].step : found_[as_size(other)].step - i;
+        const int later = curve.b == camera ? i - found_[other].step : found_[other].step - i;
         const bool inside = std::abs(later) <= reach;
-        sums[as_size(i + options_.steps)] += curve.samples * (inside ? curve.costs[as_size(later + reach)] : 1.0);
+        sums[i + options_.steps] += curve.samples * (inside ? curve.costs[later + reach] : 1.0);
       }
     }
     if (samples <= 0.0) return std::nullopt;
@@ -161,7 +161,7 @@ class LagGraph {
     FoundLag found{true, static_cast<int>(best - sums.begin()) - options_.steps, 1.0};
     double second = samples;
     for (int i = 0; i < static_cast<int>(sums.size()); ++i)
-      if (std::abs(i - found.step - options_.steps) > options_.guard) second = std::min(second, sums[as_size(i)]);
+      if (std::abs(i - found.step - options_.steps) > options_.guard) second = std::min(second, sums[i]);
     found.contrast = second / std::max(*best, 1e-9 * samples);
     return found;
   }

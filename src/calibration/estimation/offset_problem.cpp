@@ -34,8 +34,8 @@ OffsetProblem::OffsetProblem(const std::vector<Camera>& cameras, const PointTrac
     if (c != options.reference) num_camera_unknowns_ += options.drift ? 2 : 1;
   }
   for (const auto& [a, b] : pairs) {
-    const double scale = 2048.0 / (cameras[as_size(a)].width + cameras[as_size(b)].width);
-    pairs_.push_back({a, b, EpipolarPair(cameras[as_size(a)], cameras[as_size(b)]), scale, {}, {}, 1.0});
+    const double scale = 2048.0 / (cameras[a].width + cameras[b].width);
+    pairs_.push_back({a, b, EpipolarPair(cameras[a], cameras[b]), scale, {}, {}, 1.0});
   }
 }
 
@@ -88,7 +88,7 @@ OffsetProblem::Residual OffsetProblem::residual(std::size_t index, const Row& ro
   const MovingPoint &a = sampled(pair.a, row.time, row.point), &b = sampled(pair.b, row.time, row.point);
   Residual result;
   if (!a.seen || !b.seen) return result;
-  const Camera &in_a = cameras_[as_size(pair.a)], &in_b = cameras_[as_size(pair.b)];
+  const Camera &in_a = cameras_[pair.a], &in_b = cameras_[pair.b];
   const Eigen::Vector3d line_in_b = pair.geometry.fundamental() * a.pixel.homogeneous();
   const Eigen::Vector3d line_in_a = pair.geometry.fundamental().transpose() * b.pixel.homogeneous();
   const double slope = std::sqrt(line_in_a.head<2>().squaredNorm() + line_in_b.head<2>().squaredNorm());
@@ -160,37 +160,36 @@ double OffsetProblem::cost(const Eigen::VectorXd& state) {
 }
 
 std::size_t OffsetProblem::stretch_of(const Row& row) const {
-  const auto part = as_size((times_[as_size(row.time)] - times_.front()) / kSecondsOfStretch);
+  const auto part = as_size((times_[row.time] - times_.front()) / kSecondsOfStretch);
   return part * as_size(tracks_.num_points()) + as_size(row.point);
 }
 
 void OffsetProblem::add(std::size_t p, const Row& row, const Residual& found) {
   const Pair& pair = pairs_[p];
   const double weight = weight_of(pair, row) * kernel_of(pair, row).weight(found.value * found.value);
-  const double seconds = times_[as_size(row.time)];
+  const double seconds = times_[row.time];
   Eigen::Matrix<double, 4 + kBiasTerms, 1> jacobian;
   std::array<Eigen::Index, 4 + kBiasTerms> at{};
   Eigen::Index count = 0;
   for (const auto& [camera, by_frame] : {std::pair{pair.a, found.by_a}, {pair.b, found.by_b}}) {
-    if (index_[as_size(camera)] < 0) continue;
-    const double by_seconds = by_frame * tracks_.cameras[as_size(camera)].fps;
-    at[as_size(count)] = index_[as_size(camera)];
+    if (index_[camera] < 0) continue;
+    const double by_seconds = by_frame * tracks_.cameras[camera].fps;
+    at[count] = index_[camera];
     jacobian[count++] = by_seconds;
     if (!options_.drift) continue;
-    at[as_size(count)] = index_[as_size(camera)] + 1;
+    at[count] = index_[camera] + 1;
     jacobian[count++] = by_seconds * (seconds - middle_);
   }
   for (int i = 0; i < kBiasTerms; ++i) {
-    at[as_size(count)] = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p) + i;
+    at[count] = num_camera_unknowns_ + kBiasTerms * static_cast<Eigen::Index>(p) + i;
     jacobian[count++] = found.terms[i];
   }
   const std::size_t stretch = stretch_of(row);
   for (Eigen::Index i = 0; i < count; ++i) {
     const double pull = weight * jacobian[i] * found.value;
-    gradient_[at[as_size(i)]] += pull;
-    stretches_[stretch][at[as_size(i)]] += pull;
-    for (Eigen::Index j = 0; j < count; ++j)
-      hessian_(at[as_size(i)], at[as_size(j)]) += weight * jacobian[i] * jacobian[j];
+    gradient_[at[i]] += pull;
+    stretches_[stretch][at[i]] += pull;
+    for (Eigen::Index j = 0; j < count; ++j) hessian_(at[i], at[j]) += weight * jacobian[i] * jacobian[j];
   }
 }
 
@@ -227,7 +226,7 @@ bool OffsetProblem::solve(double damping, Eigen::VectorXd& step) {
 std::vector<long> OffsetProblem::samples() const {
   std::vector<long> counts(tracks_.cameras.size(), 0);
   for (const Pair& pair : pairs_)
-    for (const int camera : {pair.a, pair.b}) counts[as_size(camera)] += static_cast<long>(pair.rows.size());
+    for (const int camera : {pair.a, pair.b}) counts[camera] += static_cast<long>(pair.rows.size());
   return counts;
 }
 

@@ -85,13 +85,13 @@ void check_outlines(const std::vector<Camera>& cameras, const std::vector<Outlin
 }
 
 std::optional<Vector2d> FrontierFinder::tangent(int which, const Outline& outline, int side) const {
-  const Camera& camera = *cameras_[as_size(which)];
+  const Camera& camera = *cameras_[which];
   const Outline::Corner* best = nullptr;
   double extreme = 0.0;
   for (const Outline::Corner& corner : outline.hull) {
     const auto straight = straight_pixel(camera, corner.pixel);
     if (!straight) return std::nullopt;
-    const Vector3d ray = (pencil_from_pixel_[as_size(which)] * straight->homogeneous()).normalized();
+    const Vector3d ray = (pencil_from_pixel_[which] * straight->homogeneous()).normalized();
     const double across = std::hypot(ray.x(), ray.y());
     if (across < kLeastAcross || ray.x() < kWidestPencil * across) return std::nullopt;
     const double slope = (side == 0 ? -1.0 : 1.0) * ray.y() / ray.x();
@@ -107,7 +107,7 @@ std::optional<Vector2d> FrontierFinder::find(int which, const OutlineTrack& outl
   const double before = std::floor(frame), share = frame - before;
   if (!usable_ || before < 0.0 || before + (share > 0.0 ? 1.0 : 0.0) >= static_cast<double>(outlines.size()))
     return std::nullopt;
-  const auto first = tangent(which, outlines[as_size(before)], side);
+  const auto first = tangent(which, outlines[before], side);
   if (!first || share == 0.0) return first;
   const auto second = tangent(which, outlines[as_size(before) + 1], side);
   if (!second) return std::nullopt;

@@ -10,7 +10,6 @@
 #include "doppel/calibration/estimation/bundle_problem.h"
 #include "doppel/calibration/estimation/epipolar.h"
 #include "doppel/calibration/estimation/reprojection.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 
@@ -91,22 +90,22 @@ Bundle bundle_of(const std::vector<Camera>& cameras, const std::vector<TimedTake
   int group = 0;
   const auto add_time = [&](const TimedTake& take, double time) {
     const PointTracks& tracks = take.recording.tracks;
-    std::vector<int> index(as_size(tracks.num_points()), -1);
+    std::vector<int> index(tracks.num_points(), -1);
     for (int k = 0; k < tracks.num_points(); ++k) {
       std::vector<SeenFrom> seen = seen_at(tracks, time, k);
-      std::erase_if(seen, [&](const SeenFrom& view) { return !takes_part[as_size(view.camera)]; });
+      std::erase_if(seen, [&](const SeenFrom& view) { return !takes_part[view.camera]; });
       const auto point = triangulate(cameras, seen, options);
       if (!point || !point->position.allFinite()) continue;
-      index[as_size(k)] = static_cast<int>(bundle.points.size());
+      index[k] = static_cast<int>(bundle.points.size());
       bundle.points.push_back({point->position, group, take.stretch(time)});
       for (const SeenFrom& view : seen)
-        bundle.observations.push_back({view.camera, index[as_size(k)], view.seen.pixel, view.seen.confidence});
+        bundle.observations.push_back({view.camera, index[k], view.seen.pixel, view.seen.confidence});
     }
     for (std::size_t l = 0; l < limbs.size(); ++l) {
-      const int a = index[as_size(limbs[l][0])], b = index[as_size(limbs[l][1])];
+      const int a = index[limbs[l][0]], b = index[limbs[l][1]];
       if (a < 0 || b < 0) continue;
       bundle.links.push_back({{a, b}, static_cast<int>(l)});
-      limb_lengths[l].push_back((bundle.points[as_size(a)].position - bundle.points[as_size(b)].position).norm());
+      limb_lengths[l].push_back((bundle.points[a].position - bundle.points[b].position).norm());
     }
     if (!bundle.points.empty() && bundle.points.back().group == group) ++group;
   };
@@ -118,13 +117,13 @@ Bundle bundle_of(const std::vector<Camera>& cameras, const std::vector<TimedTake
 
 /// Adds the frontier points of a pair of cameras, each seen by these two.
 void add_frontier_points(Bundle& bundle, const std::vector<TimedTake>& takes, int a, int b, double threshold) {
-  const FrontierFinder finder(bundle.cameras[as_size(a)], bundle.cameras[as_size(b)]);
+  const FrontierFinder finder(bundle.cameras[a], bundle.cameras[b]);
   TriangulationOptions options;
   options.inlier_threshold = threshold;
   const auto add = [&](const TimedTake& take, double time, int side) {
     const auto find = [&](int which, int camera) {
-      const double frame = take.recording.tracks.cameras[as_size(camera)].frame_at(time);
-      return finder.find(which, take.recording.outlines[as_size(camera)], frame, side);
+      const double frame = take.recording.tracks.cameras[camera].frame_at(time);
+      return finder.find(which, take.recording.outlines[camera], frame, side);
     };
     const auto in_a = find(0, a), in_b = find(1, b);
     if (!in_a || !in_b) return;
@@ -146,8 +145,8 @@ void add_frontier_points(Bundle& bundle, const std::vector<TimedTake>& takes, in
 std::vector<double> residuals_of(const Bundle& bundle) {
   std::vector<double> residuals;
   for (const Bundle::Observation& seen : bundle.observations) {
-    const Camera& camera = bundle.cameras[as_size(seen.camera)];
-    const Vector3d& point = bundle.points[as_size(seen.point)].position;
+    const Camera& camera = bundle.cameras[seen.camera];
+    const Vector3d& point = bundle.points[seen.point].position;
     const bool in_front = camera.camera_from_world(point).z() > 0.0;
     residuals.push_back(in_front
                             ? seen.scale * rig_reference_pixels(camera) * (camera.project(point) - seen.pixel).norm()
@@ -160,9 +159,9 @@ std::vector<double> residuals_of(const Bundle& bundle) {
 /// coordinates.
 std::vector<double> errors_of(const Bundle& bundle) {
   std::vector<double> errors = residuals_of(bundle), views(bundle.points.size(), 0.0);
-  for (const Bundle::Observation& seen : bundle.observations) views[as_size(seen.point)] += 1.0;
+  for (const Bundle::Observation& seen : bundle.observations) views[seen.point] += 1.0;
   for (std::size_t i = 0; i < errors.size(); ++i) {
-    const double coordinates = 2.0 * views[as_size(bundle.observations[i].point)];
+    const double coordinates = 2.0 * views[bundle.observations[i].point];
     errors[i] *= std::sqrt(coordinates / std::max(1.0, coordinates - 3.0));
   }
   return errors;
@@ -201,12 +200,12 @@ std::vector<bool> largest_set(const Bundle& bundle, const std::vector<long>& obs
   std::vector<int> parent(bundle.cameras.size());
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&](int c) {
-    while (parent[as_size(c)] != c) c = parent[as_size(c)];
+    while (parent[c] != c) c = parent[c];
     return c;
   };
   for (std::size_t i = 1; i < bundle.observations.size(); ++i) {
     const Bundle::Observation &a = bundle.observations[i - 1], &b = bundle.observations[i];
-    if (a.point == b.point) parent[as_size(root(a.camera))] = root(b.camera);
+    if (a.point == b.point) parent[root(a.camera)] = root(b.camera);
   }
   std::map<int, long> sizes;
   for (std::size_t c = 0; c < parent.size(); ++c) sizes[root(static_cast<int>(c))] += observations[c];
@@ -219,7 +218,7 @@ std::vector<bool> largest_set(const Bundle& bundle, const std::vector<long>& obs
 
 std::vector<long> observations_per_camera(const Bundle& bundle) {
   std::vector<long> counts(bundle.cameras.size(), 0);
-  for (const Bundle::Observation& seen : bundle.observations) ++counts[as_size(seen.camera)];
+  for (const Bundle::Observation& seen : bundle.observations) ++counts[seen.camera];
   return counts;
 }
 
@@ -315,7 +314,7 @@ class Refinement {
     num_points_ = bundle.observations.size();
     if (has_outlines_)
       for (const auto& [a, b] : pairs_to_compare(cameras_))
-        if (takes_part_[as_size(a)] && takes_part_[as_size(b)]) add_frontier_points(bundle, takes_, a, b, threshold);
+        if (takes_part_[a] && takes_part_[b]) add_frontier_points(bundle, takes_, a, b, threshold);
     weigh(bundle, num_points_);
     return bundle;
   }
@@ -329,7 +328,7 @@ class Refinement {
   BundleOptions bundle_options(double kernel) const {
     BundleOptions options{options_.focal, options_.principal_point, {}, kernel, options_.limb_sigma};
     for (const bool takes_part : takes_part_) options.fixed.push_back(!takes_part);
-    for (const int camera : options_.fixed) options.fixed[as_size(camera)] = true;
+    for (const int camera : options_.fixed) options.fixed[camera] = true;
     return options;
   }
 
@@ -371,7 +370,7 @@ class Refinement {
     result.reports.resize(cameras_.size());
     const std::vector<double> residuals = residuals_of(bundle);
     for (std::size_t i = 0; i < residuals.size(); ++i) {
-      CameraRefinement& report = result.reports[as_size(bundle.observations[i].camera)];
+      CameraRefinement& report = result.reports[bundle.observations[i].camera];
       if (i >= num_points_) {
         ++report.tangents;
         continue;

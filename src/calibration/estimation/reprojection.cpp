@@ -3,14 +3,12 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 std::vector<SeenFrom> seen_at(const PointTracks& tracks, double seconds, int point) {
   std::vector<SeenFrom> found;
   for (int c = 0; c < tracks.num_cameras(); ++c) {
-    const CameraTrack& track = tracks.cameras[as_size(c)];
+    const CameraTrack& track = tracks.cameras[c];
     const TrackPoint seen = track.sample(track.frame_at(seconds), point);
     if (seen.seen()) found.push_back({c, seen});
   }
@@ -22,7 +20,7 @@ std::optional<TriangulatedPoint> triangulate(const std::vector<Camera>& cameras,
   std::vector<Sight> sights;
   std::vector<std::size_t> of_sight;
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    const Camera& camera = cameras[as_size(seen[i].camera)];
+    const Camera& camera = cameras[seen[i].camera];
     std::optional<Sight> sight = sight_of(camera, seen[i].seen.pixel, seen[i].seen.confidence);
     if (!sight) continue;
     sight->unit_from_plane *= rig_reference_pixels(camera);
@@ -48,8 +46,8 @@ std::vector<std::vector<double>> reprojection_distances(const std::vector<Camera
       if (!point) continue;
       for (std::size_t i = 0; i < seen.size(); ++i) {
         if (!std::isfinite(point->residuals[i])) continue;
-        const Camera& camera = cameras[as_size(seen[i].camera)];
-        distances[as_size(seen[i].camera)].push_back(point->residuals[i] / rig_reference_pixels(camera));
+        const Camera& camera = cameras[seen[i].camera];
+        distances[seen[i].camera].push_back(point->residuals[i] / rig_reference_pixels(camera));
       }
     }
   return distances;

@@ -90,7 +90,7 @@ PointTracks with_tangents(const std::vector<Camera>& cameras, const PointTracks&
   }
   int point = clean.num_points();
   for (const auto& [a, b] : pairs) {
-    const FrontierFinder finder(cameras[as_size(a)], cameras[as_size(b)]);
+    const FrontierFinder finder(cameras[a], cameras[b]);
     for (const int side : {0, 1}) {
       for (const auto& [which, c] : {std::pair{0, as_size(a)}, {1, as_size(b)}})
         for (long frame = 0; frame < result.cameras[c].num_frames(); ++frame) {

@@ -38,14 +38,14 @@ class PersonInSpace {
     for (const double time : tracks.times(most_times)) {
       for (int k = 0; k < tracks.num_points(); ++k) {
         const auto found = triangulate(cameras, seen_at(tracks, time, k), TriangulationOptions());
-        points_[as_size(k)].push_back(found ? found->position : nowhere());
+        points_[k].push_back(found ? found->position : nowhere());
       }
       ++times_;
     }
   }
 
   std::size_t times() const { return times_; }
-  Vector3d at(std::size_t time, int point) const { return point < 0 ? nowhere() : points_[as_size(point)][time]; }
+  Vector3d at(std::size_t time, int point) const { return point < 0 ? nowhere() : points_[point][time]; }
   Vector3d middle(std::size_t time, const BodyPointIndices::Pair& pair) const {
     return 0.5 * (at(time, pair[0]) + at(time, pair[1]));
   }

@@ -7,7 +7,6 @@
 #include <cstring>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/excerpt.h"
 #include "doppel/core/path_pattern.h"
@@ -294,7 +293,7 @@ Split parse_split(const std::string& word) {
   return static_cast<Split>(found - split_words().begin());
 }
 
-std::string to_string(Split split) { return split_words()[as_size(split)]; }
+std::string to_string(Split split) { return split_words()[split]; }
 
 void SequenceEntry::require_masks(const std::string& command) const {
   if (has_masks()) return;

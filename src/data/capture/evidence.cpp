@@ -105,7 +105,7 @@ void count_frame(const std::optional<People>& people, const std::vector<Keypoint
 /// Without the others. @param index of the person; -1: none of them
 People only(People people, int index) {
   if (index < 0 || as_size(index) >= people.size()) return {};
-  return {std::move(people[as_size(index)])};
+  return {std::move(people[index])};
 }
 
 /// The person in the frames around the present row. Each frame is read once; the rows ascend.

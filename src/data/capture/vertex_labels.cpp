@@ -84,8 +84,8 @@ void vote(const LabelView& view, const TriangleMesh& posed, const std::vector<Ei
     if (!(depth[pixel] >= static_cast<float>(z) - kDepthTolerance)) continue;
     const int label = view.labels.at<std::uint8_t>(static_cast<int>(seen.y()), static_cast<int>(seen.x()));
     if (label == kBackground) continue;
-    ++votes[i].count[as_size(label)];
-    votes[i].directness[as_size(label)] += cosine;
+    ++votes[i].count[label];
+    votes[i].directness[label] += cosine;
   }
 }
 
@@ -117,7 +117,7 @@ void fill_in(const TriangleMesh& mesh, std::vector<int>& labels) {
   for (std::size_t i = 0; i < labels.size(); ++i)
     if (labels[i] >= 0) known.push_back(static_cast<int>(i));
   const std::vector<int> nearest = nearest_along(mesh, known);
-  const auto position = [&](int vertex) -> const Eigen::Vector3d& { return mesh.vertices[as_size(vertex)]; };
+  const auto position = [&](int vertex) -> const Eigen::Vector3d& { return mesh.vertices[vertex]; };
   std::vector<int> filled = labels;
   for (std::size_t i = 0; i < labels.size(); ++i) {
     int source = nearest[i];
@@ -125,7 +125,7 @@ void fill_in(const TriangleMesh& mesh, std::vector<int>& labels) {
       source = *std::min_element(known.begin(), known.end(), [&](int a, int b) {
         return (position(a) - mesh.vertices[i]).squaredNorm() < (position(b) - mesh.vertices[i]).squaredNorm();
       });
-    filled[i] = labels[as_size(source)];
+    filled[i] = labels[source];
   }
   labels = std::move(filled);
 }
@@ -146,8 +146,7 @@ LabelLegend LabelLegend::read(const fs::path& path) {
     if (!root.has(names[label])) continue;
     const auto [place, fresh] = legend.label_of_.emplace(read_colour(root, names[label]), static_cast<int>(label));
     if (!fresh)
-      root.fail_at_key(names[label], "has the same colour as '{}'; every label needs its own",
-                       names[as_size(place->second)]);
+      root.fail_at_key(names[label], "has the same colour as '{}'; every label needs its own", names[place->second]);
   }
   root.finish();
   if (legend.label_of_.empty())
@@ -195,7 +194,7 @@ std::vector<LabelView> read_label_views(const fs::path& folder, const std::vecto
       fail("label images: {} belongs to no camera; the calibration has {}", file.string(), fmt::join(names, ", "));
     const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
     if (image.empty()) fail_at({file.string(), 0}, "this is no image that can be read; PNG is a good choice");
-    const Camera& camera = cameras[as_size(name - names.begin())];
+    const Camera& camera = cameras[name - names.begin()];
     views.push_back({fit_to_images(camera, image.size(), file.string()), legend.labels(image, file.string())});
   }
   return views;

@@ -80,8 +80,8 @@ void add_images(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   batch.image_mask = render::recycled_empty({b, c, p, p}, torch::kUInt8);
   batch.image_projection = torch::empty({b, c, 3, 4}, torch::kFloat32);
   for (std::int64_t i = 0; i < b * c; ++i) {
-    const SamplePlan::Item& item = items[as_size(i / c)];
-    const int camera = item.cameras[as_size(i % c)];
+    const SamplePlan::Item& item = items[i / c];
+    const int camera = item.cameras[i % c];
     const auto crop = cache.image(dataset, item.sample, camera, pixels);
     write_projection(dataset.camera(camera), *crop, batch.image_projection.data_ptr<float>() + 12 * i);
     auto* image = batch.image.data_ptr<std::uint8_t>() + 3 * area * i;
@@ -107,8 +107,8 @@ void add_keypoints(const Dataset& dataset, const std::vector<SamplePlan::Item>& 
   batch.camera_rotation = torch::empty({b, c, 3, 3}, torch::kFloat32);
   batch.camera_position = torch::empty({b, c, 3}, torch::kFloat32);
   for (std::int64_t i = 0; i < b * c; ++i) {
-    const SamplePlan::Item& item = items[as_size(i / c)];
-    const int index = item.cameras[as_size(i % c)];
+    const SamplePlan::Item& item = items[i / c];
+    const int index = item.cameras[i % c];
     const PinholeCamera& camera = dataset.camera(index);
     float* to = batch.keypoints.data_ptr<float>() + 3 * m * i;
     for (const Keypoint& point : dataset.keypoints(item.sample, index)) {
@@ -131,7 +131,7 @@ int choose_camera(const Dataset& dataset, const SamplePlan::Item& item, int star
   const int count = static_cast<int>(item.cameras.size());
   for (int i = 0; i < count; ++i) {
     const int camera = (start + i) % count;
-    if (!dataset.crop_box(item.sample, item.cameras[as_size(camera)]).empty()) return camera;
+    if (!dataset.crop_box(item.sample, item.cameras[camera]).empty()) return camera;
   }
   return start;
 }
@@ -173,11 +173,11 @@ void add_people(const Dataset& dataset, CropCache& cache, const std::vector<Samp
   batch.person_projection = torch::empty({b, 1, 3, 4}, torch::kFloat32);
   batch.person_valid = torch::empty({b}, torch::kBool);
   for (std::int64_t i = 0; i < b; ++i) {
-    const SamplePlan::Item& item = items[as_size(i)];
+    const SamplePlan::Item& item = items[i];
     SplitMix random(item.seed);
     const int start = options.augment ? static_cast<int>(random.below(item.cameras.size())) : 0;
     const int chosen = choose_camera(dataset, item, start);
-    const int camera = item.cameras[as_size(chosen)];
+    const int camera = item.cameras[chosen];
     const auto crop = cache.person(dataset, item.sample, camera, stored);
     batch.person_camera.data_ptr<std::int64_t>()[i] = chosen;
     batch.person_valid.data_ptr<bool>()[i] = write_person_of(

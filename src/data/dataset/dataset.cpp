@@ -62,7 +62,7 @@ Camera calibrated_camera(const Capture& capture, int index, int width, int heigh
   const std::vector<Camera> all = calibrated_cameras(capture);
   if (index < 0 || index >= static_cast<int>(all.size()))
     fail("{} has {} cameras; the capture was prepared with more", capture.calibration, all.size());
-  const Camera& camera = all[as_size(index)];
+  const Camera& camera = all[index];
   if (camera.width == 0) return with_image_size(camera, width, height);
   return camera.width == width && camera.height == height ? camera : camera.scaled_to(width, height);
 }
@@ -206,7 +206,7 @@ void Dataset::hold_out_takes(const std::vector<int>& takes) {
     if (take < 0 || as_size(take) >= segments.size())
       fail<UsageError>("validation: there is no take {}; the training sequences of {} have takes 0 to {}", take,
                        folder_.string(), segments.size() - 1);
-    segments[as_size(take)].split = Split::validation;
+    segments[take].split = Split::validation;
   }
   segments.insert(segments.end(), others.begin(), others.end());
   sequences_ = std::move(segments);

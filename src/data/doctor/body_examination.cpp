@@ -9,7 +9,6 @@
 #include <limits>
 
 #include "doppel/calibration/estimation/stature.h"
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -164,7 +163,7 @@ double share_of_flips(const Sightings& seen, int camera, const SupposedView& vie
       const ViewResiduals residuals = residuals_of(seen, camera, supposed, body, one);
       std::vector<double> shares;
       for (std::size_t r = 0; r < residuals.shares.size(); ++r)
-        if (seen.mirrored[as_size(residuals.point[r])] != residuals.point[r]) shares.push_back(residuals.shares[r]);
+        if (seen.mirrored[residuals.point[r]] != residuals.point[r]) shares.push_back(residuals.shares[r]);
       return shares.size() < 4 ? -1.0 : median(shares);
     };
     const double as_named = lateral(view), other = lateral(exchanged);
@@ -179,13 +178,13 @@ void examine_sides(const Sightings& seen, const RigExamination& rig, const BodyM
                    std::vector<Finding>& findings) {
   for (int c = 0; c < seen.num_cameras(); ++c) {
     const auto unexplained = std::find_if(findings.begin(), findings.end(), [&](const Finding& finding) {
-      return finding.camera == seen.cameras[as_size(c)].name && finding.fault == faults::kDisagrees;
+      return finding.camera == seen.cameras[c].name && finding.fault == faults::kDisagrees;
     });
-    if (rig.faulty[as_size(c)] && unexplained == findings.end()) continue;
-    const double share = share_of_flips(seen, c, rig.views[as_size(c)], rig.nominal.body);
+    if (rig.faulty[c] && unexplained == findings.end()) continue;
+    const double share = share_of_flips(seen, c, rig.views[c], rig.nominal.body);
     if (share < kFlipWarning) continue;
     if (unexplained != findings.end()) findings.erase(unexplained);  // this explains it
-    add_finding(findings, seen.cameras[as_size(c)].name, faults::kLeftRight,
+    add_finding(findings, seen.cameras[c].name, faults::kLeftRight,
                 share > kFlipFault ? Severity::fault : Severity::warning,
                 fmt::format("left and right are exchanged in {:.0f} % of the frames", 100.0 * share),
                 "Exchange the left and right points in these frames, or use a detector that confuses them less.");
@@ -201,7 +200,7 @@ void examine_sides(const Sightings& seen, const RigExamination& rig, const BodyM
 
 CameraCoverage coverage_of(const Sightings& seen, const RigExamination& rig, int c, const Vector3d& person) {
   CameraCoverage coverage;
-  const SupposedView& view = rig.views[as_size(c)];
+  const SupposedView& view = rig.views[c];
   long inside = 0, all = 0;
   int known = 0, detected = 0;
   std::vector<double> distances;
@@ -212,15 +211,15 @@ CameraCoverage coverage_of(const Sightings& seen, const RigExamination& rig, int
       const auto pixel = view.pixel(rig.nominal.body.at(i, k));
       ++points;
       ++all;
-      inside += pixel && pixel->x() >= 0.0 && pixel->y() >= 0.0 && pixel->x() <= seen.cameras[as_size(c)].width &&
-                pixel->y() <= seen.cameras[as_size(c)].height;
+      inside += pixel && pixel->x() >= 0.0 && pixel->y() >= 0.0 && pixel->x() <= seen.cameras[c].width &&
+                pixel->y() <= seen.cameras[c].height;
       if (points == 1) distances.push_back(view.camera.camera_from_world(rig.nominal.body.at(i, k)).norm());
     }
     known += points > 0;
-    detected += points > 0 && !seen.people[as_size(c)][as_size(i)].empty();
+    detected += points > 0 && !seen.people[c][i].empty();
   }
   coverage.distance = median(distances) / seen.scale;
-  coverage.height = seen.size[as_size(c)];
+  coverage.height = seen.size[c];
   coverage.inside = all == 0 ? 0.0 : static_cast<double>(inside) / static_cast<double>(all);
   coverage.detected = known == 0 ? 0.0 : static_cast<double>(detected) / known;
   const Vector3d away = view.camera.centre() - person;
@@ -277,9 +276,9 @@ BodyExamination examine_body(const Sightings& seen, const RigExamination& rig, s
         along[axis].push_back(body.at(i, k)[static_cast<int>(axis)] / seen.scale);
   Vector3d middle;
   for (int axis = 0; axis < 3; ++axis) {
-    found.lowest[axis] = quantile(along[as_size(axis)], 0.01);
-    found.highest[axis] = quantile(along[as_size(axis)], 0.99);
-    middle[axis] = median(along[as_size(axis)]) * seen.scale;
+    found.lowest[axis] = quantile(along[axis], 0.01);
+    found.highest[axis] = quantile(along[axis], 0.99);
+    middle[axis] = median(along[axis]) * seen.scale;
   }
   for (int c = 0; c < seen.num_cameras(); ++c) found.cameras.push_back(coverage_of(seen, rig, c, middle));
   examine_view(seen, rig, found.cameras, findings);
@@ -303,7 +302,7 @@ void examine_single_camera(const Sightings& seen, std::vector<Finding>& findings
   for (const auto& people : seen.people[0])
     for (const SeenPerson& person : people)
       for (int side = 0; side < 2; ++side) {
-        const SeenPoint &hip = person[as_size(hips[side])], &shoulder = person[as_size(shoulders[side])];
+        const SeenPoint &hip = person[hips[side]], &shoulder = person[shoulders[side]];
         if (hip.seen && shoulder.seen)
           cosines.push_back((shoulder.pixel - hip.pixel).normalized().dot(up.normalized()));
       }

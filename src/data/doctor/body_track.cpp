@@ -39,15 +39,14 @@ Vector3d BodyTrack::later(const Sightings& seen, int instant, double delay, int 
   const double share = delay - std::floor(delay);
   const int after = share > 0.0 ? before + 1 : before;
   if (before < 0 || after >= seen.num_instants()) return kUnknown;
-  const int segment = seen.instants[as_size(instant)].segment;
-  if (seen.instants[as_size(before)].segment != segment || seen.instants[as_size(after)].segment != segment)
-    return kUnknown;
+  const int segment = seen.instants[instant].segment;
+  if (seen.instants[before].segment != segment || seen.instants[after].segment != segment) return kUnknown;
   return (1.0 - share) * at(before, point) + share * at(after, point);
 }
 
 double SupposedView::delay_at(const Sightings& seen, int instant, int window) const {
-  const double step = steps.empty() ? 0.0 : steps[as_size(window)];
-  return delay + drift * static_cast<double>(seen.instants[as_size(instant)].row) + step;
+  const double step = steps.empty() ? 0.0 : steps[window];
+  return delay + drift * static_cast<double>(seen.instants[instant].row) + step;
 }
 
 std::optional<Vector2d> SupposedView::pixel(const Vector3d& point) const {
@@ -57,13 +56,13 @@ std::optional<Vector2d> SupposedView::pixel(const Vector3d& point) const {
 
 ChosenInstants instants_of(const Sightings& seen, const std::vector<int>& windows, int most) {
   int total = 0;
-  for (const int window : windows) total += static_cast<int>(seen.windows[as_size(window)].size());
+  for (const int window : windows) total += static_cast<int>(seen.windows[window].size());
   const double step = most > 0 && total > most ? static_cast<double>(total) / most : 1.0;
   ChosenInstants chosen;
   double next = 0.0;
   int place = 0;
   for (const int window : windows)
-    for (const int instant : seen.windows[as_size(window)])
+    for (const int instant : seen.windows[window])
       if (place++ >= next) {
         chosen.instants.push_back(instant);
         chosen.window.push_back(window);
@@ -80,7 +79,7 @@ ChosenInstants all_instants(const Sightings& seen, int most) {
 
 std::vector<double> ViewResiduals::by_window(std::size_t windows) const {
   std::vector<std::vector<double>> of(windows);
-  for (std::size_t i = 0; i < shares.size(); ++i) of[as_size(window[i])].push_back(shares[i]);
+  for (std::size_t i = 0; i < shares.size(); ++i) of[window[i]].push_back(shares[i]);
   std::vector<double> medians;
   for (const auto& values : of) medians.push_back(values.empty() ? -1.0 : median(values));
   return medians;
@@ -125,10 +124,10 @@ std::vector<ProjectedPoint> projected_body(const Sightings& seen, const Supposed
 ViewResiduals residuals_of(const Sightings& seen, int camera, const SupposedView& view, const BodyTrack& body,
                            const ChosenInstants& chosen) {
   ViewResiduals all;
-  const double size = seen.size[as_size(camera)];
+  const double size = seen.size[camera];
   for (std::size_t i = 0; i < chosen.instants.size(); ++i) {
     const int instant = chosen.instants[i];
-    const auto& people = seen.people[as_size(camera)][as_size(instant)];
+    const auto& people = seen.people[camera][instant];
     if (people.empty()) continue;
     const double delay = view.delay_at(seen, instant, chosen.window[i]);
     const std::vector<ProjectedPoint> points = projected_body(seen, view, body, instant, delay);
@@ -171,9 +170,9 @@ SightTable::SightTable(const Sightings& seen, const std::vector<SupposedView>& v
     const Eigen::Matrix2d back = view.turn.inverse();
     sights_[c].resize(as_size(seen.num_instants()) * points);
     for (const int i : chosen.instants) {
-      const int index = person[c][as_size(i)];
+      const int index = person[c][i];
       if (index < 0) continue;
-      const SeenPerson& body = seen.people[c][as_size(i)][as_size(index)];
+      const SeenPerson& body = seen.people[c][i][index];
       for (std::size_t k = 0; k < points; ++k) {
         if (!body[k].seen) continue;
         const std::size_t name = view.sides_swapped ? as_size(seen.mirrored[k]) : k;
@@ -186,7 +185,7 @@ SightTable::SightTable(const Sightings& seen, const std::vector<SupposedView>& v
 }
 
 const std::optional<Sight>& SightTable::sight(int camera, int instant, int point) const {
-  return sights_[as_size(camera)][as_size(instant) * seen_.points.size() + as_size(point)];
+  return sights_[camera][as_size(instant) * seen_.points.size() + as_size(point)];
 }
 
 namespace {

@@ -78,8 +78,8 @@ double known_share(const Sightings& seen, const PersonOfCamera& person, const st
     for (int k = 0; k < seen.num_points(); ++k) {
       int views = 0;
       for (const int c : group) {
-        const int index = person[as_size(c)][as_size(instant)];
-        views += index >= 0 && seen.people[as_size(c)][as_size(instant)][as_size(index)][as_size(k)].seen;
+        const int index = person[c][instant];
+        views += index >= 0 && seen.people[c][instant][index][k].seen;
       }
       shared += views >= 2;
       known += views >= 2 && body.known(instant, k);
@@ -101,7 +101,7 @@ GroupResult best_group(const Sightings& seen, const std::vector<SupposedView>& v
     if (known_share(seen, person, group, body, chosen) < kFewestKnown) continue;
     std::vector<double> residual;
     for (int c = 0; c < seen.num_cameras(); ++c) {
-      const std::vector<double> shares = residuals_of(seen, c, views[as_size(c)], body, chosen).shares;
+      const std::vector<double> shares = residuals_of(seen, c, views[c], body, chosen).shares;
       residual.push_back(shares.empty() ? kLargestShare : median(shares));
     }
     std::sort(residual.begin(), residual.end());
@@ -132,9 +132,8 @@ void judge_cameras(const Sightings& seen, const std::vector<SupposedView>& views
   consensus.body = sights.triangulate(consensus.members, all);
   std::vector<double> inside;
   for (const int c : consensus.members)
-    inside.push_back(
-        residuals_of(seen, c, views[as_size(c)], consensus.body, all).mean_of_windows(seen.windows.size()) /
-        inside_factor(sights, consensus.members, c, consensus.body));
+    inside.push_back(residuals_of(seen, c, views[c], consensus.body, all).mean_of_windows(seen.windows.size()) /
+                     inside_factor(sights, consensus.members, c, consensus.body));
   consensus.noise = std::max(kSmallestNoise, median(inside));
   consensus.residual.clear();
   consensus.expected.clear();
@@ -147,7 +146,7 @@ void judge_cameras(const Sightings& seen, const std::vector<SupposedView>& views
     const bool inside_only = others.size() < 3 && others.size() < consensus.members.size();
     const bool is_outside = others.size() == consensus.members.size();
     const BodyTrack body = inside_only || is_outside ? consensus.body : sights.triangulate(others, all);
-    const ViewResiduals residuals = residuals_of(seen, c, views[as_size(c)], body, all);
+    const ViewResiduals residuals = residuals_of(seen, c, views[c], body, all);
     consensus.residual.push_back(residuals.mean_of_windows(seen.windows.size()));
     consensus.by_window.push_back(residuals.by_window(seen.windows.size()));
     consensus.expected.push_back(consensus.noise * (inside_only
@@ -214,7 +213,7 @@ Consensus find_consensus(const Sightings& seen, const std::vector<SupposedView>&
   for (int round = 0; round < 3; ++round) {
     std::vector<int> members;
     for (int c = 0; c < seen.num_cameras(); ++c)
-      if (consensus.residual[as_size(c)] <= kMemberRatio * consensus.expected[as_size(c)]) members.push_back(c);
+      if (consensus.residual[c] <= kMemberRatio * consensus.expected[c]) members.push_back(c);
     if (members.size() < std::min<std::size_t>(3, seen.cameras.size() - 1) || members == consensus.members) break;
     consensus.members = members;
     judge_cameras(seen, views, sights, consensus);

@@ -163,7 +163,7 @@ std::string samples_html(const Examination& examination) {
       figures +=
           figure_html(drawn_sample(examination, footage, c),
                       fmt::format("camera {}, {}, frame {}", examination.seen.cameras[c].name, examination.sequences[s],
-                                  examination.seen.instants[as_size(footage.sample_instant)].row));
+                                  examination.seen.instants[footage.sample_instant].row));
     }
   if (figures.empty()) return "";
   return "<h2>Pictures</h2><p>Yellow: keypoints. Green circles: the body that the cameras agree on, as this camera "

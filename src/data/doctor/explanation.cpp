@@ -10,7 +10,6 @@
 #include <set>
 
 #include "doppel/calibration/formats/read_calibration.h"
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/finding.h"
 #include "doppel/data/doctor/statistics.h"
 #include "doppel/data/doctor/view_fit.h"
@@ -33,7 +32,7 @@ constexpr double kLongestFactor = 2.5;  ///< of the focal length, in the search
 
 class Mistakes {
  public:
-  Mistakes(const Sightings& seen, int camera) : seen_(seen), camera_(camera), nominal_(seen.cameras[as_size(camera)]) {}
+  Mistakes(const Sightings& seen, int camera) : seen_(seen), camera_(camera), nominal_(seen.cameras[camera]) {}
 
   std::vector<Explanation> list(bool swaps) {
     flips();
@@ -83,7 +82,7 @@ class Mistakes {
 
   /// The images were calibrated before they were turned, so the calibration's own size counts.
   void quarter_turns() {
-    Camera before = seen_.calibrated[as_size(camera_)];
+    Camera before = seen_.calibrated[camera_];
     if (before.width <= 0 || before.height <= 0) return;
     const double sx = static_cast<double>(nominal_.width) / before.height,
                  sy = static_cast<double>(nominal_.height) / before.width;
@@ -133,7 +132,7 @@ class Mistakes {
       for (const double b : {1.0, 2.0, 3.0, 4.0})
         if (a != b) factors.insert(a / b);
     for (const double factor : {3.0 / 8.0, 8.0 / 3.0}) factors.insert(factor);
-    const Camera& calibrated = seen_.calibrated[as_size(camera_)];
+    const Camera& calibrated = seen_.calibrated[camera_];
     if (calibrated.width > 0 && calibrated.width != nominal_.width)
       factors.insert(static_cast<double>(calibrated.width) / nominal_.width);
     for (const double factor : factors) {
@@ -171,7 +170,7 @@ class Mistakes {
   void places() {
     for (int other = 0; other < seen_.num_cameras(); ++other) {
       if (other == camera_) continue;
-      const Camera& there = seen_.cameras[as_size(other)];
+      const Camera& there = seen_.cameras[other];
       Explanation& swapped = add(faults::kSwapped, fmt::format("its footage is that of camera {}", there.name),
                                  "Exchange the videos, masks and keypoints (or the calibrations) of these cameras in "
                                  "capture.yaml.");
@@ -191,7 +190,7 @@ class Fits {
  public:
   Fits(const Sightings& seen, int camera, const BodyTrack& body, const ChosenInstants& chosen)
       : seen_(seen), camera_(camera), body_(body), chosen_(chosen) {
-    nominal_.camera = seen.cameras[as_size(camera)];
+    nominal_.camera = seen.cameras[camera];
   }
 
   std::vector<Explanation> list() {
@@ -274,7 +273,7 @@ class Fits {
   void intrinsics() {
     const SupposedView view = fit(all_.back().view.camera.K.isApprox(nominal_.camera.K) ? nominal_ : all_.back().view,
                                   {.focal = true, .principal_point = true});
-    const bool zoomed = std::abs(std::log(focal_factor(view))) * seen_.size[as_size(camera_)] > shift_of(view).norm();
+    const bool zoomed = std::abs(std::log(focal_factor(view))) * seen_.size[camera_] > shift_of(view).norm();
     add(zoomed ? faults::kFocalLength : faults::kPrincipalPoint, 3, view,
         fmt::format("the intrinsics are off: focal length times {:.4g}, principal point by {:.1f}, {:.1f} pixels",
                     focal_factor(view), shift_of(view).x(), shift_of(view).y()),
@@ -372,9 +371,7 @@ SupposedView growing_delay(const Sightings& seen, int camera, const SupposedView
 /// @param delays [windows]
 SupposedView jumping_delay(const Sightings& seen, int camera, const SupposedView& nominal, const BodyTrack& body,
                            const ChosenInstants& chosen, const std::vector<double>& delays) {
-  const auto sequence = [&](std::size_t window) {
-    return seen.instants[as_size(seen.windows[window].front())].sequence;
-  };
+  const auto sequence = [&](std::size_t window) { return seen.instants[seen.windows[window].front()].sequence; };
   SupposedView best = nominal;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t first = 0; first < delays.size(); ++first) {
@@ -397,7 +394,7 @@ SupposedView jumping_delay(const Sightings& seen, int camera, const SupposedView
 std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, const BodyTrack& body,
                                          const ChosenInstants& chosen) {
   SupposedView nominal;
-  nominal.camera = seen.cameras[as_size(camera)];
+  nominal.camera = seen.cameras[camera];
   SupposedView steps = nominal;
   steps.steps.assign(seen.windows.size(), 0.0);
   std::vector<std::pair<double, double>> found;  // row, delay
@@ -406,8 +403,8 @@ std::vector<Explanation> explain_by_time(const Sightings& seen, int camera, cons
     const ChosenInstants part = instants_of(seen, {window});
     const auto delay = find_delay(seen, camera, nominal, body, part, kLongestDelay / 2);
     if (!delay) continue;
-    steps.steps[as_size(window)] = *delay;
-    found.emplace_back(seen.instants[as_size(part.instants[part.instants.size() / 2])].row, *delay);
+    steps.steps[window] = *delay;
+    found.emplace_back(seen.instants[part.instants[part.instants.size() / 2]].row, *delay);
   }
   std::vector<Explanation> all(3);
   all[0].view = growing_delay(seen, camera, nominal, body, chosen, found);

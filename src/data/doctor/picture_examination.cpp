@@ -9,7 +9,6 @@
 #include <opencv2/imgproc.hpp>
 #include <tuple>
 
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/statistics.h"
 
 namespace doppel {
@@ -246,20 +245,20 @@ class PictureJudge {
 
   /// The limbs of the person in a small image, as one camera's keypoints say; empty without a person.
   cv::Mat limbs_of(std::size_t keypoints, int instant, cv::Size size) const {
-    const auto& people = seen_.people[keypoints][as_size(instant)];
-    const int index = rig_ ? rig_->person[keypoints][as_size(instant)] : (people.empty() ? -1 : 0);
+    const auto& people = seen_.people[keypoints][instant];
+    const int index = rig_ ? rig_->person[keypoints][instant] : (people.empty() ? -1 : 0);
     if (index < 0) return {};
     const Camera& camera = seen_.cameras[keypoints];
     const double sx = static_cast<double>(size.width) / camera.width,
                  sy = static_cast<double>(size.height) / camera.height;
     cv::Mat limbs = cv::Mat::zeros(size, CV_8UC1);
-    const SeenPerson& person = people[as_size(index)];
+    const SeenPerson& person = people[index];
     const auto at = [&](int k) {
-      const Eigen::Vector2d& pixel = person[as_size(k)].pixel;
+      const Eigen::Vector2d& pixel = person[k].pixel;
       return cv::Point(static_cast<int>(pixel.x() * sx), static_cast<int>(pixel.y() * sy));
     };
     for (const auto& [a, b] : seen_.bones)
-      if (person[as_size(a)].seen && person[as_size(b)].seen)
+      if (person[a].seen && person[b].seen)
         cv::line(limbs, at(a), at(b), 255, std::max(3, static_cast<int>(kLimbWidth * seen_.size[keypoints] * sx)));
     return limbs;
   }

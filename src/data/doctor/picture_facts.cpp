@@ -5,7 +5,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/mask_source.h"
 #include "doppel/data/capture/video.h"
@@ -49,7 +48,7 @@ Light light_of(const cv::Mat& image, const cv::Mat& mask) {
     const auto* inside = mask.empty() ? nullptr : mask.ptr<std::uint8_t>(y);
     for (int x = 0; x < image.cols; x += 2) {
       if (inside && inside[x] == 0) continue;
-      for (int channel = 0; channel < 3; ++channel) sum[as_size(channel)] += table[row[x][channel]];
+      for (int channel = 0; channel < 3; ++channel) sum[channel] += table[row[x][channel]];
       bright += std::max({row[x][0], row[x][1], row[x][2]}) >= 252;
       ++count;
     }
@@ -106,9 +105,8 @@ cv::Mat trunk_of(const Sightings& seen, const SeenPerson& person, cv::Size size)
   std::vector<cv::Point> corners;
   for (const char* key : {"left_shoulder", "right_shoulder", "left_hip", "right_hip"}) {
     const int k = seen.point(key);
-    if (k >= 0 && person[as_size(k)].seen)
-      corners.emplace_back(static_cast<int>(person[as_size(k)].pixel.x()),
-                           static_cast<int>(person[as_size(k)].pixel.y()));
+    if (k >= 0 && person[k].seen)
+      corners.emplace_back(static_cast<int>(person[k].pixel.x()), static_cast<int>(person[k].pixel.y()));
   }
   if (corners.size() < 3) return {};
   std::vector<cv::Point> hull;
@@ -133,18 +131,18 @@ cv::Mat grown(const cv::Mat& mask, double reach) {
 class FootageReading {
  public:
   FootageReading(const Capture& capture, int sequence, const Sightings& seen, int camera, const RigExamination* rig)
-      : capture_(capture), entry_(capture.sequences[as_size(sequence)]), seen_(seen), camera_(camera), rig_(rig) {
+      : capture_(capture), entry_(capture.sequences[sequence]), seen_(seen), camera_(camera), rig_(rig) {
     for (int i = 0; i < seen.num_instants(); ++i)
-      if (seen.instants[as_size(i)].sequence == sequence) instants_.push_back(i);
+      if (seen.instants[i].sequence == sequence) instants_.push_back(i);
   }
 
   FootageExamination read() {
-    const Camera& camera = seen_.cameras[as_size(camera_)];
+    const Camera& camera = seen_.cameras[camera_];
     const FrameClock clock = capture_.clock(entry_, camera.name);
     open(camera);
     for (const int instant : instants_) {
       if (!found_.error.empty() && !found_.mask_error.empty()) break;
-      const long row = seen_.instants[as_size(instant)].row, frame = clock.frame(row);
+      const long row = seen_.instants[instant].row, frame = clock.frame(row);
       if (frame < 0) continue;
       PictureFacts facts;
       facts.row = row;
@@ -161,8 +159,8 @@ class FootageReading {
 
  private:
   void open(const Camera& camera) {
-    const int index = seen_.file_index[as_size(camera_)];
-    const long expected = instants_.empty() ? 0 : seen_.instants[as_size(instants_.back())].row + 1;
+    const int index = seen_.file_index[camera_];
+    const long expected = instants_.empty() ? 0 : seen_.instants[instants_.back()].row + 1;
     try {
       images_ = open_frames(capture_.source(entry_.videos, index, camera.name), PixelFormat::colour);
       found_.frames = images_->num_frames(expected);
@@ -208,10 +206,10 @@ class FootageReading {
 
   /// The person among the detections; null: nobody.
   const SeenPerson* person_at(int instant) const {
-    const auto& people = seen_.people[as_size(camera_)][as_size(instant)];
+    const auto& people = seen_.people[camera_][instant];
     if (people.empty()) return nullptr;
-    const int index = rig_ ? rig_->person[as_size(camera_)][as_size(instant)] : 0;
-    return index < 0 ? nullptr : &people[as_size(index)];
+    const int index = rig_ ? rig_->person[camera_][instant] : 0;
+    return index < 0 ? nullptr : &people[index];
   }
 
   void measure_image(int instant, const cv::Mat& image, const cv::Mat& mask, PictureFacts& facts) {
@@ -264,7 +262,7 @@ class FootageReading {
     const MaskFacts mask_facts = inspect_mask(mask);
     facts.mask_area = static_cast<double>(mask_facts.area) / static_cast<double>(mask.total());
     facts.mask_at_border = mask_facts.touches_border;
-    const double size = seen_.size[as_size(camera_)];
+    const double size = seen_.size[camera_];
     const cv::Mat near = mask_facts.area > 0 ? grown(mask, kMaskReach * size) : mask;
     if (const SeenPerson* person = person_at(instant)) {
       facts.points_on_mask = share_of_points(*person, near);
@@ -288,7 +286,7 @@ class FootageReading {
     int on = 0, all = 0;
     for (int k = 0; k < seen_.num_points(); ++k) {
       if (!rig_->nominal.body.known(instant, k)) continue;
-      const auto pixel = rig_->views[as_size(camera_)].pixel(rig_->nominal.body.at(instant, k));
+      const auto pixel = rig_->views[camera_].pixel(rig_->nominal.body.at(instant, k));
       on += pixel && is_on(near, *pixel);
       ++all;
     }
@@ -298,10 +296,10 @@ class FootageReading {
   double share_of_bones(const SeenPerson& person, const cv::Mat& mask) const {
     int on = 0, all = 0;
     for (const auto& [a, b] : seen_.bones) {
-      if (!person[as_size(a)].seen || !person[as_size(b)].seen) continue;
+      if (!person[a].seen || !person[b].seen) continue;
       for (int i = 1; i < kSamplesPerBone; ++i) {
         const double share = static_cast<double>(i) / kSamplesPerBone;
-        on += is_on(mask, (1.0 - share) * person[as_size(a)].pixel + share * person[as_size(b)].pixel);
+        on += is_on(mask, (1.0 - share) * person[a].pixel + share * person[b].pixel);
         ++all;
       }
     }
@@ -314,7 +312,7 @@ class FootageReading {
       if (point.seen) box.extend(point.pixel);
     const cv::Rect around = cv::boundingRect(largest_component(mask));
     if (box.isEmpty() || around.empty()) return;
-    const double size = seen_.size[as_size(camera_)];
+    const double size = seen_.size[camera_];
     facts.margins = {(box.min().x() - around.x) / size, (box.min().y() - around.y) / size,
                      (around.x + around.width - box.max().x()) / size,
                      (around.y + around.height - box.max().y()) / size};

@@ -8,7 +8,6 @@
 #include <numeric>
 #include <optional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/explanation.h"
 #include "doppel/data/doctor/statistics.h"
 #include "doppel/data/doctor/view_fit.h"
@@ -116,7 +115,7 @@ class RigExaminer {
     for (int a = 0; a < seen_.num_cameras(); ++a)
       for (int b = a + 1; b < seen_.num_cameras(); ++b) {
         RigGuess guess{result_.views, 0.0, "", faults::kSwapped, "", "", {a, b}};
-        std::swap(guess.views[as_size(a)], guess.views[as_size(b)]);
+        std::swap(guess.views[a], guess.views[b]);
         consider(std::move(guess), best);
       }
   }
@@ -126,9 +125,8 @@ class RigExaminer {
     if (seen_.num_cameras() > kMostCamerasTriedAlone) return;
     for (int c = 0; c < seen_.num_cameras(); ++c)
       for (const Explanation& mistake : usual_mistakes(seen_, c, true)) {
-        RigGuess guess{result_.views,  0.0, seen_.cameras[as_size(c)].name, mistake.fault, mistake.what,
-                       mistake.advice, {c}};
-        guess.views[as_size(c)] = mistake.view;
+        RigGuess guess{result_.views, 0.0, seen_.cameras[c].name, mistake.fault, mistake.what, mistake.advice, {c}};
+        guess.views[c] = mistake.view;
         consider(std::move(guess), best);
       }
   }
@@ -155,17 +153,17 @@ class RigExaminer {
       return;
     }
     add(guess.camera, guess.fault, Severity::fault, figure, guess.advice);
-    for (const int c : guess.cameras) result_.faulty[as_size(c)] = true;
+    for (const int c : guess.cameras) result_.faulty[c] = true;
     result_.whole_rig_faulty = guess.cameras.empty();
   }
 
   void add_swap(int a, int b, const std::string& figure) {
     for (const auto& [one, other] : {std::pair(a, b), std::pair(b, a)}) {
-      add(seen_.cameras[as_size(one)].name, faults::kSwapped, Severity::fault, figure,
+      add(seen_.cameras[one].name, faults::kSwapped, Severity::fault, figure,
           fmt::format("The footage of cameras {} and {} is exchanged. Exchange their videos, masks and keypoints, or "
                       "their calibrations, in capture.yaml.",
-                      seen_.cameras[as_size(one)].name, seen_.cameras[as_size(other)].name));
-      result_.faulty[as_size(one)] = true;
+                      seen_.cameras[one].name, seen_.cameras[other].name));
+      result_.faulty[one] = true;
     }
   }
 
@@ -224,7 +222,7 @@ class RigExaminer {
   };
   BadWindows bad_windows(int camera, double expected) const {
     BadWindows windows;
-    const std::vector<double>& shares = result_.nominal.by_window[as_size(camera)];
+    const std::vector<double>& shares = result_.nominal.by_window[camera];
     for (std::size_t w = 0; w < shares.size(); ++w) {
       if (shares[w] < 0.0) continue;
       windows.all.push_back(static_cast<int>(w));
@@ -234,9 +232,9 @@ class RigExaminer {
   }
 
   void examine_camera(int c) {
-    const double residual = result_.nominal.residual[as_size(c)], expected = result_.nominal.expected[as_size(c)];
-    result_.explained[as_size(c)] = residual;
-    if (result_.faulty[as_size(c)] || result_.whole_rig_faulty) return;
+    const double residual = result_.nominal.residual[c], expected = result_.nominal.expected[c];
+    result_.explained[c] = residual;
+    if (result_.faulty[c] || result_.whole_rig_faulty) return;
     const BadWindows windows = bad_windows(c, expected);
     if (windows.all.empty()) return;
     const BodyTrack body = body_without(c);
@@ -247,8 +245,7 @@ class RigExaminer {
     }
     const bool part = windows.some() && !windows.always();
     const ChosenInstants chosen = instants_of(seen_, part ? windows.bad : windows.all);
-    const double before =
-        residuals_of(seen_, c, result_.views[as_size(c)], body, chosen).mean_of_windows(seen_.windows.size());
+    const double before = residuals_of(seen_, c, result_.views[c], body, chosen).mean_of_windows(seen_.windows.size());
     const std::vector<Explanation> explanations = explain_camera(seen_, c, body, chosen);
     const Explanation best = best_of(explanations, before, expected);
     const bool always = explains(best, before, expected) && (!part || holds_always(c, best, body, windows));
@@ -291,7 +288,7 @@ class RigExaminer {
     const auto residual = [&](const SupposedView& view) {
       return residuals_of(seen_, c, view, body, chosen).mean_of_windows(seen_.windows.size());
     };
-    return residual(explanation.view) < kNoHarm * residual(result_.views[as_size(c)]);
+    return residual(explanation.view) < kNoHarm * residual(result_.views[c]);
   }
 
   /// Any mistake that is supposed lowers the residual of any points a little, so it must bring them near what is
@@ -316,7 +313,7 @@ class RigExaminer {
       if (others.size() < 3) continue;
       const BodyTrack body = sights.triangulate(others, all);
       const double residual =
-          residuals_of(seen_, member, result_.views[as_size(member)], body, all).mean_of_windows(seen_.windows.size());
+          residuals_of(seen_, member, result_.views[member], body, all).mean_of_windows(seen_.windows.size());
       precision_ =
           std::max(precision_, residual / (result_.nominal.noise * expected_factor(sights, others, member, body)));
     }
@@ -325,7 +322,7 @@ class RigExaminer {
 
   /// Whether a fault would spoil results in a rig of any precision.
   bool is_large(int c, const Explanation& best, double before) const {
-    const Camera &nominal = seen_.cameras[as_size(c)], &fitted = best.view.camera;
+    const Camera &nominal = seen_.cameras[c], &fitted = best.view.camera;
     if (best.parameters == 0 || before > kLargeMisfit || best.fault == faults::kRollingOffset ||
         best.fault == faults::kFrameDrops)
       return true;
@@ -342,7 +339,7 @@ class RigExaminer {
   }
 
   void judge(int c, const BadWindows& part, const Explanation& best, double before, double expected) {
-    const std::string& name = seen_.cameras[as_size(c)].name;
+    const std::string& name = seen_.cameras[c].name;
     const double ratio = before / expected;
     const std::string when = part.bad.empty() ? "" : " " + time_of(part);
     if (explains(best, before, expected)) {
@@ -355,9 +352,9 @@ class RigExaminer {
         unsuspected_.push_back(c);
         return;
       }
-      result_.faulty[as_size(c)] = true;
-      result_.explained[as_size(c)] = best.residual;
-      if (part.bad.empty()) result_.views[as_size(c)] = best.view;
+      result_.faulty[c] = true;
+      result_.explained[c] = best.residual;
+      if (part.bad.empty()) result_.views[c] = best.view;
       if (best.other >= 0) swaps_.emplace_back(c, best.other);
       return;
     }
@@ -366,7 +363,7 @@ class RigExaminer {
       return;
     }
     const bool other_person = before > kOtherPerson;
-    result_.faulty[as_size(c)] = true;
+    result_.faulty[c] = true;
     add(name, other_person ? faults::kWrongPerson : faults::kDisagrees,
         other_person ? Severity::fault : Severity::warning,
         fmt::format(
@@ -398,9 +395,7 @@ class RigExaminer {
   }
 
   bool is_whole_sequences(const BadWindows& part) const {
-    const auto sequence = [&](int window) {
-      return seen_.instants[as_size(seen_.windows[as_size(window)].front())].sequence;
-    };
+    const auto sequence = [&](int window) { return seen_.instants[seen_.windows[window].front()].sequence; };
     return std::all_of(part.bad.begin(), part.bad.end(), [&](int bad) {
       return std::all_of(part.all.begin(), part.all.end(), [&](int window) {
         return sequence(window) != sequence(bad) ||
@@ -410,8 +405,8 @@ class RigExaminer {
   }
 
   std::string time_of(const BadWindows& part) const {
-    const Instant &first = seen_.instants[as_size(seen_.windows[as_size(part.bad.front())].front())],
-                  &last = seen_.instants[as_size(seen_.windows[as_size(part.bad.back())].back())];
+    const Instant &first = seen_.instants[seen_.windows[part.bad.front()].front()],
+                  &last = seen_.instants[seen_.windows[part.bad.back()].back()];
     return first.sequence == last.sequence
                ? fmt::format("from frame {} to {} of sequence {}", first.row, last.row, first.sequence + 1)
                : fmt::format("from frame {} of sequence {} to frame {} of sequence {}", first.row, first.sequence + 1,
@@ -422,11 +417,11 @@ class RigExaminer {
   void examine_small_delay(int c) {
     std::vector<int> others;
     for (int other = 0; other < seen_.num_cameras(); ++other)
-      if (other != c && !result_.faulty[as_size(other)]) others.push_back(other);
+      if (other != c && !result_.faulty[other]) others.push_back(other);
     if (others.size() < 2) return;
     const ChosenInstants all = all_instants(seen_);
     const BodyTrack body = SightTable(seen_, result_.views, result_.person, all).triangulate(others, all);
-    const SupposedView& nominal = result_.views[as_size(c)];
+    const SupposedView& nominal = result_.views[c];
     const double before = residuals_of(seen_, c, nominal, body, all).mean_of_windows(seen_.windows.size());
     const auto delay = find_delay(seen_, c, nominal, body, all, kSearchedDelay);
     if (!delay || std::abs(*delay) < kSmallestDelay) return;
@@ -434,20 +429,19 @@ class RigExaminer {
     view.delay = *delay;
     const double after = residuals_of(seen_, c, view, body, all).mean_of_windows(seen_.windows.size());
     if (after > kDelayExplains * before) return;
-    add(seen_.cameras[as_size(c)].name, faults::kOutOfSync,
-        std::abs(*delay) >= kSureDelay ? Severity::fault : Severity::warning,
+    add(seen_.cameras[c].name, faults::kOutOfSync, std::abs(*delay) >= kSureDelay ? Severity::fault : Severity::warning,
         fmt::format(
             "its keypoints are {} of the person's size off, {} if its frames show the person {:.2g} rows later than "
             "they should",
             percent(before), percent(after), *delay),
         "Correct `frame_offset` of this camera by this number of frames.");
-    result_.views[as_size(c)] = view;
+    result_.views[c] = view;
   }
 
   void report_swaps() {
     for (const auto& [camera, other] : swaps_) {
       const bool both = std::find(swaps_.begin(), swaps_.end(), std::pair(other, camera)) != swaps_.end();
-      const std::string &name = seen_.cameras[as_size(camera)].name, &there = seen_.cameras[as_size(other)].name;
+      const std::string &name = seen_.cameras[camera].name, &there = seen_.cameras[other].name;
       for (Finding& finding : findings_)
         if (finding.camera == name && finding.fault == faults::kSwapped)
           finding.advice = both ? fmt::format(

@@ -164,7 +164,7 @@ class SightingsReader {
   }
 
   void read_sequence(int s) {
-    const SequenceEntry& sequence = capture_.sequences[as_size(s)];
+    const SequenceEntry& sequence = capture_.sequences[s];
     const std::vector<KeypointTrackReader> readers = open_keypoints(sequence);
     const long last = last_row(sequence, s);
     std::vector<long> rows = rows_to_read(sequence.first_frame, last);
@@ -196,7 +196,7 @@ class SightingsReader {
   /// The last row of most cameras; without videos, of the keypoint files of the first camera.
   long last_row(const SequenceEntry& sequence, int s) const {
     if (sequence.last_frame) return *sequence.last_frame;
-    const std::vector<long>& rows = rows_[as_size(s)];
+    const std::vector<long>& rows = rows_[s];
     if (!rows.empty()) return static_cast<long>(median(std::vector<double>(rows.begin(), rows.end()))) - 1;
     if (sequence.keypoints.empty() || !has_frame_placeholder(sequence.keypoints.sample()))
       return sequence.first_frame - 1;
@@ -248,7 +248,7 @@ class SightingsReader {
       findings_.push_back({seen_.cameras[c].name, faults::kNoKeypoints,
                            2 * missing > static_cast<long>(rows.size()) ? Severity::fault : Severity::warning,
                            fmt::format("{} of {} keypoint files of sequence {} are missing", missing, rows.size(),
-                                       capture_.sequences[as_size(s)].name),
+                                       capture_.sequences[s].name),
                            "Run the detector on all frames of this camera, or correct `keypoints` in capture.yaml."});
     add_people(frames, c, all);
   }
@@ -342,7 +342,7 @@ void complete_sightings(Sightings& seen) {
   seen.windows.clear();
   const int length = std::clamp(seen.num_instants() / kWindows, kShortestWindow, kLongestWindow);
   for (int i = 0; i < seen.num_instants(); ++i) {
-    const bool same = i > 0 && seen.instants[as_size(i)].segment == seen.instants[as_size(i) - 1].segment;
+    const bool same = i > 0 && seen.instants[i].segment == seen.instants[as_size(i) - 1].segment;
     if (!same || static_cast<int>(seen.windows.back().size()) >= length) seen.windows.emplace_back();
     seen.windows.back().push_back(i);
   }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/data/doctor/statistics.h"
 #include "doppel/solver/dense_system.h"
 #include "doppel/solver/least_squares.h"
@@ -122,7 +121,7 @@ std::vector<ViewProblem::Observation> observations_of(const Sightings& seen, con
   const std::size_t stride = 1 + residuals.shares.size() / kMostPoints;
   for (std::size_t i = 0; i < residuals.shares.size(); i += stride) {
     const int instant = residuals.instant[i], seen_as = residuals.point[i];
-    const int k = view.sides_swapped ? seen.mirrored[as_size(seen_as)] : seen_as;
+    const int k = view.sides_swapped ? seen.mirrored[seen_as] : seen_as;
     const Vector3d point = body.later(seen, instant, view.delay_at(seen, instant, residuals.window[i]), k);
     if (!point.allFinite()) continue;
     const auto projected = view.pixel(point);
@@ -143,7 +142,7 @@ SupposedView fit_view(const Sightings& seen, int camera, SupposedView view, cons
   for (int round = 0; round < kRounds; ++round) {
     const ViewResiduals residuals = residuals_of(seen, camera, view, body, chosen);
     if (residuals.shares.size() < 6) return view;
-    ViewProblem problem(view, parts, seen.size[as_size(camera)]);
+    ViewProblem problem(view, parts, seen.size[camera]);
     problem.observations = observations_of(seen, view, body, residuals);
     problem.kernel = std::clamp(3.0 * median(residuals.shares), kNarrowestKernel, kWidestKernel);
     VectorXd state = VectorXd::Zero(parts.parameters());
@@ -159,11 +158,11 @@ std::optional<SupposedView> find_pose(const Sightings& seen, int camera, const S
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> planes;
   for (const int instant : chosen.instants) {
-    const auto& people = seen.people[as_size(camera)][as_size(instant)];
+    const auto& people = seen.people[camera][instant];
     if (people.size() != 1) continue;
     for (int k = 0; k < seen.num_points(); ++k) {
-      if (!people[0][as_size(k)].seen || !body.known(instant, k)) continue;
-      const auto sight = sight_of(start.camera, back * (people[0][as_size(k)].pixel - start.shift));
+      if (!people[0][k].seen || !body.known(instant, k)) continue;
+      const auto sight = sight_of(start.camera, back * (people[0][k].pixel - start.shift));
       if (!sight) continue;
       const Vector3d& point = body.at(instant, k);
       points.emplace_back(point.x(), point.y(), point.z());
@@ -179,7 +178,7 @@ std::optional<SupposedView> find_pose(const Sightings& seen, int camera, const S
     some_planes.push_back(planes[i]);
   }
   cv::Mat rotation, translation;
-  const double reach = 0.04 * seen.size[as_size(camera)] / start.camera.K(0, 0);
+  const double reach = 0.04 * seen.size[camera] / start.camera.K(0, 0);
   try {
     if (!cv::solvePnPRansac(some_points, some_planes, cv::Matx33d::eye(), cv::noArray(), rotation, translation, false,
                             200, static_cast<float>(reach), 0.99, cv::noArray(), cv::SOLVEPNP_EPNP))

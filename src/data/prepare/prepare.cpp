@@ -13,7 +13,6 @@
 #include <sstream>
 #include <thread>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/folder_lock.h"
 #include "doppel/core/log.h"
@@ -391,7 +390,7 @@ class Preparation {
   /// Who is followed in a camera. Made for all cameras of a sequence at once.
   ChoiceOfFrame choice_of(const Job& job) {
     auto [choice, is_new] = chosen_.try_emplace(job.sequence);
-    if (!is_new) return choice->second[as_size(job.camera)];
+    if (!is_new) return choice->second[job.camera];
     const PlannedSequence& rows = sequence(job);
     PeopleInCameras seen{rows.entry.name, plan_.cameras, {}, {}, rows.first_frame, rows.last_frame};
     for (std::size_t c = 0; c < plan_.cameras.size(); ++c) {
@@ -402,7 +401,7 @@ class Preparation {
       return stored_mask({job.sequence, static_cast<int>(camera)}, row);
     };
     choice->second = follow_if_several(seen, plan_.evidence.map.layout, plan_.capture.person_of(rows.entry), mask);
-    return choice->second[as_size(job.camera)];
+    return choice->second[job.camera];
   }
 
   void tell_doubts(const Job& job, const KeypointFacts& facts) const {

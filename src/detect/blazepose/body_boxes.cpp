@@ -31,7 +31,7 @@ BodyBox decode_box(const float* values, const Eigen::Vector2d& anchor, double sc
   box.score = score;
   box.size = pair(2);
   box.corner = pair(0) + anchor - 0.5 * box.size;
-  for (int k = 0; k < 4; ++k) box.keypoints[as_size(k)] = pair(4 + 2 * k) + anchor;
+  for (int k = 0; k < 4; ++k) box.keypoints[k] = pair(4 + 2 * k) + anchor;
   return box;
 }
 

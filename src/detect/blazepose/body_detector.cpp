@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/blazepose/network.h"
 #include "doppel/detect/blazepose/network_edits.h"
@@ -34,7 +33,7 @@ NetworkModel read_network(const PackageFile& file, const std::filesystem::path& 
   NetworkModel model = read_tflite(find_model(file, folder));
   std::vector<TensorShape> found;
   for (const auto* tensors : {&model.inputs, &model.outputs}) {
-    for (const int tensor : *tensors) found.push_back(model.tensors[as_size(tensor)].shape);
+    for (const int tensor : *tensors) found.push_back(model.tensors[tensor].shape);
   }
   if (found != expected) fail_at({model.source, 0}, "has other inputs or outputs than this network of BlazePose");
   return model;

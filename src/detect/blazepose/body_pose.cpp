@@ -65,8 +65,8 @@ class RoiMask {
     for (int y = 0; y < kSide; ++y) {
       for (int x = 0; x < kSide; ++x) {
         const int row = std::clamp(y - 1, 0, kRoiPixels - 1), column = std::clamp(x - 1, 0, kRoiPixels - 1);
-        const float value = 255.0f / (1.0f + std::exp(-logits[as_size(row * kRoiPixels + column)]));
-        values_[as_size(y * kSide + x)] = value;
+        const float value = 255.0f / (1.0f + std::exp(-logits[row * kRoiPixels + column]));
+        values_[y * kSide + x] = value;
         if (value < 0.5f) continue;
         low = low.min(Eigen::Array2d(column, row) - 0.5);
         high = high.max(Eigen::Array2d(column, row) + 1.5);
@@ -81,7 +81,7 @@ class RoiMask {
     const float x = u + 0.5f, y = v + 0.5f;
     const int left = static_cast<int>(x), top = static_cast<int>(y);
     const float a = x - static_cast<float>(left), b = y - static_cast<float>(top);
-    const float *above = &values_[as_size(top * kSide + left)], *below = above + kSide;
+    const float *above = &values_[top * kSide + left], *below = above + kSide;
     const float upper = above[0] + a * (above[1] - above[0]), lower = below[0] + a * (below[1] - below[0]);
     return upper + b * (lower - upper);
   }

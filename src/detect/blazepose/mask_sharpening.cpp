@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/blazepose/repeated_chroma.h"
 
@@ -176,12 +175,11 @@ class Outline {
 void drop_small_parts(cv::Mat& mask, std::uint8_t side, double area) {
   cv::Mat labels, statistics, centroids;
   const int count = cv::connectedComponentsWithStats(mask == side, labels, statistics, centroids, 4, CV_32S);
-  std::vector<bool> small(as_size(count), false);
-  for (int label = 1; label < count; ++label)
-    small[as_size(label)] = statistics.at<int>(label, cv::CC_STAT_AREA) < area;
+  std::vector<bool> small(count, false);
+  for (int label = 1; label < count; ++label) small[label] = statistics.at<int>(label, cv::CC_STAT_AREA) < area;
   for (int row = 0; row < mask.rows; ++row)
     for (int column = 0; column < mask.cols; ++column)
-      if (small[as_size(labels.at<int>(row, column))])
+      if (small[labels.at<int>(row, column)])
         mask.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(255 - side);
 }
 

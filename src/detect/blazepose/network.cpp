@@ -67,27 +67,26 @@ class GraphBuilder {
   }
 
   std::uint32_t define(int tensor, std::uint32_t external, std::uint32_t flags) {
-    const NetworkTensor& known = model_.tensors[as_size(tensor)];
+    const NetworkTensor& known = model_.tensors[tensor];
     const float* values = nullptr;
     if (known.values != nullptr) {
       constants_.push_back(*known.values);
       constants_.back().resize(known.values->size() + kSpareFloats);
       values = constants_.back().data();
     }
-    return ids_[as_size(tensor)] = define_value(known.shape, values, external, flags);
+    return ids_[tensor] = define_value(known.shape, values, external, flags);
   }
 
   std::uint32_t id_of(int tensor) {
-    const std::uint32_t id = ids_[as_size(tensor)];
+    const std::uint32_t id = ids_[tensor];
     return id != XNN_INVALID_VALUE_ID ? id : define(tensor, XNN_INVALID_VALUE_ID, 0);
   }
 
   std::uint32_t input_id(const NetworkOperator& step, std::size_t index = 0) { return id_of(step.inputs[index]); }
-  const TensorShape& shape_of(int tensor) const { return model_.tensors[as_size(tensor)].shape; }
+  const TensorShape& shape_of(int tensor) const { return model_.tensors[tensor].shape; }
 
   void add(const NetworkOperator& step) {
-    const std::string what =
-        fmt::format("{}, which computes {}", to_string(step.op), model_.tensors[as_size(step.output)].name);
+    const std::string what = fmt::format("{}, which computes {}", to_string(step.op), model_.tensors[step.output].name);
     if (step.op == NetworkOp::concatenation) return add_concatenation(step, what);
     require(define_operator(step), what);
   }
@@ -174,10 +173,10 @@ class GraphBuilder {
     std::int64_t begin = 0;
     std::uint32_t sum = XNN_INVALID_VALUE_ID;
     for (std::size_t i = 0; i < step.inputs.size(); ++i) {
-      const std::int64_t size = shape_of(step.inputs[i])[as_size(step.axis)];
+      const std::int64_t size = shape_of(step.inputs[i])[step.axis];
       std::vector<std::int64_t> before(result.size(), 0), after(result.size(), 0);
-      before[as_size(step.axis)] = begin;
-      after[as_size(step.axis)] = result[as_size(step.axis)] - begin - size;
+      before[step.axis] = begin;
+      after[step.axis] = result[step.axis] - begin - size;
       begin += size;
       const bool only = step.inputs.size() == 1, last = i + 1 == step.inputs.size();
       const std::uint32_t padded = only ? id_of(step.output) : define_value(result, nullptr, XNN_INVALID_VALUE_ID, 0);
@@ -232,7 +231,7 @@ struct Network::Impl {
     tensors.insert(tensors.end(), model.outputs.begin(), model.outputs.end());
     std::vector<xnn_external_value> values;
     for (const int tensor : tensors) {
-      shapes.push_back(model.tensors[as_size(tensor)].shape);
+      shapes.push_back(model.tensors[tensor].shape);
       buffers.emplace_back(as_size(num_elements(shapes.back())) + kSpareFloats, 0.0f);
       values.push_back({static_cast<std::uint32_t>(values.size()), buffers.back().data()});
     }

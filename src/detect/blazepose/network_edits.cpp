@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {
@@ -13,9 +11,9 @@ constexpr int kNoOperator = -1;
 /// How often each tensor is read, by operators or as an output.
 std::vector<int> count_uses(const NetworkModel& model) {
   std::vector<int> uses(model.tensors.size(), 0);
-  for (const int output : model.outputs) ++uses[as_size(output)];
+  for (const int output : model.outputs) ++uses[output];
   for (const NetworkOperator& step : model.operators) {
-    for (const int input : step.inputs) ++uses[as_size(input)];
+    for (const int input : step.inputs) ++uses[input];
   }
   return uses;
 }
@@ -38,19 +36,18 @@ NetworkModel fold_padding(const NetworkModel& model) {
   std::vector<int> pad_of(model.tensors.size(), kNoOperator);  // by tensor: the pad that may be folded
   for (std::size_t i = 0; i < model.operators.size(); ++i) {
     const NetworkOperator& step = model.operators[i];
-    if (pads_rows_and_columns(step) && uses[as_size(step.output)] == 1)
-      pad_of[as_size(step.output)] = static_cast<int>(i);
+    if (pads_rows_and_columns(step) && uses[step.output] == 1) pad_of[step.output] = static_cast<int>(i);
   }
   NetworkModel result = model;
   std::vector<bool> folded(model.operators.size(), false);
   for (NetworkOperator& step : result.operators) {
-    const int found = pad_of[as_size(step.inputs[0])];
+    const int found = pad_of[step.inputs[0]];
     if (found == kNoOperator || !takes_borders(step)) continue;
-    const NetworkOperator& pad = model.operators[as_size(found)];
+    const NetworkOperator& pad = model.operators[found];
     step.inputs[0] = pad.inputs[0];
     step.pad_before = pad.pad_before;
     step.pad_after = pad.pad_after;
-    folded[as_size(found)] = true;
+    folded[found] = true;
   }
   std::size_t place = 0;
   std::erase_if(result.operators, [&](const NetworkOperator&) { return folded[place++]; });
@@ -62,11 +59,11 @@ NetworkModel keep_outputs(const NetworkModel& model, const std::vector<std::size
   result.outputs.clear();
   for (const std::size_t output : outputs) result.outputs.push_back(model.outputs.at(output));
   std::vector<bool> needed(model.tensors.size(), false);
-  for (const int output : result.outputs) needed[as_size(output)] = true;
+  for (const int output : result.outputs) needed[output] = true;
   result.operators.clear();
   for (auto step = model.operators.rbegin(); step != model.operators.rend(); ++step) {
-    if (!needed[as_size(step->output)]) continue;
-    for (const int input : step->inputs) needed[as_size(input)] = true;
+    if (!needed[step->output]) continue;
+    for (const int input : step->inputs) needed[input] = true;
     result.operators.push_back(*step);
   }
   std::reverse(result.operators.begin(), result.operators.end());

@@ -26,9 +26,9 @@ class ShapeCheck {
 
   void run() {
     for (const int input : model_.inputs) {
-      if (known_[as_size(input)])
+      if (known_[input])
         fail_at({model_.source, 0}, "the network's input {} is a constant, or an input twice", name(input));
-      known_[as_size(input)] = true;
+      known_[input] = true;
     }
     for (number_ = 0; number_ < model_.operators.size(); ++number_) check(model_.operators[number_]);
     check_outputs();
@@ -36,7 +36,7 @@ class ShapeCheck {
   }
 
  private:
-  const std::string& name(int tensor) const { return model_.tensors[as_size(tensor)].name; }
+  const std::string& name(int tensor) const { return model_.tensors[tensor].name; }
 
   template <typename... Args>
   [[noreturn]] void fail_here(fmt::format_string<Args...> format, Args&&... args) const {
@@ -45,41 +45,41 @@ class ShapeCheck {
             name(step.output), fmt::format(format, std::forward<Args>(args)...));
   }
 
-  const TensorShape& shape_of(int tensor) const { return model_.tensors[as_size(tensor)].shape; }
+  const TensorShape& shape_of(int tensor) const { return model_.tensors[tensor].shape; }
 
   void check(const NetworkOperator& step) {
     for (const int input : step.inputs) {
-      if (!known_[as_size(input)]) fail_here("its input {} is not computed before", name(input));
+      if (!known_[input]) fail_here("its input {} is not computed before", name(input));
     }
-    if (known_[as_size(step.output)]) fail_here("this tensor is a constant, an input or computed before");
+    if (known_[step.output]) fail_here("this tensor is a constant, an input or computed before");
     const TensorShape expected = output_shape(step);
     if (shape_of(step.output) != expected)
       fail_here("the file says {}, but its inputs give {}", to_string(shape_of(step.output)), to_string(expected));
-    known_[as_size(step.output)] = true;
+    known_[step.output] = true;
   }
 
   void check_outputs() const {
     std::vector<bool> results(known_.size(), false);
-    for (const NetworkOperator& step : model_.operators) results[as_size(step.output)] = true;
+    for (const NetworkOperator& step : model_.operators) results[step.output] = true;
     for (const int output : model_.outputs) {
-      if (!results[as_size(output)])
+      if (!results[output])
         fail_at({model_.source, 0}, "the network's output {} is not computed by any operator, or an output twice",
                 name(output));
-      results[as_size(output)] = false;
+      results[output] = false;
     }
   }
 
   /// XNNPACK ends the program when it meets a result that nothing uses.
   void check_uses() const {
     std::vector<bool> used(known_.size(), false);
-    for (const int output : model_.outputs) used[as_size(output)] = true;
+    for (const int output : model_.outputs) used[output] = true;
     for (const NetworkOperator& step : model_.operators) {
-      for (const int input : step.inputs) used[as_size(input)] = true;
+      for (const int input : step.inputs) used[input] = true;
     }
     std::vector<int> computed = model_.inputs;
     for (const NetworkOperator& step : model_.operators) computed.push_back(step.output);
     for (const int tensor : computed) {
-      if (!used[as_size(tensor)]) fail_at({model_.source, 0}, "the network does not use the tensor {}", name(tensor));
+      if (!used[tensor]) fail_at({model_.source, 0}, "the network does not use the tensor {}", name(tensor));
     }
   }
 
@@ -133,11 +133,11 @@ class ShapeCheck {
     for (std::size_t i = 1; i < step.inputs.size(); ++i) {
       TensorShape next = shape_of(step.inputs[i]);
       const bool same_axes = next.size() == sum.size();
-      if (same_axes) std::swap(next[as_size(step.axis)], sum[as_size(step.axis)]);
-      const std::int64_t size = same_axes ? sum[as_size(step.axis)] : 0;
-      if (same_axes) sum[as_size(step.axis)] = next[as_size(step.axis)];
+      if (same_axes) std::swap(next[step.axis], sum[step.axis]);
+      const std::int64_t size = same_axes ? sum[step.axis] : 0;
+      if (same_axes) sum[step.axis] = next[step.axis];
       if (next != sum) fail_here("its input {} is {}", name(step.inputs[i]), to_string(shape_of(step.inputs[i])));
-      sum[as_size(step.axis)] += size;
+      sum[step.axis] += size;
     }
     return sum;
   }
@@ -156,7 +156,7 @@ class ShapeCheck {
   TensorShape shape_of_convolution(const NetworkOperator& step) const {
     require_inputs(step, 3);
     for (const int constant : {step.inputs[1], step.inputs[2]}) {
-      if (model_.tensors[as_size(constant)].values == nullptr) fail_here("its input {} is no constant", name(constant));
+      if (model_.tensors[constant].values == nullptr) fail_here("its input {} is no constant", name(constant));
     }
     const bool depthwise = step.op == NetworkOp::depthwise_conv_2d;
     const std::int64_t channels = image_shape(step)[3];

@@ -25,14 +25,14 @@ std::optional<std::vector<float>> expand_rows(const SparseRows& rows, const std:
   const std::int64_t elements = num_elements(shape), width = shape.back();
   const std::int64_t num_rows = elements / width;
   if (!rows_are_valid(rows, num_rows, width, stored.size())) return std::nullopt;
-  std::vector<float> dense(as_size(elements), 0.0f);
+  std::vector<float> dense(elements, 0.0f);
   for (std::int64_t row = 0; row < num_rows; ++row) {
     std::int64_t before = -1;
-    for (std::int64_t i = rows.row_begin[as_size(row)]; i < rows.row_begin[as_size(row) + 1]; ++i) {
-      const std::int64_t column = rows.column[as_size(i)];
+    for (std::int64_t i = rows.row_begin[row]; i < rows.row_begin[as_size(row) + 1]; ++i) {
+      const std::int64_t column = rows.column[i];
       if (column <= before) return std::nullopt;
       before = column;
-      dense[as_size(row * width + column)] = stored[as_size(i)];
+      dense[row * width + column] = stored[i];
     }
   }
   return dense;

@@ -39,7 +39,7 @@ int gather(const std::vector<cv::Mat>& images, const std::vector<cv::Mat>& free,
   for (std::size_t i = 0; i < images.size() && count < kMostFrames; ++i) {
     if (free[i].at<std::uint8_t>(row, column) == 0) continue;
     const cv::Vec3b& colour = images[i].at<cv::Vec3b>(row, column);
-    for (int k = 0; k < 3; ++k) samples[as_size(k)][as_size(count)] = colour[k];
+    for (int k = 0; k < 3; ++k) samples[k][count] = colour[k];
     ++count;
   }
   return count;
@@ -50,8 +50,8 @@ int deviation(const Samples& samples, int count, const cv::Vec3b& colour) {
   std::array<std::uint8_t, kMostFrames> distances{};
   for (int i = 0; i < count; ++i) {
     int sum = 0;
-    for (int k = 0; k < 3; ++k) sum += std::abs(samples[as_size(k)][as_size(i)] - colour[k]);
-    distances[as_size(i)] = static_cast<std::uint8_t>(std::min(sum, 255));
+    for (int k = 0; k < 3; ++k) sum += std::abs(samples[k][i] - colour[k]);
+    distances[i] = static_cast<std::uint8_t>(std::min(sum, 255));
   }
   return median(distances.data(), count);
 }
@@ -95,7 +95,7 @@ StaticBackground learn_background(const std::vector<cv::Mat>& images, const std:
       if (count < kFewestSamples) continue;
       cv::Vec3b& colour = background.colour.at<cv::Vec3b>(row, column);
       for (int k = 0; k < 3; ++k) {
-        auto values = samples[as_size(k)];
+        auto values = samples[k];
         colour[k] = median(values.data(), count);
       }
       ++observed;

@@ -229,8 +229,8 @@ class TfliteReader {
 
   /// The operators that only convert constants: the conversion is done already.
   void pass_constant(const NetworkOperator& step, const std::string& what) {
-    const NetworkTensor& from = model_.tensors[as_size(step.inputs[0])];
-    NetworkTensor& to = model_.tensors[as_size(step.output)];
+    const NetworkTensor& from = model_.tensors[step.inputs[0]];
+    NetworkTensor& to = model_.tensors[step.output];
     if (from.values == nullptr || step.inputs.size() != 1)
       fail_read("{} has the input {}, which is no float constant; only constants can be converted", what, from.name);
     if (from.shape != to.shape || to.values != nullptr)
@@ -316,7 +316,7 @@ class TfliteReader {
                           const std::string& what) const {
     if (options == nullptr || options->activation() != tflite::Activation::NONE)
       fail_read("{} needs options without an activation", what);
-    const auto axes = static_cast<int>(model_.tensors[as_size(step.output)].shape.size());
+    const auto axes = static_cast<int>(model_.tensors[step.output].shape.size());
     step.axis = options->axis() < 0 ? options->axis() + axes : options->axis();
   }
 
@@ -332,7 +332,7 @@ class TfliteReader {
 
   void read_padding(NetworkOperator& step, const std::string& what) const {
     const auto numbers = step.inputs.size() == 2 ? integers_.find(step.inputs[1]) : integers_.end();
-    const std::size_t axes = model_.tensors[as_size(step.inputs[0])].shape.size();
+    const std::size_t axes = model_.tensors[step.inputs[0]].shape.size();
     if (numbers == integers_.end() || numbers->second.size() != 2 * axes)
       fail_read("{} needs two constant integers for each of {} axes", what, axes);
     for (std::size_t i = 0; i < axes; ++i) {

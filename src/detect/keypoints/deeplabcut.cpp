@@ -91,7 +91,7 @@ class DeepLabCutReader {
 
   /// NaN for an empty cell.
   double cell(int column) const {
-    const std::string_view text = reader_.tokens()[as_size(column)];
+    const std::string_view text = reader_.tokens()[column];
     if (text.empty()) return std::nan("");
     const std::optional<double> value = parse_number(text);
     if (!value || std::abs(*value) > kFarthestOfDeepLabCut)

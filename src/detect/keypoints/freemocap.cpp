@@ -1,4 +1,3 @@
-#include "doppel/core/as_size.h"
 #include "doppel/core/npy.h"
 #include "doppel/detect/keypoints/format.h"
 #include "doppel/detect/keypoints/json_parts.h"
@@ -33,7 +32,7 @@ class FreeMoCapKeypoints : public KeypointFormat {
     for (std::int64_t f = 0; f < frames; ++f) {
       DetectedPerson person;
       for (std::int64_t p = 0; p < points; ++p) {
-        const double* at = &values[as_size(((camera.index * frames + f) * points + p) * step)];
+        const double* at = &values[((camera.index * frames + f) * points + p) * step];
         (p < kMediaPipeBody ? person.body : person.rest).push_back(keypoint_of(at[0], at[1], 1.0));
       }
       result.images.push_back({f, "", {std::move(person)}});

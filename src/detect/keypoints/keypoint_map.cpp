@@ -87,7 +87,7 @@ const KeypointMap::Entry* KeypointMap::find(const std::string& landmark) const {
   std::vector<std::string> names;
   for (const Entry& entry : entries) names.push_back(entry.landmark);
   const std::optional<int> index = find_landmark(names, landmark);
-  return index ? &entries[as_size(*index)] : nullptr;
+  return index ? &entries[*index] : nullptr;
 }
 
 std::vector<std::string> builtin_keypoint_maps() {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/file_head.h"
 #include "doppel/core/text_reader.h"
@@ -75,7 +74,7 @@ class TableReader {
       reader_.fail_here("the point '{}' of frame {} is given twice", place->first, frame);
     Person& points = images_[frame];
     if (points.size() < result_.points.size()) points.resize(result_.points.size());
-    points[as_size(place->second)] = keypoint_of(x, y, sure);
+    points[place->second] = keypoint_of(x, y, sure);
   }
 
   TextReader reader_;

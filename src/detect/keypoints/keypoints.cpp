@@ -4,7 +4,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/detect/keypoints/landmark_key.h"
 
 namespace doppel {
@@ -53,7 +52,7 @@ int index_of_person(const People& people, const cv::Mat& mask) {
 
 std::optional<Person> choose_person(const People& people, const cv::Mat& mask) {
   const int index = index_of_person(people, mask);
-  return index < 0 ? std::nullopt : std::optional(people[as_size(index)]);
+  return index < 0 ? std::nullopt : std::optional(people[index]);
 }
 
 }  // namespace doppel

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/keypoints/landmark_key.h"
 #include "doppel/detect/keypoints/person_groups.h"
@@ -152,7 +151,7 @@ class ChosenPerson {
 
   /// The detections of the group and, where a camera has none, one that is nearly as close.
   void complete(long frame, const PersonGroup& group) {
-    const PersonGroup wider = grouper_.match(frames_[as_size(frame)], group.body, kTolerance);
+    const PersonGroup wider = grouper_.match(frames_[frame], group.body, kTolerance);
     std::vector<int>& chosen = chosen_[frame] = group.chosen;
     for (std::size_t c = 0; c < chosen.size(); ++c)
       if (chosen[c] < 0) chosen[c] = wider.chosen[c];
@@ -164,7 +163,7 @@ class ChosenPerson {
     for (long frame = before.first + 1; frame < after.first; ++frame) {
       const double share = static_cast<double>(frame - before.first) / static_cast<double>(gap);
       const auto body = body_between(before.second, after.second, share);
-      chosen_[frame] = grouper_.match(frames_[as_size(frame)], body, kTolerance).chosen;
+      chosen_[frame] = grouper_.match(frames_[frame], body, kTolerance).chosen;
     }
   }
 
@@ -229,7 +228,7 @@ PersonChoice follow_people(const std::vector<std::vector<People>>& frames, const
   choice.ambiguous = !options.names_person() && choice.people.size() > 1 &&
                      choice.people[1].support >= kEquallyGood * choice.people[0].support;
   const GroupTrack nobody;
-  const GroupTrack& track = choice.person < 0 ? nobody : tracks[as_size(choice.person)];
+  const GroupTrack& track = choice.person < 0 ? nobody : tracks[choice.person];
   const ChosenPerson chosen(frames, grouper, track, options.longest_gap);
   choice.cameras.assign(cameras.size(), 0.0);
   for (std::size_t f = 0; f < frames.size(); ++f) {

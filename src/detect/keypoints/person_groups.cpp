@@ -103,8 +103,8 @@ PersonGrouper::Frame PersonGrouper::seen(const std::vector<People>& people) cons
 
 /// Adds the body that two detections make, in the order of the first, if its points are near both.
 void PersonGrouper::propose(const Frame& frame, Proposal proposal, std::vector<Proposal>& all) const {
-  const Detection& first = frame[as_size(proposal.camera[0])][as_size(proposal.person[0])];
-  const Detection& second = frame[as_size(proposal.camera[1])][as_size(proposal.person[1])];
+  const Detection& first = frame[proposal.camera[0]][proposal.person[0]];
+  const Detection& second = frame[proposal.camera[1]][proposal.person[1]];
   Proposal best;
   best.residual = std::numeric_limits<double>::infinity();
   for (const bool mirrored : {false, true}) {
@@ -132,8 +132,8 @@ std::vector<PersonGrouper::Proposal> PersonGrouper::proposals(const Frame& frame
     for (int a = 0; a < cameras; ++a) {
       const int b = (a + step) % cameras;
       if (2 * step == cameras && a >= b) continue;  // this pair was seen from the other side
-      for (std::size_t p = 0; p < frame[as_size(a)].size(); ++p)
-        for (std::size_t q = 0; q < frame[as_size(b)].size(); ++q)
+      for (std::size_t p = 0; p < frame[a].size(); ++p)
+        for (std::size_t q = 0; q < frame[b].size(); ++q)
           propose(frame, {0.0, {a, b}, {static_cast<int>(p), static_cast<int>(q)}, {}}, all);
     }
   std::sort(all.begin(), all.end(), [](const Proposal& x, const Proposal& y) { return x.residual < y.residual; });
@@ -198,7 +198,7 @@ PersonGrouper::Body PersonGrouper::triangulated(const Frame& frame, const Person
     std::vector<Sight> sights;
     for (std::size_t c = 0; c < cameras_.size(); ++c) {
       if (group.chosen[c] < 0) continue;
-      const SeenPoint& point = frame[c][as_size(group.chosen[c])][mirrored[c] ? as_size(mirrored_[i]) : i];
+      const SeenPoint& point = frame[c][group.chosen[c]][mirrored[c] ? as_size(mirrored_[i]) : i];
       if (point) sights.push_back(*point);
     }
     if (const auto point = triangulate(sights, options)) body[i] = point->position;
@@ -220,8 +220,8 @@ std::vector<PersonGroup> PersonGrouper::find(const std::vector<People>& people) 
   std::vector<PersonGroup> grown;
   for (const Proposal& proposal : proposals(frame)) {
     const bool known = std::any_of(grown.begin(), grown.end(), [&](const PersonGroup& group) {
-      return group.views > 2 && group.chosen[as_size(proposal.camera[0])] == proposal.person[0] &&
-             group.chosen[as_size(proposal.camera[1])] == proposal.person[1];
+      return group.views > 2 && group.chosen[proposal.camera[0]] == proposal.person[0] &&
+             group.chosen[proposal.camera[1]] == proposal.person[1];
     });
     if (known) continue;
     PersonGroup group = grow(frame, proposal.body);

@@ -131,7 +131,7 @@ class LayoutFit {
     Person person = detected.body;
     if (!places_.empty() && person.size() == places_.size()) {
       Person moved(count);
-      for (std::size_t i = 0; i < places_.size(); ++i) moved[as_size(places_[i])] = person[i];
+      for (std::size_t i = 0; i < places_.size(); ++i) moved[places_[i]] = person[i];
       person = std::move(moved);
     } else if (person.size() != count && !person.empty()) {
       person.insert(person.end(), detected.rest.begin(), detected.rest.end());

@@ -231,7 +231,7 @@ std::vector<std::optional<Eigen::Vector3d>> lifted_person(const json& node, cons
     if (!point.is_array() || point.size() != 3)
       fail_at(where, "reading points in space: the keypoints must have three coordinates each");
     std::string cells[3];
-    for (int i = 0; i < 3; ++i) cells[i] = point[as_size(i)].dump(-1, ' ', false, json::error_handler_t::replace);
+    for (int i = 0; i < 3; ++i) cells[i] = point[i].dump(-1, ' ', false, json::error_handler_t::replace);
     points.push_back(point_of_cells(cells, 1.0, where));
   }
   return points;

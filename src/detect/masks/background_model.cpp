@@ -57,7 +57,7 @@ double common_ratio(const Histogram& votes) {
 cv::Scalar exposure_ratio(const cv::Mat& image, const cv::Mat& empty) {
   static const std::array<double, 256> logs = [] {
     std::array<double, 256> table{};
-    for (int i = 0; i < 256; ++i) table[as_size(i)] = std::log(static_cast<double>(i));
+    for (int i = 0; i < 256; ++i) table[i] = std::log(static_cast<double>(i));
     return table;
   }();
   std::array<Histogram, 3> votes{};

@@ -39,7 +39,7 @@ std::vector<PersonBox> merged(const std::vector<PersonBox>& boxes, double thresh
   cv::dnn::NMSBoxes(rectangles, scores, static_cast<float>(threshold), kMaxOverlap, kept);
   std::vector<PersonBox> best;
   best.reserve(kept.size());
-  for (const int i : kept) best.push_back(boxes[as_size(i)]);
+  for (const int i : kept) best.push_back(boxes[i]);
   return best;
 }
 

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <opencv2/core/utils/logger.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/networks/onnx_edits.h"
@@ -116,7 +115,7 @@ void ImageNetwork::choose_outputs() {
     const auto place = std::find(found.begin(), found.end(), name);
     if (place == found.end())
       fail_at({files(), 0}, "has no output '{}', which `outputs` names; it has {}", name, fmt::join(found, ", "));
-    operators_.push_back(operator_of(layers[as_size(place - found.begin())]));
+    operators_.push_back(operator_of(layers[place - found.begin()]));
   }
 }
 

@@ -103,10 +103,9 @@ class GraphEdit {
 
   /// Adds the matrix [row, count * row] whose columns i * row + j have constant(i, j) in row j. @return its name
   std::string add_diagonals(const Node& node, const Tensor& constant, std::int64_t row, std::int64_t count) {
-    Tensor matrix{{row, count * row}, std::vector<float>(as_size(row * row * count), 0.0f), {}};
+    Tensor matrix{{row, count * row}, std::vector<float>(row * row * count, 0.0f), {}};
     for (std::int64_t i = 0; i < count; ++i)
-      for (std::int64_t j = 0; j < row; ++j)
-        matrix.floats[as_size((j * count + i) * row + j)] = constant.floats[as_size(i * row + j)];
+      for (std::int64_t j = 0; j < row; ++j) matrix.floats[(j * count + i) * row + j] = constant.floats[i * row + j];
     added_bytes_ += sizeof(float) * matrix.floats.size();
     const std::string name = node.outputs[0] + "/diagonals";
     added_.push_back(onnx::write_tensor(name, matrix));

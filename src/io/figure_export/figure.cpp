@@ -29,12 +29,11 @@ void add_nodes(const Character& character, Figure& figure) {
   std::map<std::string, int> uses;
   for (const int joint : carriers) {
     FigureNode node;
-    const Joint& source = character.skeleton.joints[as_size(joint)];
+    const Joint& source = character.skeleton.joints[joint];
     const int use = uses[bone_name(source.name)]++;
     node.name = bone_name(source.name) + (use > 0 ? std::to_string(use + 1) : "");
     node.joint = joint;
-    for (int above = source.parent; above >= 0 && node.parent < 0;
-         above = character.skeleton.joints[as_size(above)].parent)
+    for (int above = source.parent; above >= 0 && node.parent < 0; above = character.skeleton.joints[above].parent)
       if (const auto found = node_of.find(above); found != node_of.end()) node.parent = found->second;
     node_of[joint] = static_cast<int>(figure.nodes.size());
     figure.nodes.push_back(node);
@@ -51,8 +50,8 @@ std::vector<int> spine_of(const Figure& figure, const std::string& hips, const s
   };
   const int low = named(hips), top = named(neck);
   if (low < 0 || top < 0) return {};
-  int i = figure.nodes[as_size(top)].parent;
-  for (; i >= 0 && i != low; i = figure.nodes[as_size(i)].parent) spine.push_back(i);
+  int i = figure.nodes[top].parent;
+  for (; i >= 0 && i != low; i = figure.nodes[i].parent) spine.push_back(i);
   if (i < 0) return {};
   std::reverse(spine.begin(), spine.end());
   return spine;
@@ -60,7 +59,7 @@ std::vector<int> spine_of(const Figure& figure, const std::string& hips, const s
 
 /// The lowest node above both of two nodes; -1 without one.
 int common_node(const Figure& figure, int a, int b) {
-  while (a != b && a >= 0 && b >= 0) (a > b ? a : b) = figure.nodes[as_size(std::max(a, b))].parent;
+  while (a != b && a >= 0 && b >= 0) (a > b ? a : b) = figure.nodes[std::max(a, b)].parent;
   return a == b ? a : -1;
 }
 
@@ -74,7 +73,7 @@ std::string hips_by_tree(const Figure& figure, const std::map<std::string, std::
     common = common < 0 ? static_cast<int>(i) : common_node(figure, common, static_cast<int>(i));
     if (common < 0) return "";
   }
-  return common < 0 || renamed.count(figure.nodes[as_size(common)].name) > 0 ? "" : figure.nodes[as_size(common)].name;
+  return common < 0 || renamed.count(figure.nodes[common].name) > 0 ? "" : figure.nodes[common].name;
 }
 
 void rename_nodes(Figure& figure, BoneNames names) {
@@ -99,7 +98,7 @@ void rename_nodes(Figure& figure, BoneNames names) {
   }
   const std::vector<int> spine = spine_of(figure, hips, neck);
   for (std::size_t i = 0; i < std::min(spine.size(), spine_words.size()); ++i)
-    renamed.emplace(figure.nodes[as_size(spine[i])].name, spine_words[i]);
+    renamed.emplace(figure.nodes[spine[i]].name, spine_words[i]);
   for (FigureNode& node : figure.nodes)
     if (const auto found = renamed.find(node.name); found != renamed.end()) node.name = prefix + found->second;
 }
@@ -109,8 +108,8 @@ std::vector<std::pair<double, int>> weights_of(const Character& character, const
                                                int vertex) {
   std::map<int, double> sums;
   const auto& rows = character.skin.vertex_bones;
-  for (int i = rows.offsets[as_size(vertex)]; i < rows.offsets[as_size(vertex) + 1]; ++i)
-    sums[node_of_joint.at(character.bone_joint[as_size(rows.items[as_size(i)])])] += character.skin.weights[as_size(i)];
+  for (int i = rows.offsets[vertex]; i < rows.offsets[as_size(vertex) + 1]; ++i)
+    sums[node_of_joint.at(character.bone_joint[rows.items[i]])] += character.skin.weights[i];
   std::vector<std::pair<double, int>> sorted;
   for (const auto& [node, weight] : sums)
     if (weight > 0.0) sorted.emplace_back(weight, node);
@@ -121,8 +120,8 @@ std::vector<std::pair<double, int>> weights_of(const Character& character, const
 void add_weights(const Character& character, Figure& figure) {
   std::map<int, int> node_of_joint;
   for (std::size_t i = 0; i < figure.nodes.size(); ++i) node_of_joint[figure.nodes[i].joint] = static_cast<int>(i);
-  figure.node.assign(as_size(character.num_vertices()), {});
-  figure.weight.assign(as_size(character.num_vertices()), {});
+  figure.node.assign(character.num_vertices(), {});
+  figure.weight.assign(character.num_vertices(), {});
   for (int v = 0; v < character.num_vertices(); ++v) {
     auto sorted = weights_of(character, node_of_joint, v);
     double kept = 0.0, dropped = 0.0;
@@ -134,8 +133,8 @@ void add_weights(const Character& character, Figure& figure) {
     for (std::size_t i = sorted.size(); i-- > 0;) {
       const float weight = i == 0 ? rest : static_cast<float>(sorted[i].first / kept);
       if (!(weight > 0.0F)) continue;
-      figure.node[as_size(v)][i] = sorted[i].second;
-      figure.weight[as_size(v)][i] = weight;
+      figure.node[v][i] = sorted[i].second;
+      figure.weight[v][i] = weight;
       rest -= weight;
     }
   }
@@ -157,7 +156,7 @@ std::vector<Eigen::Affine3d> pose_nodes(const Figure& figure, const Skeleton& sk
                                         const std::vector<double>& dofs) {
   const std::vector<Eigen::Affine3d> joints = skeleton.pose(dofs);
   std::vector<Eigen::Affine3d> posed;
-  for (const FigureNode& node : figure.nodes) posed.push_back(joints[as_size(node.joint)]);
+  for (const FigureNode& node : figure.nodes) posed.push_back(joints[node.joint]);
   return posed;
 }
 
@@ -167,8 +166,7 @@ std::vector<Eigen::Affine3d> blend_transforms(const Figure& figure, const std::v
   std::vector<Eigen::Affine3d> blended(figure.node.size());
   for (std::size_t v = 0; v < blended.size(); ++v) {
     Eigen::Matrix4d sum = Eigen::Matrix4d::Zero();
-    for (std::size_t i = 0; i < 4; ++i)
-      sum += static_cast<double>(figure.weight[v][i]) * moved[as_size(figure.node[v][i])];
+    for (std::size_t i = 0; i < 4; ++i) sum += static_cast<double>(figure.weight[v][i]) * moved[figure.node[v][i]];
     blended[v] = Eigen::Affine3d(sum);
   }
   return blended;

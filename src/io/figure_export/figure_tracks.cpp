@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/io/figure_export/figure_clip.h"
 #include "doppel/io/figure_export/key_frames.h"
 
@@ -18,20 +17,20 @@ void between_keys(const std::vector<int>& keys, const Fill& fill) {
 }
 
 std::vector<int> thin_rotations(std::vector<Eigen::Quaterniond>& values, double tolerance) {
-  const auto at = [&](int a, int b, int i) { return values[as_size(a)].slerp(share(a, b, i), values[as_size(b)]); };
+  const auto at = [&](int a, int b, int i) { return values[a].slerp(share(a, b, i), values[b]); };
   const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return values[as_size(i)].angularDistance(at(a, b, i)); });
-  between_keys(keys, [&](int a, int b, int i) { values[as_size(i)] = at(a, b, i); });
+                               [&](int a, int b, int i) { return values[i].angularDistance(at(a, b, i)); });
+  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
   return keys;
 }
 
 std::vector<int> thin_translations(std::vector<Eigen::Vector3d>& values, double tolerance) {
   const auto at = [&](int a, int b, int i) -> Eigen::Vector3d {
-    return values[as_size(a)] + share(a, b, i) * (values[as_size(b)] - values[as_size(a)]);
+    return values[a] + share(a, b, i) * (values[b] - values[a]);
   };
   const auto keys = key_frames(static_cast<int>(values.size()), tolerance,
-                               [&](int a, int b, int i) { return (values[as_size(i)] - at(a, b, i)).norm(); });
-  between_keys(keys, [&](int a, int b, int i) { values[as_size(i)] = at(a, b, i); });
+                               [&](int a, int b, int i) { return (values[i] - at(a, b, i)).norm(); });
+  between_keys(keys, [&](int a, int b, int i) { values[i] = at(a, b, i); });
   return keys;
 }
 
@@ -39,7 +38,7 @@ std::vector<int> thin_weights(Eigen::MatrixXd& weights, const MorphTargets& morp
   if (weights.rows() == 0 || weights.cols() == 0) return {};
   Eigen::RowVectorXd reach(morphs.count());  // the largest displacement of each target
   for (int k = 0; k < morphs.count(); ++k)
-    reach(k) = static_cast<double>(morphs.targets[as_size(k)].rowwise().norm().maxCoeff());
+    reach(k) = static_cast<double>(morphs.targets[k].rowwise().norm().maxCoeff());
   const auto at = [&](int a, int b, int i) -> Eigen::RowVectorXd {
     return weights.row(a) + share(a, b, i) * (weights.row(b) - weights.row(a));
   };
@@ -56,7 +55,7 @@ std::vector<Eigen::Affine3d> nodes_at(const Figure& figure, const FigureTracks& 
   for (std::size_t i = 0; i < world.size(); ++i) {
     const Eigen::Affine3d local = Eigen::Translation3d(tracks.translation[i][t]) * tracks.rotation[i][t];
     const int parent = figure.nodes[i].parent;
-    world[i] = parent < 0 ? local : world[as_size(parent)] * local;
+    world[i] = parent < 0 ? local : world[parent] * local;
   }
   return world;
 }
@@ -69,10 +68,10 @@ FigureTracks thin_tracks(const Figure& figure, const Skeleton& skeleton, const F
   tracks.rotation.resize(figure.nodes.size());
   tracks.translation.resize(figure.nodes.size());
   for (int t = 0; t < clip.num_frames(); ++t) {
-    const auto world = pose_nodes(figure, skeleton, clip.dofs[as_size(t)]);
+    const auto world = pose_nodes(figure, skeleton, clip.dofs[t]);
     for (std::size_t i = 0; i < world.size(); ++i) {
       const int parent = figure.nodes[i].parent;
-      const Eigen::Affine3d local = parent < 0 ? world[i] : world[as_size(parent)].inverse() * world[i];
+      const Eigen::Affine3d local = parent < 0 ? world[i] : world[parent].inverse() * world[i];
       Eigen::Quaterniond turn(local.linear());
       turn.normalize();
       // q and -q are the same rotation; neighbours with the same sign interpolate the short way.
@@ -101,7 +100,7 @@ FigureError figure_error(const Figure& figure, const FigureClip& clip, const Mor
       Eigen::Vector3d rest = figure.rest_vertices[v];
       for (int k = 0; k < morphs.count(); ++k)
         rest += tracks.weights(static_cast<Eigen::Index>(t), k) *
-                morphs.targets[as_size(k)].row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
+                morphs.targets[k].row(static_cast<Eigen::Index>(v)).cast<double>().transpose();
       const float* truth = &clip.vertices[t][3 * v];
       const double distance = 1000.0 * (blended[v] * rest - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
       sum += distance;

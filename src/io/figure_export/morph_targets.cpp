@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "doppel/core/as_size.h"
 #include "doppel/io/figure_export/figure_clip.h"
 
 namespace doppel {
@@ -87,15 +86,14 @@ class SegmentFit {
     Eigen::MatrixXf snapshots(3 * static_cast<Eigen::Index>(figure_.node.size()), used);
     for (int i = 0; i < used; ++i) {
       const int t = first + static_cast<int>(static_cast<long>(i) * frames / used);
-      snapshots.col(i) = unposed_displacements(figure_, blended(t), clip_.vertices[as_size(t)]);
+      snapshots.col(i) = unposed_displacements(figure_, blended(t), clip_.vertices[t]);
     }
     const Eigen::VectorXf mean = snapshots.rowwise().mean();
     snapshots.colwise() -= mean;
     Segment segment{first, last, mean, components_of(snapshots, count - 1), {}};
     segment.weights.resize(frames, segment.components.cols());
     for (int t = first; t < last; ++t) {
-      const Eigen::VectorXd weights =
-          frame_weights(figure_, blended(t), clip_.vertices[as_size(t)], mean, segment.components);
+      const Eigen::VectorXd weights = frame_weights(figure_, blended(t), clip_.vertices[t], mean, segment.components);
       segment.weights.row(t - first) = weights;
       segment.worst = std::max(segment.worst, worst_distance(t, mean + segment.components * weights.cast<float>()));
     }
@@ -104,7 +102,7 @@ class SegmentFit {
 
  private:
   std::vector<Eigen::Affine3d> blended(int t) const {
-    return blend_transforms(figure_, pose_nodes(figure_, skeleton_, clip_.dofs[as_size(t)]));
+    return blend_transforms(figure_, pose_nodes(figure_, skeleton_, clip_.dofs[t]));
   }
 
   double worst_distance(int t, const Eigen::VectorXf& displacement) const {
@@ -114,7 +112,7 @@ class SegmentFit {
       const Eigen::Vector3d moved =
           matrices[v] *
           (figure_.rest_vertices[v] + displacement.segment<3>(3 * static_cast<Eigen::Index>(v)).cast<double>());
-      worst = std::max(worst, (moved - vertex_of(clip_.vertices[as_size(t)], v)).norm());
+      worst = std::max(worst, (moved - vertex_of(clip_.vertices[t], v)).norm());
     }
     return worst;
   }

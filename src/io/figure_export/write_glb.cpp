@@ -92,8 +92,7 @@ class GlbWriter {
     model_.nodes.push_back(armature);
     for (std::size_t i = 0; i < figure_.nodes.size(); ++i) {
       const int parent = figure_.nodes[i].parent;
-      const Eigen::Affine3d local =
-          parent < 0 ? figure_.rest[i] : figure_.rest[as_size(parent)].inverse() * figure_.rest[i];
+      const Eigen::Affine3d local = parent < 0 ? figure_.rest[i] : figure_.rest[parent].inverse() * figure_.rest[i];
       const Eigen::Quaterniond turn = Eigen::Quaterniond(local.linear()).normalized();
       const Eigen::Vector3d& offset = local.translation();
       tinygltf::Node node;
@@ -101,7 +100,7 @@ class GlbWriter {
       node.rotation = {turn.x(), turn.y(), turn.z(), turn.w()};
       node.translation = {offset.x(), offset.y(), offset.z()};
       model_.nodes.push_back(node);
-      model_.nodes[as_size(parent + 1)].children.push_back(static_cast<int>(i) + 1);
+      model_.nodes[parent + 1].children.push_back(static_cast<int>(i) + 1);
     }
     tinygltf::Node mesh;
     mesh.name = file_.name;
@@ -135,17 +134,17 @@ class GlbWriter {
     tinygltf::Mesh mesh;
     mesh.name = file_.name;
     mesh.primitives.push_back(primitive);
-    mesh.weights.assign(as_size(morphs_.count()), 0.0);
+    mesh.weights.assign(morphs_.count(), 0.0);
     model_.meshes.push_back(mesh);
   }
 
   void add_skin_weights(const SplitVertices& split, tinygltf::Primitive& primitive) {
     std::vector<std::uint16_t> nodes;
     for (const int v : split.vertex)
-      for (const int node : figure_.node[as_size(v)]) nodes.push_back(static_cast<std::uint16_t>(node));
+      for (const int node : figure_.node[v]) nodes.push_back(static_cast<std::uint16_t>(node));
     primitive.attributes["JOINTS_0"] = buffer_.joints(nodes);
     primitive.attributes["WEIGHTS_0"] = buffer_.floats(
-        spread(split, 4, [&](std::size_t v, int i) { return figure_.weight[v][as_size(i)]; }), 4, false, kVertexTarget);
+        spread(split, 4, [&](std::size_t v, int i) { return figure_.weight[v][i]; }), 4, false, kVertexTarget);
   }
 
   std::map<std::string, int> add_target(const SplitVertices& split, const std::vector<Eigen::Vector3d>& normals,
@@ -167,8 +166,8 @@ class GlbWriter {
     if (!mesh.texture.empty() && !split.uv.empty() && split.uv[0] >= 0) {
       std::vector<float> uvs;
       for (const int uv : split.uv) {
-        uvs.push_back(static_cast<float>(mesh.uvs[as_size(uv)].x()));
-        uvs.push_back(static_cast<float>(1.0 - mesh.uvs[as_size(uv)].y()));  // glTF counts rows from the top
+        uvs.push_back(static_cast<float>(mesh.uvs[uv].x()));
+        uvs.push_back(static_cast<float>(1.0 - mesh.uvs[uv].y()));  // glTF counts rows from the top
       }
       primitive.attributes["TEXCOORD_0"] = buffer_.floats(uvs, 2, false, kVertexTarget);
       material.pbrMetallicRoughness.baseColorTexture.index = add_texture();
@@ -218,12 +217,11 @@ class GlbWriter {
     for (std::size_t i = 0; i < figure_.nodes.size(); ++i) {
       std::vector<float> turns, offsets;
       for (const int key : tracks_.rotation_keys[i]) {
-        const Eigen::Quaterniond& turn = tracks_.rotation[i][as_size(key)];
+        const Eigen::Quaterniond& turn = tracks_.rotation[i][key];
         for (const double value : {turn.x(), turn.y(), turn.z(), turn.w()}) turns.push_back(static_cast<float>(value));
       }
       for (const int key : tracks_.translation_keys[i])
-        for (int axis = 0; axis < 3; ++axis)
-          offsets.push_back(static_cast<float>(tracks_.translation[i][as_size(key)][axis]));
+        for (int axis = 0; axis < 3; ++axis) offsets.push_back(static_cast<float>(tracks_.translation[i][key][axis]));
       add_channel(static_cast<int>(i) + 1, "rotation", tracks_.rotation_keys[i], turns, 4);
       add_channel(static_cast<int>(i) + 1, "translation", tracks_.translation_keys[i], offsets, 3);
     }

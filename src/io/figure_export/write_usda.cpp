@@ -1,6 +1,5 @@
 #include <ostream>
 
-#include "doppel/core/as_size.h"
 #include "doppel/io/figure_export/usda_text.h"
 
 namespace doppel {
@@ -24,7 +23,7 @@ void write_usda(const std::filesystem::path& path, const FigureFile& file) {
         << usda_surface_schemas(textured, "") << "\n    {\n"
         << usda_topology(root, file.mesh, textured) << "        point3f[] points.timeSamples = {\n";
     for (int t = 0; t < file.clip.num_frames(); ++t)
-      out << "            " << t << ": " << points_of(file.clip.vertices[as_size(t)]) << ",\n";
+      out << "            " << t << ": " << points_of(file.clip.vertices[t]) << ",\n";
     out << "        }\n    }\n" << (textured ? usda_material(root, texture) : "") << "}\n";
   });
 }

@@ -1,7 +1,6 @@
 #include <ostream>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/io/figure_export/usda_text.h"
 
 namespace doppel {
@@ -12,7 +11,7 @@ std::vector<std::string> joint_paths(const Figure& figure) {
   std::vector<std::string> paths;
   std::set<std::string> taken;
   for (const FigureNode& node : figure.nodes) {
-    const std::string plain = (node.parent < 0 ? "" : paths[as_size(node.parent)] + "/") + usda_name(node.name);
+    const std::string plain = (node.parent < 0 ? "" : paths[node.parent] + "/") + usda_name(node.name);
     std::string path = plain;
     for (int i = 2; !taken.insert(path).second; ++i) path = plain + "_" + std::to_string(i);
     paths.push_back(path);
@@ -72,7 +71,7 @@ class SkelWriter {
     std::vector<Eigen::Affine3d> local;
     for (std::size_t i = 0; i < figure_.nodes.size(); ++i) {
       const int parent = figure_.nodes[i].parent;
-      local.push_back(parent < 0 ? figure_.rest[i] : figure_.rest[as_size(parent)].inverse() * figure_.rest[i]);
+      local.push_back(parent < 0 ? figure_.rest[i] : figure_.rest[parent].inverse() * figure_.rest[i]);
     }
     out << "    def Skeleton \"Skeleton\" (\n        prepend apiSchemas = [\"SkelBindingAPI\"]\n    )\n    {\n"
         << "        uniform token[] joints = " << tokens(joints_) << "\n"
@@ -93,11 +92,11 @@ class SkelWriter {
     out << "    def SkelAnimation \"Animation\"\n    {\n        uniform token[] joints = " << tokens(joints_) << "\n";
     write_samples(out, "float3[] translations", [&](int t) {
       return usda_list(tracks_.translation,
-                       [&](std::string& text, const auto& track) { write_triple(text, track[as_size(t)]); });
+                       [&](std::string& text, const auto& track) { write_triple(text, track[t]); });
     });
     write_samples(out, "quatf[] rotations", [&](int t) {
       return usda_list(tracks_.rotation, [&](std::string& text, const auto& track) {
-        const Eigen::Quaterniond& q = track[as_size(t)];
+        const Eigen::Quaterniond& q = track[t];
         fmt::format_to(std::back_inserter(text), "({:.7g}, {:.7g}, {:.7g}, {:.7g})", q.w(), q.x(), q.y(), q.z());
       });
     });

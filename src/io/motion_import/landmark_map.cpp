@@ -7,7 +7,6 @@
 #include <map>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/rig_import/landmarks_of_rig.h"
 
@@ -29,15 +28,15 @@ std::vector<RigJoint> bones_of_skeleton(const Skeleton& skeleton, const std::vec
   std::map<std::string, int> place;
   std::vector<int> bone_of;  // of each joint
   for (int j = 0; j < skeleton.num_joints(); ++j) {
-    const Joint& joint = skeleton.joints[as_size(j)];
+    const Joint& joint = skeleton.joints[j];
     const std::string name = bone_name(joint.name);
     const auto [found, is_new] = place.emplace(name, static_cast<int>(bones.size()));
     bone_of.push_back(found->second);
-    const Eigen::Vector3d position = rest[as_size(j)].translation();
+    const Eigen::Vector3d position = rest[j].translation();
     if (is_new)
-      bones.push_back({name, joint.parent < 0 ? -1 : bone_of[as_size(joint.parent)], position});
+      bones.push_back({name, joint.parent < 0 ? -1 : bone_of[joint.parent], position});
     else
-      bones[as_size(found->second)].position = position;  // as the joint map: the last joint of the bone
+      bones[found->second].position = position;  // as the joint map: the last joint of the bone
   }
   return bones;
 }
@@ -64,23 +63,23 @@ Landmarks landmarks_with_ends(const std::vector<RigJoint>& joints) {
   Landmarks found = find_landmarks(joints);
   for (const std::string side : {"left_", "right_"})
     for (const auto& [end, above] : {std::pair{"wrist", "elbow"}, {"toe", "ankle"}})
-      if (int& joint = found[as_size(landmark(side + end))]; joint < 0)
-        joint = only_child(joints, found[as_size(landmark(side + above))]);
+      if (int& joint = found[landmark(side + end)]; joint < 0)
+        joint = only_child(joints, found[landmark(side + above)]);
   return found;
 }
 
 bool is_below(const std::vector<RigJoint>& joints, int joint, int ancestor) {
-  for (joint = joints[as_size(joint)].parent; joint >= 0; joint = joints[as_size(joint)].parent)
+  for (joint = joints[joint].parent; joint >= 0; joint = joints[joint].parent)
     if (joint == ancestor) return true;
   return false;
 }
 
 /// The pelvis, or the nearest joint above it that also carries the hips: in some rigs the legs hang beside the pelvis.
 int root_of_body(const std::vector<RigJoint>& joints, const Landmarks& landmarks) {
-  int root = landmarks[as_size(landmark("pelvis"))];
+  int root = landmarks[landmark("pelvis")];
   for (const char* name : {"left_hip", "right_hip"})
-    if (const int hip = landmarks[as_size(landmark(name))]; hip >= 0)
-      while (root >= 0 && !is_below(joints, hip, root)) root = joints[as_size(root)].parent;
+    if (const int hip = landmarks[landmark(name)]; hip >= 0)
+      while (root >= 0 && !is_below(joints, hip, root)) root = joints[root].parent;
   return root;
 }
 
@@ -108,8 +107,7 @@ JointMap landmark_joint_map(const Skeleton& skeleton, const std::vector<double>&
     if (a < 0 || b < 0 || taken_here.count(a) != 0 || taken_there.count(b) != 0) return;
     taken_here.insert(a);
     taken_there.insert(b);
-    map.pairs.push_back(
-        {ours[as_size(a)].name, theirs[as_size(b)].name, Eigen::Vector3d::Zero(), {"the guessed joint map", 0}});
+    map.pairs.push_back({ours[a].name, theirs[b].name, Eigen::Vector3d::Zero(), {"the guessed joint map", 0}});
   };
   const int root = root_of_body(ours, here), other_root = root_of_body(theirs, there);
   pair(root, other_root);
@@ -117,7 +115,7 @@ JointMap landmark_joint_map(const Skeleton& skeleton, const std::vector<double>&
   // not below the root (the target of a foot for inverse kinematics) would be a second root of the map.
   for (std::size_t i = kBodyLandmarks.size(); i-- > 0;)
     if (here[i] >= 0 && is_below(ours, here[i], root)) pair(here[i], there[i]);
-  const bool leg = taken_here.count(here[as_size(landmark("left_knee"))]) != 0;
+  const bool leg = taken_here.count(here[landmark("left_knee")]) != 0;
   if (map.pairs.size() < kFewestPairs || !leg || taken_here.count(root) == 0)
     fail<UsageError>(
         "{} joints of the motion are recognised as those of a body; needed are the pelvis, a leg and more. Write a "

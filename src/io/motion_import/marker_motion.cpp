@@ -138,18 +138,17 @@ void PointFigure::gather(const SpacePoints& points, std::size_t frames) {
       Vector3d sum = Vector3d::Zero();
       bool all = !matched[j].empty();
       for (const int point : matched[j]) {
-        all = all && row[as_size(point)];
-        if (all) sum += *row[as_size(point)];
+        all = all && row[point];
+        if (all) sum += *row[point];
       }
-      if (all) joint.track[as_size(frame - points.frames.begin()->first)] = Vector3d(sum / matched[j].size());
+      if (all) joint.track[frame - points.frames.begin()->first] = Vector3d(sum / matched[j].size());
       seen = seen || all;
     }
     if (!seen) continue;
-    for (int above = kMarkerJoints[j].parent; above >= 0 && joint.parent < 0;
-         above = kMarkerJoints[as_size(above)].parent)
-      joint.parent = joint_of[as_size(above)];
+    for (int above = kMarkerJoints[j].parent; above >= 0 && joint.parent < 0; above = kMarkerJoints[above].parent)
+      joint.parent = joint_of[above];
     joint_of[j] = static_cast<int>(joints_.size());
-    if (joint.parent >= 0) joints_[as_size(joint.parent)].children.push_back(joint_of[j]);
+    if (joint.parent >= 0) joints_[joint.parent].children.push_back(joint_of[j]);
     joints_.push_back(std::move(joint));
   }
   require_body(points);
@@ -222,7 +221,7 @@ void PointFigure::build_rest() {
   double lowest = HUGE_VAL;
   for (PointJoint& joint : joints_) {
     if (joint.parent >= 0) {
-      const PointJoint& above = joints_[as_size(joint.parent)];
+      const PointJoint& above = joints_[joint.parent];
       std::vector<double> lengths;
       for (std::size_t f = 0; f < joint.track.size(); ++f)
         if (joint.track[f] && above.track[f]) lengths.push_back((*joint.track[f] - *above.track[f]).norm());
@@ -247,9 +246,8 @@ std::vector<Eigen::Affine3d> PointFigure::pose(std::size_t frame) const {
   std::vector<Eigen::Affine3d> world;
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     const PointJoint& joint = joints_[j];
-    const Matrix3d above = joint.parent < 0 ? Matrix3d::Identity() : Matrix3d(world[as_size(joint.parent)].linear());
-    if (places[j].hasNaN())
-      places[j] = places[as_size(joint.parent)] + above * (joint.rest - joints_[as_size(joint.parent)].rest);
+    const Matrix3d above = joint.parent < 0 ? Matrix3d::Identity() : Matrix3d(world[joint.parent].linear());
+    if (places[j].hasNaN()) places[j] = places[joint.parent] + above * (joint.rest - joints_[joint.parent].rest);
     world.emplace_back(Eigen::Translation3d(places[j]));
     world.back().linear() = rotation(j, places, above);
   }
@@ -266,13 +264,11 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
     from.rightCols(1) = rest;
     to.rightCols(1) = now;
   };
-  const auto direction = [&](int a, int b) -> Vector3d {
-    return (places[as_size(b)] - places[as_size(a)]).normalized();
-  };
+  const auto direction = [&](int a, int b) -> Vector3d { return (places[b] - places[a]).normalized(); };
   int below = -1;
   for (const int child : joint.children) {
-    if (places[as_size(child)].hasNaN()) continue;
-    const Vector3d bone = joints_[as_size(child)].rest - joint.rest;
+    if (places[child].hasNaN()) continue;
+    const Vector3d bone = joints_[child].rest - joint.rest;
     const Vector3d now = direction(static_cast<int>(index), child);
     if (bone.norm() < kNoBone || now.isZero()) continue;
     add(bone, bone.norm() * now);
@@ -281,10 +277,10 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
   if (from.cols() == 0) return above;
   if (from.cols() > 1) return best_rotation(from, to);
   const Matrix3d swing = Eigen::Quaterniond::FromTwoVectors(above * from.col(0), to.col(0)).toRotationMatrix() * above;
-  const std::vector<int>& next = joints_[as_size(below)].children;
-  const bool thigh = joints_[as_size(below)].name.ends_with("_knee");
-  const bool limb = thigh || joints_[as_size(below)].name.ends_with("_elbow");
-  if (!limb || next.empty() || places[as_size(next[0])].hasNaN()) return swing;
+  const std::vector<int>& next = joints_[below].children;
+  const bool thigh = joints_[below].name.ends_with("_knee");
+  const bool limb = thigh || joints_[below].name.ends_with("_elbow");
+  if (!limb || next.empty() || places[next[0]].hasNaN()) return swing;
   // The axis of a bent knee or elbow, whose rest axis is that of a bend from the T-pose.
   const Vector3d now = direction(static_cast<int>(index), below).cross(direction(below, next[0]));
   const Vector3d bend(0, 0, thigh ? -1 : 1);

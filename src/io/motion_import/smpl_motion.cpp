@@ -128,8 +128,8 @@ std::vector<Eigen::Affine3d> posed_figure(const Rows& poses, std::size_t frame, 
         Eigen::AngleAxisd(angle, angle > 0 ? Vector3d(turn / angle) : Vector3d::UnitX()).toRotationMatrix();
     Eigen::Affine3d local = Eigen::Affine3d::Identity();
     local.linear() = rotation;
-    local.translation() = joint.parent < 0 ? place : joint.position - rest_figure()[as_size(joint.parent)].position;
-    world.push_back(joint.parent < 0 ? local : world[as_size(joint.parent)] * local);
+    local.translation() = joint.parent < 0 ? place : joint.position - rest_figure()[joint.parent].position;
+    world.push_back(joint.parent < 0 ? local : world[joint.parent] * local);
   }
   return world;
 }

@@ -115,18 +115,16 @@ std::vector<Eigen::Vector3d> RigImporter::place_vertices(Scene& surface) {
     if (primitive.faces.empty() || (primitive.skin < 0 && part < 0)) continue;
     surface.primitives.push_back(primitive);
     for (int v = 0; v < primitive.num_vertices(); ++v) {
-      const Eigen::Vector3d& vertex = primitive.vertices[as_size(v)];
+      const Eigen::Vector3d& vertex = primitive.vertices[v];
       VertexWeights row;
       if (primitive.skin < 0 || primitive.vertex_joints.size(v) == 0) {
         row.emplace_back(part, 1.0);
         placed.emplace_back(plan_.scene_from_part[p] * vertex);
       } else {
-        const SceneSkin& skin = scene_.skins[as_size(primitive.skin)];
-        for (int i = primitive.vertex_joints.offsets[as_size(v)]; i < primitive.vertex_joints.offsets[as_size(v) + 1];
-             ++i)
-          row.emplace_back(plan_.joint_of_node(skin.joints[as_size(primitive.vertex_joints.items[as_size(i)])]),
-                           primitive.weights[as_size(i)]);
-        placed.emplace_back(plan_.scene_from_skin[as_size(primitive.skin)] * vertex);
+        const SceneSkin& skin = scene_.skins[primitive.skin];
+        for (int i = primitive.vertex_joints.offsets[v]; i < primitive.vertex_joints.offsets[as_size(v) + 1]; ++i)
+          row.emplace_back(plan_.joint_of_node(skin.joints[primitive.vertex_joints.items[i]]), primitive.weights[i]);
+        placed.emplace_back(plan_.scene_from_skin[primitive.skin] * vertex);
       }
       vertex_joints_.push_back(std::move(row));
       rig_.vertex_map.push_back(begin + v);
@@ -150,9 +148,9 @@ void RigImporter::place_surface() {
 void RigImporter::name_joints() {
   std::set<std::string> taken;
   for (int j = 0; j < plan_.num_joints(); ++j) {
-    const std::string& name = scene_.nodes[as_size(plan_.nodes[as_size(j)])].name;
+    const std::string& name = scene_.nodes[plan_.nodes[j]].name;
     bones_.push_back(bone_of(name, taken));
-    rig_.joints.push_back({name, bones_.back(), plan_.parents[as_size(j)], centres_[as_size(j)]});
+    rig_.joints.push_back({name, bones_.back(), plan_.parents[j], centres_[j]});
   }
 }
 
@@ -171,7 +169,7 @@ void RigImporter::build_skin() {
   SkinningWeights& skin = rig_.character.skin;
   std::vector<bool> used(plan_.nodes.size(), false);
   for (const VertexWeights& row : vertex_joints_)
-    for (const auto& [joint, weight] : row) used[as_size(joint)] = true;
+    for (const auto& [joint, weight] : row) used[joint] = true;
   std::vector<int> bone(plan_.nodes.size(), -1);
   for (std::size_t j = 0; j < used.size(); ++j)
     if (used[j]) {
@@ -180,7 +178,7 @@ void RigImporter::build_skin() {
     }
   for (const VertexWeights& row : vertex_joints_) {
     for (const auto& [joint, weight] : row) {
-      skin.vertex_bones.items.push_back(bone[as_size(joint)]);
+      skin.vertex_bones.items.push_back(bone[joint]);
       skin.weights.push_back(weight);
     }
     skin.vertex_bones.offsets.push_back(static_cast<int>(skin.vertex_bones.items.size()));
@@ -197,7 +195,7 @@ void RigImporter::weld() {
     const Eigen::Vector3d& x = mesh.vertices[v];
     std::vector<int>& here = at[{near(x.x()), near(x.y()), near(x.z())}];
     const auto same = [&](int other) {
-      const VertexWeights &a = vertex_joints_[v], &b = vertex_joints_[as_size(kept[as_size(other)])];
+      const VertexWeights &a = vertex_joints_[v], &b = vertex_joints_[kept[other]];
       return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](const auto& p, const auto& q) {
                return p.first == q.first && std::abs(p.second - q.second) < 1e-6;
              });
@@ -210,7 +208,7 @@ void RigImporter::weld() {
   }
   const auto keep = [&](auto& values) {
     if (values.empty()) return;
-    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[as_size(kept[i])];
+    for (std::size_t i = 0; i < kept.size(); ++i) values[i] = values[kept[i]];
     values.resize(kept.size());
   };
   keep(mesh.vertices);
@@ -218,7 +216,7 @@ void RigImporter::weld() {
   keep(vertex_joints_);
   keep(rig_.vertex_map);
   for (Triangle& face : mesh.faces)
-    for (int& corner : face) corner = target[as_size(corner)];
+    for (int& corner : face) corner = target[corner];
 }
 
 void RigImporter::build_character() {
@@ -242,9 +240,9 @@ double RigImporter::error_of(const SceneAnimation& animation, const ImportedMoti
   for (const int frame : {0, last / 4, last / 2, 3 * last / 4, last}) {
     const auto world = node_transforms(scene_, animation, motion.start + frame / motion.frames_per_second);
     const std::vector<Eigen::Vector3d> truth = posed_vertices(scene_, world);
-    const std::vector<Eigen::Vector3d> posed = posed_vertices(character, motion.motion.frames[as_size(frame)]);
+    const std::vector<Eigen::Vector3d> posed = posed_vertices(character, motion.motion.frames[frame]);
     for (std::size_t v = 0; v < posed.size(); ++v)
-      largest = std::max(largest, (posed[v] - character_from_scene_ * truth[as_size(rig_.vertex_map[v])]).norm());
+      largest = std::max(largest, (posed[v] - character_from_scene_ * truth[rig_.vertex_map[v]]).norm());
   }
   return largest;
 }

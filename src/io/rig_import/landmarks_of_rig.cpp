@@ -6,8 +6,6 @@
 #include <cmath>
 #include <map>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {
@@ -86,7 +84,7 @@ class LandmarkFinder {
     found_.fill(-1);
     for (std::size_t j = 0; j < joints.size(); ++j) {
       names_.push_back(parse_name(joints[j].name));
-      if (joints[j].parent >= 0) children_[as_size(joints[j].parent)].push_back(static_cast<int>(j));
+      if (joints[j].parent >= 0) children_[joints[j].parent].push_back(static_cast<int>(j));
     }
   }
 
@@ -100,10 +98,10 @@ class LandmarkFinder {
   }
 
  private:
-  int& at(bool left, int limb) { return found_[as_size(landmark_index(left, limb))]; }
-  int at(bool left, int limb) const { return found_[as_size(landmark_index(left, limb))]; }
-  int parent(int joint) const { return joints_[as_size(joint)].parent; }
-  const Eigen::Vector3d& position(int joint) const { return joints_[as_size(joint)].position; }
+  int& at(bool left, int limb) { return found_[landmark_index(left, limb)]; }
+  int at(bool left, int limb) const { return found_[landmark_index(left, limb)]; }
+  int parent(int joint) const { return joints_[joint].parent; }
+  const Eigen::Vector3d& position(int joint) const { return joints_[joint].position; }
   bool below(int joint, int ancestor) const {
     for (; joint >= 0; joint = parent(joint))
       if (joint == ancestor) return true;
@@ -198,7 +196,7 @@ void LandmarkFinder::set_leg(bool left, const std::vector<int>& joints) {
 /// The joints from the chest to the hand, where fingers spread or the chain ends.
 void LandmarkFinder::set_arm(bool left, std::vector<int> joints) {
   for (std::size_t i = 2; i < joints.size(); ++i)
-    if (children_[as_size(joints[i])].size() > 1) {
+    if (children_[joints[i]].size() > 1) {
       joints.resize(i + 1);
       break;
     }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/excerpt.h"
 
@@ -22,9 +21,8 @@ constexpr long kMostFrames = 500'000;
 int twist_axis(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres, int joint) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (int j = 0; j < plan.num_joints(); ++j)
-    if (plan.parents[as_size(j)] == joint) sum += centres[as_size(j)] - centres[as_size(joint)];
-  if (sum.norm() < 1e-9 && plan.parents[as_size(joint)] >= 0)
-    sum = centres[as_size(joint)] - centres[as_size(plan.parents[as_size(joint)])];
+    if (plan.parents[j] == joint) sum += centres[j] - centres[joint];
+  if (sum.norm() < 1e-9 && plan.parents[joint] >= 0) sum = centres[joint] - centres[plan.parents[joint]];
   Eigen::Index axis = 1;
   if (sum.norm() > 1e-9) sum.cwiseAbs().maxCoeff(&axis);
   return static_cast<int>(axis);
@@ -32,7 +30,7 @@ int twist_axis(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres,
 
 /// Bending first, twist last. The root turns about the vertical first, so that its heading is one DoF.
 EulerOrder preferred_order(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres, int joint) {
-  if (plan.parents[as_size(joint)] < 0) return {1, 2, 0};
+  if (plan.parents[joint] < 0) return {1, 2, 0};
   switch (twist_axis(plan, centres, joint)) {
     case 0:
       return {1, 2, 0};
@@ -60,7 +58,7 @@ std::array<bool, 3> moving_axes(const RigPlan& plan, const std::vector<Eigen::Ve
   for (const SampledAnimation& animation : samples)
     for (const auto& frame : animation.frames)
       largest = largest.cwiseMax(local_pose(plan, centres, frame, joint).translation.cwiseAbs());
-  const bool root = plan.parents[as_size(joint)] < 0;
+  const bool root = plan.parents[joint] < 0;
   return {root || largest.x() > kStillTranslation, root || largest.y() > kStillTranslation,
           root || largest.z() > kStillTranslation};
 }
@@ -69,13 +67,12 @@ std::array<bool, 3> moving_axes(const RigPlan& plan, const std::vector<Eigen::Ve
 
 LocalPose local_pose(const RigPlan& plan, const std::vector<Eigen::Vector3d>& centres,
                      const std::vector<JointPose>& frame, int joint) {
-  const JointPose& own = frame[as_size(joint)];
-  const int parent = plan.parents[as_size(joint)];
-  if (parent < 0) return {own.rotation, own.position - centres[as_size(joint)]};
-  const JointPose& above = frame[as_size(parent)];
+  const JointPose& own = frame[joint];
+  const int parent = plan.parents[joint];
+  if (parent < 0) return {own.rotation, own.position - centres[joint]};
+  const JointPose& above = frame[parent];
   const Eigen::Quaterniond back = above.rotation.conjugate();
-  return {back * own.rotation,
-          back * (own.position - above.position) - (centres[as_size(joint)] - centres[as_size(parent)])};
+  return {back * own.rotation, back * (own.position - above.position) - (centres[joint] - centres[parent])};
 }
 
 const SceneAnimation& find_animation(const Scene& scene, const std::string& name) {
@@ -108,7 +105,7 @@ SampledAnimation sample_animation(const Scene& scene, const SceneAnimation& anim
     const auto world = node_transforms(scene, animation, result.start + static_cast<double>(f) / frames_per_second);
     std::vector<JointPose>& frame = result.frames.emplace_back();
     for (std::size_t j = 0; j < plan.nodes.size(); ++j) {
-      const Eigen::Affine3d motion = character_from_scene * world[as_size(plan.nodes[j])] * character_from_bind[j];
+      const Eigen::Affine3d motion = character_from_scene * world[plan.nodes[j]] * character_from_bind[j];
       frame.push_back(joint_pose(motion, character_from_scene * plan.bind[j].translation()));
     }
   }
@@ -122,22 +119,22 @@ RigSkeleton build_skeleton(const RigPlan& plan, const std::vector<std::string>& 
   RigSkeleton rig;
   std::vector<int> last;  // the innermost axis of each joint
   for (int j = 0; j < plan.num_joints(); ++j) {
-    const int above = plan.parents[as_size(j)];
-    int parent = above < 0 ? -1 : last[as_size(above)];
-    Eigen::Vector3d offset = centres[as_size(j)];
-    if (above >= 0) offset -= centres[as_size(above)];
+    const int above = plan.parents[j];
+    int parent = above < 0 ? -1 : last[above];
+    Eigen::Vector3d offset = centres[j];
+    if (above >= 0) offset -= centres[above];
     std::optional<std::array<double, 2>> limits;
     if (above >= 0 && joint_limit) limits = {-*joint_limit, *joint_limit};
     JointDofs dofs;
     const std::array<bool, 3> moving = moving_axes(plan, centres, samples, j);
     const auto add = [&](char kind, int axis, Joint::Type type, std::optional<std::array<double, 2>> range) {
-      const std::string name = fmt::format("{}_{}{}", bones[as_size(j)], kind, kAxisName[axis]);
+      const std::string name = fmt::format("{}_{}{}", bones[j], kind, kAxisName[axis]);
       parent = add_axis(rig.skeleton, name, parent, offset, type, axis, range);
       offset.setZero();
       return rig.skeleton.num_dofs() - 1;
     };
     for (int axis = 0; axis < 3; ++axis)
-      if (moving[as_size(axis)]) dofs.translation[as_size(axis)] = add('t', axis, Joint::Type::prismatic, std::nullopt);
+      if (moving[axis]) dofs.translation[axis] = add('t', axis, Joint::Type::prismatic, std::nullopt);
     std::vector<Eigen::Quaterniond> rotations;
     for (const SampledAnimation& animation : samples)
       for (const auto& frame : animation.frames) rotations.push_back(local_pose(plan, centres, frame, j).rotation);
@@ -155,19 +152,18 @@ Motion motion_of_samples(const RigPlan& plan, const RigSkeleton& rig, const std:
   Motion motion;
   std::vector<Eigen::Vector3d> before(plan.nodes.size(), Eigen::Vector3d::Zero());
   for (const auto& frame : samples.frames) {
-    std::vector<double> row(as_size(rig.skeleton.num_dofs()), 0.0);
+    std::vector<double> row(rig.skeleton.num_dofs(), 0.0);
     for (int j = 0; j < plan.num_joints(); ++j) {
-      const JointDofs& dofs = rig.dofs[as_size(j)];
+      const JointDofs& dofs = rig.dofs[j];
       const LocalPose pose = local_pose(plan, centres, frame, j);
-      Eigen::Vector3d& angles = before[as_size(j)];
+      Eigen::Vector3d& angles = before[j];
       angles = euler_angles(pose.rotation.toRotationMatrix(), dofs.order, angles);
-      const bool within = plan.parents[as_size(j)] >= 0 && joint_limit;
+      const bool within = plan.parents[j] >= 0 && joint_limit;
       for (int i = 0; i < 3; ++i) {
         double angle = angles[i];
         if (within && std::abs(angle) > *joint_limit) angle -= 2 * M_PI * std::round(angle / (2 * M_PI));
-        row[as_size(dofs.rotation[as_size(i)])] = angle;
-        if (dofs.translation[as_size(i)] >= 0)
-          row[as_size(dofs.translation[as_size(i)])] = pose.translation[i] / kMetresPerTranslationUnit;
+        row[dofs.rotation[i]] = angle;
+        if (dofs.translation[i] >= 0) row[dofs.translation[i]] = pose.translation[i] / kMetresPerTranslationUnit;
       }
     }
     motion.frames.push_back(std::move(row));

@@ -37,7 +37,7 @@ std::vector<bool> moving_nodes(const Scene& scene) {
   std::vector<bool> moving(scene.nodes.size(), false);
   for (const SceneAnimation& animation : scene.animations)
     for (const SceneChannel& channel : animation.channels)
-      if (moves(scene.nodes[as_size(channel.node)], channel)) moving[as_size(channel.node)] = true;
+      if (moves(scene.nodes[channel.node], channel)) moving[channel.node] = true;
   return moving;
 }
 
@@ -79,10 +79,10 @@ class Planner {
   Affine bind_of_skin(const SceneSkin& skin) const;
   void place_parts();
   void check_rest();
-  int parent(int node) const { return scene_.nodes[as_size(node)].parent; }
+  int parent(int node) const { return scene_.nodes[node].parent; }
   /// The nearest chosen node from `node` upwards, or -1.
   int carrier(int node) const {
-    while (node >= 0 && !chosen_[as_size(node)]) node = parent(node);
+    while (node >= 0 && !chosen_[node]) node = parent(node);
     return node;
   }
   int depth(int node) const {
@@ -103,7 +103,7 @@ void Planner::choose_skin_joints() {
   for (const ScenePrimitive& primitive : scene_.primitives) {
     if (primitive.skin < 0 || primitive.faces.empty()) continue;
     any = true;
-    for (const int node : scene_.skins[as_size(primitive.skin)].joints) chosen_[as_size(node)] = true;
+    for (const int node : scene_.skins[primitive.skin].joints) chosen_[node] = true;
   }
   if (!any)
     fail(
@@ -119,8 +119,8 @@ void Planner::choose_parts() {
     const int joint = carrier(primitive.node);
     if (joint < 0) continue;
     for (int node = primitive.node; node != joint; node = parent(node))
-      if (moving_[as_size(node)]) {
-        chosen_[as_size(primitive.node)] = true;
+      if (moving_[node]) {
+        chosen_[primitive.node] = true;
         break;
       }
   }
@@ -131,7 +131,7 @@ void Planner::choose_nodes_between() {
     if (!chosen_[i]) continue;
     const int above = parent(static_cast<int>(i)) < 0 ? -1 : carrier(parent(static_cast<int>(i)));
     if (above < 0) continue;
-    for (int node = parent(static_cast<int>(i)); node != above; node = parent(node)) chosen_[as_size(node)] = true;
+    for (int node = parent(static_cast<int>(i)); node != above; node = parent(node)) chosen_[node] = true;
   }
 }
 
@@ -153,12 +153,12 @@ void Planner::choose_root() {
     if (common != other) common = -1;
     if (common < 0)
       fail("the joints '{}' and '{}' have no common node above them; a character has one root. Put both below one node",
-           scene_.nodes[as_size(tops[0])].name, scene_.nodes[as_size(top)].name);
+           scene_.nodes[tops[0]].name, scene_.nodes[top].name);
   }
-  chosen_[as_size(common)] = true;
+  chosen_[common] = true;
   choose_nodes_between();
   plan_.warnings.push_back(fmt::format("the rig has {} topmost joints; '{}' above them is the root", tops.size(),
-                                       scene_.nodes[as_size(common)].name));
+                                       scene_.nodes[common].name));
 }
 
 /// Parents first, otherwise in the order of the file.
@@ -201,7 +201,7 @@ Affine Planner::bind_of_skin(const SceneSkin& skin) const {
   std::vector<Eigen::Matrix4d> matrices;
   std::vector<std::size_t> candidates;
   for (std::size_t j = 0; j < skin.joints.size(); ++j) {
-    places.push_back(rest_[as_size(skin.joints[j])] * skin.joint_from_mesh[j]);
+    places.push_back(rest_[skin.joints[j]] * skin.joint_from_mesh[j]);
     directions.emplace_back(places[j].linear());
     matrices.push_back(places[j].matrix());
     candidates.push_back(j);
@@ -216,7 +216,7 @@ void Planner::find_bind_poses() {
   std::vector<bool> known(plan_.nodes.size(), false);
   for (const ScenePrimitive& primitive : scene_.primitives) {
     if (primitive.skin < 0 || primitive.faces.empty()) continue;
-    const SceneSkin& skin = scene_.skins[as_size(primitive.skin)];
+    const SceneSkin& skin = scene_.skins[primitive.skin];
     Affine place = bind_of_skin(skin);
     // A second skin stands where it makes the joints that both have coincide.
     for (std::size_t j = 0; j < skin.joints.size(); ++j)
@@ -224,27 +224,27 @@ void Planner::find_bind_poses() {
         place = plan_.bind[joint] * skin.joint_from_mesh[j];
         break;
       }
-    plan_.scene_from_skin[as_size(primitive.skin)] = place;
+    plan_.scene_from_skin[primitive.skin] = place;
     for (std::size_t j = 0; j < skin.joints.size(); ++j) {
       const auto joint = as_size(joint_of_node_.at(skin.joints[j]));
       if (known[joint]) continue;
       if (!(std::abs(skin.joint_from_mesh[j].linear().determinant()) > 1e-30))
         fail("the inverse bind matrix of joint '{}' is singular, so the joint has no bind pose",
-             scene_.nodes[as_size(skin.joints[j])].name);
+             scene_.nodes[skin.joints[j]].name);
       plan_.bind[joint] = place * skin.joint_from_mesh[j].inverse();
       known[joint] = true;
     }
   }
   for (int j = 0; j < plan_.num_joints(); ++j) {
-    if (known[as_size(j)]) continue;
-    const int above = plan_.parents[as_size(j)];
-    const Affine& rest = rest_[as_size(plan_.nodes[as_size(j)])];
+    if (known[j]) continue;
+    const int above = plan_.parents[j];
+    const Affine& rest = rest_[plan_.nodes[j]];
     if (above < 0) {
-      plan_.bind[as_size(j)] = rest;
+      plan_.bind[j] = rest;
       continue;
     }
-    const Affine& rest_above = rest_[as_size(plan_.nodes[as_size(above)])];
-    plan_.bind[as_size(j)] = plan_.bind[as_size(above)] * rest_above.inverse() * rest;
+    const Affine& rest_above = rest_[plan_.nodes[above]];
+    plan_.bind[j] = plan_.bind[above] * rest_above.inverse() * rest;
   }
 }
 
@@ -258,13 +258,13 @@ void Planner::place_parts() {
     plan_.part_joint.push_back(loose ? joint : -1);
     Affine place = Affine::Identity();
     if (loose && joint >= 0) {
-      const Affine& rest_joint = rest_[as_size(plan_.nodes[as_size(joint)])];
-      place = plan_.bind[as_size(joint)] * rest_joint.inverse() * rest_[as_size(primitive.node)];
+      const Affine& rest_joint = rest_[plan_.nodes[joint]];
+      place = plan_.bind[joint] * rest_joint.inverse() * rest_[primitive.node];
     }
     plan_.scene_from_part.push_back(place);
     if (loose && joint < 0)
       plan_.warnings.push_back(fmt::format("'{}' (node '{}') hangs on no joint and is left out", primitive.name,
-                                           scene_.nodes[as_size(primitive.node)].name));
+                                           scene_.nodes[primitive.node].name));
   }
 }
 
@@ -273,11 +273,11 @@ void Planner::check_rest() {
   double farthest = 0.0;
   std::string worst;
   for (int j = 0; j < plan_.num_joints(); ++j) {
-    const int node = plan_.nodes[as_size(j)];
-    const std::string& name = scene_.nodes[as_size(node)].name;
-    if (!(std::abs(plan_.bind[as_size(j)].linear().determinant()) > 1e-30))
+    const int node = plan_.nodes[j];
+    const std::string& name = scene_.nodes[node].name;
+    if (!(std::abs(plan_.bind[j].linear().determinant()) > 1e-30))
       fail("joint '{}' has the scale 0 in its bind pose; give it a scale of 1", name);
-    const Eigen::Matrix3d change = (rest_[as_size(node)] * plan_.bind[as_size(j)].inverse()).linear();
+    const Eigen::Matrix3d change = (rest_[node] * plan_.bind[j].inverse()).linear();
     const Eigen::Vector3d stretch = Eigen::JacobiSVD<Eigen::Matrix3d>(change).singularValues();
     if (change.determinant() < 0)
       fail(

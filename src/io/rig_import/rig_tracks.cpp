@@ -45,15 +45,14 @@ RigPlan plan_of_nodes(const Scene& scene) {
   std::vector<int> joint_of(scene.nodes.size(), -1);
   for (std::size_t i = 0; i < scene.nodes.size(); ++i) {
     std::vector<int> way;  // from the node up to what is placed already
-    for (int node = static_cast<int>(i); node >= 0 && joint_of[as_size(node)] < 0;
-         node = scene.nodes[as_size(node)].parent)
+    for (int node = static_cast<int>(i); node >= 0 && joint_of[node] < 0; node = scene.nodes[node].parent)
       way.push_back(node);
     for (; !way.empty(); way.pop_back()) {
       const auto node = as_size(way.back());
       const int above = scene.nodes[node].parent;
       joint_of[node] = plan.num_joints();
       plan.nodes.push_back(way.back());
-      plan.parents.push_back(above < 0 ? -1 : joint_of[as_size(above)]);
+      plan.parents.push_back(above < 0 ? -1 : joint_of[above]);
       plan.bind.push_back(rest[node]);
       // A hidden node may have the scale 0, from which no rotation follows.
       if (!(std::abs(rest[node].linear().determinant()) > 1e-30)) plan.bind.back().linear().setIdentity();
@@ -88,8 +87,8 @@ RigTracks rig_tracks(const Scene& scene, const RigTracksOptions& options) {
          animation.name, duration, plan.num_joints(), rate);
   JointTracks& tracks = result.tracks;
   for (int j = 0; j < plan.num_joints(); ++j) {
-    tracks.names.push_back(scene.nodes[as_size(plan.nodes[as_size(j)])].name);
-    tracks.rest.emplace_back(Eigen::Translation3d(frame * places[as_size(j)]));
+    tracks.names.push_back(scene.nodes[plan.nodes[j]].name);
+    tracks.rest.emplace_back(Eigen::Translation3d(frame * places[j]));
   }
   tracks.parents = plan.parents;
   tracks.seconds_per_frame = 1.0 / rate;

@@ -1,7 +1,6 @@
 #include <nlohmann/json.hpp>
 
 #include "doppel/character/character_folder.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/json_depth.h"
@@ -32,15 +31,15 @@ Json joints_json(const ImportedRig& rig) {
   };
   for (std::size_t i = 0; i < kBodyLandmarks.size(); ++i) {
     const int joint = i < rig.landmark_joint.size() ? rig.landmark_joint[i] : -1;
-    report["joints"][kBodyLandmarks[i]] = joint < 0 ? Json() : in_file(rig.joints[as_size(joint)]);
+    report["joints"][kBodyLandmarks[i]] = joint < 0 ? Json() : in_file(rig.joints[joint]);
   }
   for (std::size_t i = 0; i < kBodyLandmarks.size(); ++i)
     if (i < rig.landmark_joint.size() && rig.landmark_joint[i] >= 0)
-      report["landmark_joint"][kBodyLandmarks[i]] = rig.joints[as_size(rig.landmark_joint[i])].name;
+      report["landmark_joint"][kBodyLandmarks[i]] = rig.joints[rig.landmark_joint[i]].name;
   for (const ImportedJoint& joint : rig.joints)
     report["rig"].push_back({{"name", joint.name},
                              {"bone", joint.bone},
-                             {"parent", joint.parent < 0 ? Json() : Json(rig.joints[as_size(joint.parent)].name)},
+                             {"parent", joint.parent < 0 ? Json() : Json(rig.joints[joint.parent].name)},
                              {"position", in_file(joint)}});
   return report;
 }

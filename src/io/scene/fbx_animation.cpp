@@ -126,11 +126,11 @@ SceneChannel read_fbx_channel(const FbxObjects& objects, const FbxRecord& curve_
   const Eigen::Vector3d usual = model_default(model, property);
   std::array<Curve, 3> curves;
   for (int axis = 0; axis < 3; ++axis) {
-    const char* name = kAxes[as_size(axis)];
-    curves[as_size(axis)].fallback = fbx_number(curve_node, name, usual[axis]);
+    const char* name = kAxes[axis];
+    curves[axis].fallback = fbx_number(curve_node, name, usual[axis]);
     const auto found = objects.below(curve_node, "AnimationCurve", name);
-    if (!found.empty()) curves[as_size(axis)] = read_curve(*found[0], curves[as_size(axis)].fallback);
-    keys.insert(curves[as_size(axis)].times.begin(), curves[as_size(axis)].times.end());
+    if (!found.empty()) curves[axis] = read_curve(*found[0], curves[axis].fallback);
+    keys.insert(curves[axis].times.begin(), curves[axis].times.end());
   }
   SceneChannel channel;
   const bool angles = property == "Lcl Rotation";
@@ -154,7 +154,7 @@ Eigen::Quaterniond fbx_rotation(int order, const Eigen::Vector3d& degrees) {
   static const std::array<std::array<int, 3>, 6> kOrders{
       {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}, {1, 0, 2}, {2, 0, 1}, {2, 1, 0}}};
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
-  for (const int axis : kOrders[as_size(std::clamp(order, 0, 5))])
+  for (const int axis : kOrders[std::clamp(order, 0, 5)])
     rotation = Eigen::AngleAxisd(degrees[axis] * (M_PI / 180), Eigen::Vector3d::Unit(axis)) * rotation;
   return rotation;
 }

@@ -144,7 +144,7 @@ class FbxBinary {
     if (taken > end - at || (packed && size > stored * kLargestRatio + 64) || values_ > most_values_)
       fail_at(where_, "an array of {} values at byte {} is longer than its data: the file is truncated or damaged",
               count, at);
-    std::vector<Stored> values(as_size(count));
+    std::vector<Stored> values(count);
     if (packed) {
       auto written = static_cast<uLongf>(size);
       const auto* data = reinterpret_cast<const Bytef*>(bytes_.data() + at);

@@ -34,7 +34,7 @@ class UniqueNames {
 void name_nodes(Scene& scene) {
   std::vector<bool> joint(scene.nodes.size(), false);
   for (const SceneSkin& skin : scene.skins)
-    for (const int node : skin.joints) joint[as_size(node)] = true;
+    for (const int node : skin.joints) joint[node] = true;
   UniqueNames names;
   // Joints first: of a joint and a mesh with the same name, the joint keeps it.
   for (const bool joints : {true, false})
@@ -101,7 +101,7 @@ void check_primitive(const FileLocation& where, const Scene& scene, const SceneP
   if (primitive.skin >= static_cast<int>(scene.skins.size()))
     fail_at(where, "primitive {} names skin {}, but the file has {}", index, primitive.skin, scene.skins.size());
   if (primitive.skin < 0) return;
-  const int joints = static_cast<int>(scene.skins[as_size(primitive.skin)].joints.size());
+  const int joints = static_cast<int>(scene.skins[primitive.skin].joints.size());
   for (const int joint : primitive.vertex_joints.items)
     if (joint < 0 || joint >= joints)
       fail_at(where, "primitive {} ('{}') has a weight for joint {}, but its skin has {} joints", index, primitive.name,
@@ -128,15 +128,15 @@ void check_channel(const FileLocation& where, const Scene& scene, const SceneAni
             scene.nodes.size());
   if (channel.values.size() != channel.times.size() * (cubic ? 3 : 1))
     fail_at(where, "animation '{}' has {} times but {} values for node '{}'", animation.name, channel.times.size(),
-            channel.values.size(), scene.nodes[as_size(channel.node)].name);
+            channel.values.size(), scene.nodes[channel.node].name);
   for (std::size_t k = 0; k < channel.times.size(); ++k)
     if (!std::isfinite(channel.times[k]) || (k > 0 && channel.times[k] <= channel.times[k - 1]))
       fail_at(where, "animation '{}': the time of key {} of node '{}' is {}, not after that of the key before",
-              animation.name, k, scene.nodes[as_size(channel.node)].name, channel.times[k]);
+              animation.name, k, scene.nodes[channel.node].name, channel.times[k]);
   for (const Eigen::Vector4d& value : channel.values)
     if (!value.allFinite())
       fail_at(where, "animation '{}' has a value that is not finite for node '{}'", animation.name,
-              scene.nodes[as_size(channel.node)].name);
+              scene.nodes[channel.node].name);
 }
 
 void check_animations(const FileLocation& where, Scene& scene) {
@@ -223,14 +223,13 @@ void check_tree(const fs::path& path, const std::vector<SceneNode>& nodes) {
   const int count = static_cast<int>(nodes.size());
   std::vector<int> state(nodes.size(), 0);  // the walk that has reached the node; 0: none
   for (int i = 0; i < count; ++i) {
-    for (int n = i; n >= 0 && state[as_size(n)] == 0; n = nodes[as_size(n)].parent) {
-      state[as_size(n)] = i + 1;
-      const int parent = nodes[as_size(n)].parent;
+    for (int n = i; n >= 0 && state[n] == 0; n = nodes[n].parent) {
+      state[n] = i + 1;
+      const int parent = nodes[n].parent;
       if (parent >= count || parent < -1)
         fail_at(where, "node {} has the parent {}, but the file has {} nodes", n, parent, count);
-      if (parent >= 0 && state[as_size(parent)] == i + 1)
-        fail_at(where, "the parents of node {} ('{}') form a circle that never reaches a root", n,
-                nodes[as_size(n)].name);
+      if (parent >= 0 && state[parent] == i + 1)
+        fail_at(where, "the parents of node {} ('{}') form a circle that never reaches a root", n, nodes[n].name);
     }
   }
 }

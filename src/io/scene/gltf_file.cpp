@@ -244,11 +244,11 @@ std::vector<double> GltfFile::vector(const Json& object, const char* name, std::
 
 GltfFile::View GltfFile::view(int index, const std::string& where) const {
   const Json& views = list("bufferViews");
-  const Json& view = views[as_size(index)];
+  const Json& view = views[index];
   const std::string place = fmt::format("bufferViews[{}]", index);
   if (!object(object(view, "extensions"), "EXT_meshopt_compression").empty())
     fail_here("{} is compressed by meshopt, which is not read; export the file without compression", place);
-  const std::string& buffer = buffers_[as_size(this->index(view, "buffer", buffers_.size(), place, true))];
+  const std::string& buffer = buffers_[this->index(view, "buffer", buffers_.size(), place, true)];
   const double offset = number(view, "byteOffset", 0, place), length = number(view, "byteLength", -1, place);
   if (!(offset >= 0) || !(length >= 0) || offset + length > static_cast<double>(buffer.size()))
     fail_here("{} (of {}) covers the bytes {} to {}, but its buffer has {}", place, where, offset, offset + length,

@@ -166,7 +166,7 @@ void ColladaReader::add_mesh(const aiMesh& mesh, ScenePrimitive& primitive) {
     if (node == node_by_name_.end())
       fail_at({path_.string(), 0}, "the skin names the joint '{}', which is not a node of the file",
               bone.mName.C_Str());
-    SceneSkin& skin = scene_.skins[as_size(primitive.skin)];
+    SceneSkin& skin = scene_.skins[primitive.skin];
     skin.joints.push_back(node->second);
     skin.joint_from_mesh.push_back(to_affine(bone.mOffsetMatrix));
     for (unsigned w = 0; w < bone.mNumWeights; ++w) {
@@ -267,7 +267,7 @@ void ColladaReader::read_animations() {
       const auto node = node_by_name_.find(keys.mNodeName.C_Str());
       if (node == node_by_name_.end()) continue;
       // The keys replace the whole transform of the node.
-      scene_.nodes[as_size(node->second)].after = Eigen::Affine3d::Identity();
+      scene_.nodes[node->second].after = Eigen::Affine3d::Identity();
       const auto add = [&](SceneChannel::Target target, unsigned count, const auto& value_of) {
         SceneChannel channel{node->second, target, SceneChannel::Interpolation::linear, {}, {}};
         for (unsigned k = 0; k < count; ++k) {

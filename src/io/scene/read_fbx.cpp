@@ -134,7 +134,7 @@ void FbxReader::read_models() {
   for (const FbxRecord* model : models) {
     // A model is also connected above to what it is a joint of; only another model is its parent.
     const auto parents = objects_.above(*model, "Model");
-    if (!parents.empty()) scene_.nodes[as_size(node_of_[model])].parent = node_of_[parents[0]];
+    if (!parents.empty()) scene_.nodes[node_of_[model]].parent = node_of_[parents[0]];
   }
   check_tree(path_, scene_.nodes);  // before anything follows the parents
 }
@@ -189,8 +189,8 @@ void FbxReader::read_polygons(const FbxRecord& geometry, ScenePrimitive& primiti
     ++polygon;
   }
   for (const Triangle& corner : corners_)
-    primitive.faces.push_back({vertex_of_corner_[as_size(corner[0])], vertex_of_corner_[as_size(corner[1])],
-                               vertex_of_corner_[as_size(corner[2])]});
+    primitive.faces.push_back(
+        {vertex_of_corner_[corner[0]], vertex_of_corner_[corner[1]], vertex_of_corner_[corner[2]]});
 }
 
 void FbxReader::read_layers(const FbxRecord& geometry, const FbxRecord& model, ScenePrimitive& primitive) {
@@ -202,7 +202,7 @@ void FbxReader::read_layers(const FbxRecord& geometry, const FbxRecord& model, S
     const auto chosen = layer->child("Materials")->integers();
     const auto material = [&](std::size_t polygon) {
       const std::int64_t index = polygon < chosen.size() ? chosen[polygon] : chosen.empty() ? 0 : chosen[0];
-      return index >= 0 && as_size(index) < materials.size() ? materials[as_size(index)] : materials[0];
+      return index >= 0 && as_size(index) < materials.size() ? materials[index] : materials[0];
     };
     if (chosen.size() <= 1)
       primitive.material = material(0);
@@ -220,8 +220,8 @@ void FbxReader::read_layers(const FbxRecord& geometry, const FbxRecord& model, S
   for (const Triangle& corner : corners_) {
     Triangle face{};
     for (std::size_t c = 0; c < 3; ++c) {
-      const int entry = by_vertex ? vertex_of_corner_[as_size(corner[c])] : corner[c];
-      const std::int64_t uv = indices.empty() ? entry : as_size(entry) < indices.size() ? indices[as_size(entry)] : 0;
+      const int entry = by_vertex ? vertex_of_corner_[corner[c]] : corner[c];
+      const std::int64_t uv = indices.empty() ? entry : as_size(entry) < indices.size() ? indices[entry] : 0;
       if (uv < 0 || uv >= count)
         fail_here("a polygon of '{}' names texture coordinate {}, but there are {}", primitive.name, uv, count);
       face[c] = static_cast<int>(uv);
@@ -250,7 +250,7 @@ void FbxReader::add_cluster(const FbxRecord& cluster, const FbxRecord& model, Sc
     if (!std::isfinite(weights[i]) || weights[i] < 0)
       fail_here("a weight of '{}' for '{}' is {}; weights are not negative", fbx_name(*joints[0]), fbx_name(model),
                 weights[i]);
-    rows[as_size(vertices[i])].emplace_back(joint, weights[i]);
+    rows[vertices[i]].emplace_back(joint, weights[i]);
   }
 }
 
@@ -272,7 +272,7 @@ void FbxReader::check_bind_poses(const FbxRecord& model, const std::vector<const
   }
   skin.bind_place = first;
   if (agree) return;
-  const Affine world_from_mesh = node_transforms(scene_)[as_size(node_of_[&model])];
+  const Affine world_from_mesh = node_transforms(scene_)[node_of_[&model]];
   skin.bind_place = world_from_mesh;
   for (std::size_t j = 0; j < clusters.size(); ++j) skin.joint_from_mesh[j] = links[j].inverse() * world_from_mesh;
   scene_.warnings.push_back(

@@ -122,7 +122,7 @@ void GltfReader::read_nodes() {
 cv::Mat GltfReader::read_texture(const Json& info, const std::string& where) {
   const Json& textures = file_.list("textures");
   const int texture = file_.index(info, "index", textures.size(), where, true);
-  const Json& entry = textures[as_size(texture)];
+  const Json& entry = textures[texture];
   const std::string place = fmt::format("textures[{}]", texture);
   const std::size_t images = file_.list("images").size();
   int image = file_.index(entry, "source", images, place);
@@ -137,7 +137,7 @@ cv::Mat GltfReader::read_texture(const Json& info, const std::string& where) {
   const cv::Mat pixels = scene_images_.of_bytes(bytes);
   if (pixels.empty())
     scene_.warnings.push_back(fmt::format("image {} ('{}') {}; its base colour is used", image,
-                                          file_.text(file_.list("images")[as_size(image)], "uri").substr(0, 80),
+                                          file_.text(file_.list("images")[image], "uri").substr(0, 80),
                                           bytes.empty() ? "is missing" : "cannot be decoded"));
   return images_[image] = pixels;
 }
@@ -220,17 +220,17 @@ bool GltfReader::read_faces(const Json& entry, const std::string& where, ScenePr
   faces_ += triangles;
   if (faces_ > limits_.triangles)
     file_.fail_here("the file has more than {} triangles, which is the most that is read", limits_.triangles);
-  primitive.faces.reserve(as_size(triangles));
+  primitive.faces.reserve(triangles);
   for (int t = 0; t < triangles; ++t) {
     Triangle face = corners_of(mode, t);
-    for (int& corner : face) corner = static_cast<int>(corners[as_size(corner)]);
+    for (int& corner : face) corner = static_cast<int>(corners[corner]);
     primitive.faces.push_back(face);
   }
   return true;
 }
 
 void GltfReader::read_uvs(const Json& attributes, ScenePrimitive& primitive) const {
-  const TextureUse use = primitive.material >= 0 ? uses_[as_size(primitive.material)] : TextureUse();
+  const TextureUse use = primitive.material >= 0 ? uses_[primitive.material] : TextureUse();
   const std::size_t accessor = accessor_of(attributes, fmt::format("TEXCOORD_{}", use.set));
   if (accessor == kNoAccessor) return;
   const GltfNumbers uvs = file_.numbers(accessor, 2, "texture coordinates");
@@ -264,7 +264,7 @@ void GltfReader::read_weights(const Json& attributes, const std::string& where, 
       file_.fail_here("{} has {} vertices but {} rows of joints and {} of weights", where, primitive.vertices.size(),
                       joints.back().count, weights.back().count);
   }
-  const double count = static_cast<double>(scene_.skins[as_size(primitive.skin)].joints.size());
+  const double count = static_cast<double>(scene_.skins[primitive.skin].joints.size());
   for (std::size_t v = 0; v < primitive.vertices.size(); ++v) {
     JointWeights row;
     for (std::size_t set = 0; set < joints.size(); ++set)
@@ -317,7 +317,7 @@ void GltfReader::read_primitives() {
     const std::string place = fmt::format("nodes[{}]", n);
     const int mesh = file_.index(nodes[n], "mesh", meshes.size(), place);
     if (mesh < 0) continue;
-    const Json& entry = meshes[as_size(mesh)];
+    const Json& entry = meshes[mesh];
     const std::string where = fmt::format("meshes[{}]", mesh);
     const Json& primitives = file_.array(entry, "primitives", where);
     for (std::size_t p = 0; p < primitives.size(); ++p) {
@@ -360,7 +360,7 @@ bool GltfReader::read_channel(const Json& animation, const Json& entry, const st
                                          : SceneChannel::Target::scale;
   const Json& samplers = file_.array(animation, "samplers", where);
   const Json& sampler =
-      samplers.empty() ? samplers : samplers[as_size(file_.index(entry, "sampler", samplers.size(), where, true))];
+      samplers.empty() ? samplers : samplers[file_.index(entry, "sampler", samplers.size(), where, true)];
   if (!sampler.is_object()) file_.fail_here("{} has no sampler", where);
   channel.interpolation = interpolation_of(file_.text(sampler, "interpolation"));
   const std::size_t accessors = file_.list("accessors").size();

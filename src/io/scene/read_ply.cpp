@@ -162,7 +162,7 @@ void PlyReader::add_polygon(const std::vector<double>& corners, const std::vecto
   const bool with_uvs = !uvs.empty() && uvs.size() == 2 * polygon.size();
   for (std::size_t i = 0; with_uvs && i < uvs.size(); i += 2) primitive_.uvs.emplace_back(uvs[i], uvs[i + 1]);
   split_polygon(static_cast<int>(polygon.size()), [&](int a, int b, int c) {
-    primitive_.faces.push_back({polygon[as_size(a)], polygon[as_size(b)], polygon[as_size(c)]});
+    primitive_.faces.push_back({polygon[a], polygon[b], polygon[c]});
     if (material >= 0) primitive_.face_materials.push_back(material);
     if (!with_uvs) return;
     primitive_.face_uvs.resize(primitive_.faces.size(), Triangle{-1, -1, -1});

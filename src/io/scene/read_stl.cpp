@@ -23,7 +23,7 @@ class VertexJoiner {
     if (2 * vertices_.size() >= slots_.size()) grow();
     std::size_t slot = slot_of(position);
     for (; slots_[slot] >= 0; slot = (slot + 1) & (slots_.size() - 1))
-      if (vertices_[as_size(slots_[slot])] == position) return slots_[slot];
+      if (vertices_[slots_[slot]] == position) return slots_[slot];
     slots_[slot] = static_cast<int>(vertices_.size());
     vertices_.push_back(position);
     return slots_[slot];

@@ -23,11 +23,11 @@ std::vector<Affine> world_transforms(const std::vector<SceneNode>& nodes) {
   std::vector<bool> known(nodes.size(), false);
   std::vector<int> chain;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    for (int n = static_cast<int>(i); n >= 0 && !known[as_size(n)]; n = nodes[as_size(n)].parent) chain.push_back(n);
+    for (int n = static_cast<int>(i); n >= 0 && !known[n]; n = nodes[n].parent) chain.push_back(n);
     for (; !chain.empty(); chain.pop_back()) {
       const auto n = as_size(chain.back());
       const Affine local = local_transform(nodes[n]);
-      world[n] = nodes[n].parent < 0 ? local : world[as_size(nodes[n].parent)] * local;
+      world[n] = nodes[n].parent < 0 ? local : world[nodes[n].parent] * local;
       known[n] = true;
     }
   }
@@ -85,7 +85,7 @@ std::vector<Affine> node_transforms(const Scene& scene, const SceneAnimation& an
   for (const SceneChannel& channel : animation.channels) {
     if (channel.times.empty()) continue;
     const Eigen::Vector4d value = value_at(channel, seconds);
-    SceneNode& node = nodes[as_size(channel.node)];
+    SceneNode& node = nodes[channel.node];
     if (channel.target == SceneChannel::Target::rotation)
       node.rotation = to_rotation(value);
     else
@@ -96,25 +96,24 @@ std::vector<Affine> node_transforms(const Scene& scene, const SceneAnimation& an
 
 std::vector<Eigen::Vector3d> posed_vertices(const Scene& scene, const ScenePrimitive& primitive,
                                             const std::vector<Affine>& world_from_node) {
-  const Affine& own = world_from_node[as_size(primitive.node)];
+  const Affine& own = world_from_node[primitive.node];
   std::vector<Affine> world_from_mesh;
   if (primitive.skin >= 0) {
-    const SceneSkin& skin = scene.skins[as_size(primitive.skin)];
+    const SceneSkin& skin = scene.skins[primitive.skin];
     for (std::size_t j = 0; j < skin.joints.size(); ++j)
-      world_from_mesh.push_back(world_from_node[as_size(skin.joints[j])] * skin.joint_from_mesh[j]);
+      world_from_mesh.push_back(world_from_node[skin.joints[j]] * skin.joint_from_mesh[j]);
   }
   std::vector<Eigen::Vector3d> posed;
   posed.reserve(primitive.vertices.size());
   for (int v = 0; v < primitive.num_vertices(); ++v) {
-    const Eigen::Vector3d& rest = primitive.vertices[as_size(v)];
+    const Eigen::Vector3d& rest = primitive.vertices[v];
     if (primitive.skin < 0 || primitive.vertex_joints.size(v) == 0) {
       posed.emplace_back(own * rest);
       continue;
     }
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (int i = primitive.vertex_joints.offsets[as_size(v)]; i < primitive.vertex_joints.offsets[as_size(v) + 1]; ++i)
-      sum +=
-          primitive.weights[as_size(i)] * (world_from_mesh[as_size(primitive.vertex_joints.items[as_size(i)])] * rest);
+    for (int i = primitive.vertex_joints.offsets[v]; i < primitive.vertex_joints.offsets[as_size(v) + 1]; ++i)
+      sum += primitive.weights[i] * (world_from_mesh[primitive.vertex_joints.items[i]] * rest);
     posed.push_back(sum);
   }
   return posed;

@@ -31,7 +31,7 @@ struct MaterialUse {
 /// The whole tiles by which the UVs of a triangle are moved, so that its middle lies in [0,1).
 Eigen::Vector2d tile_of(const ScenePrimitive& primitive, std::size_t face) {
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (const int uv : primitive.face_uvs[face]) middle += primitive.uvs[as_size(uv)] / 3;
+  for (const int uv : primitive.face_uvs[face]) middle += primitive.uvs[uv] / 3;
   return {std::floor(middle.x()), std::floor(middle.y())};
 }
 
@@ -67,7 +67,7 @@ class MeshJoiner {
  private:
   const SceneMaterial& material(int index) const {
     static const SceneMaterial kNone{"", Eigen::Vector4d(0.8, 0.8, 0.8, 1), {}};
-    return index < 0 ? kNone : scene_.materials[as_size(index)];
+    return index < 0 ? kNone : scene_.materials[index];
   }
   void find_uses();
   bool single_texture() const {
@@ -97,7 +97,7 @@ void MeshJoiner::find_uses() {
       use.textured = any_texture_ = true;
       const Eigen::Vector2d tile = tile_of(primitive, f);
       for (const int uv : primitive.face_uvs[f]) {
-        const Eigen::Vector2d at = primitive.uvs[as_size(uv)] - tile;
+        const Eigen::Vector2d at = primitive.uvs[uv] - tile;
         for (int axis = 0; axis < 2; ++axis) {
           const double low = std::clamp(std::floor(at[axis] + 1e-6), -double(kMostTiles), 0.0);
           const double high = std::clamp(std::ceil(at[axis] - 1e-6), 1.0, double(kMostTiles));
@@ -181,8 +181,7 @@ void MeshJoiner::join_textures() {
         if (added) {
           Eigen::Vector2d at(0.5, 0.5);
           if (textured)
-            at = (primitive.uvs[as_size(uv)] - tile - use.low.cast<double>())
-                     .cwiseQuotient((use.high - use.low).cast<double>());
+            at = (primitive.uvs[uv] - tile - use.low.cast<double>()).cwiseQuotient((use.high - use.low).cast<double>());
           mesh_.uvs.push_back(atlas.place(use.image, at.cwiseMax(0.0).cwiseMin(1.0)));
         }
         face[c] = entry->second;

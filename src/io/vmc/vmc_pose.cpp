@@ -5,7 +5,6 @@
 #include <cmath>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -57,7 +56,7 @@ void VmcAvatar::add_parts() {
   std::vector<int> part_of(figure_.nodes.size(), -1);
   for (std::size_t n = 0; n < figure_.nodes.size(); ++n) {
     const FigureNode& node = figure_.nodes[n];
-    const int above = node.parent < 0 ? -1 : part_of[as_size(node.parent)];
+    const int above = node.parent < 0 ? -1 : part_of[node.parent];
     part_of[n] = above;
     const bool human = kHumanBones.contains(node.name);
     if (!human || (above < 0 && node.name != "hips")) continue;  // a bone is below the hips
@@ -71,7 +70,7 @@ void VmcAvatar::add_parts() {
 }
 
 Eigen::Vector3d VmcAvatar::rest_place(int part) const {
-  return facing_ * figure_.rest[as_size(parts_[as_size(part)].node)].translation();
+  return facing_ * figure_.rest[parts_[part].node].translation();
 }
 
 void VmcAvatar::turn_to_t_pose() {
@@ -93,11 +92,11 @@ void VmcAvatar::turn_to_t_pose() {
   for (const Limb& limb : limbs) {
     const int bone = part_named(limb.bone), end = part_named(limb.end);
     if (bone < 0 || end < 0) continue;
-    parts_[as_size(bone)].t_pose = smallest_turn(rest_place(end) - rest_place(bone), limb.direction);
+    parts_[bone].t_pose = smallest_turn(rest_place(end) - rest_place(bone), limb.direction);
   }
   for (Part& part : parts_) {
     if (part.parent < 0) continue;
-    Part& parent = parts_[as_size(part.parent)];
+    Part& parent = parts_[part.parent];
     if (part.name.ends_with("Hand")) part.t_pose = parent.t_pose;  // a hand goes on in the direction of the arm
     part.offset = parent.t_pose * (rest_place(part_named(part.name)) - rest_place(part.parent));
   }
@@ -108,13 +107,12 @@ std::vector<VmcBone> VmcAvatar::bones(const std::vector<double>& dofs) const {
   std::vector<Eigen::Matrix3d> world;
   std::vector<VmcBone> bones;
   for (const Part& part : parts_) {
-    const Eigen::Matrix3d turned = facing_ * rotation_of(posed[as_size(part.node)]) *
-                                   rotation_of(figure_.rest[as_size(part.node)]).transpose() * facing_.transpose();
+    const Eigen::Matrix3d turned = facing_ * rotation_of(posed[part.node]) *
+                                   rotation_of(figure_.rest[part.node]).transpose() * facing_.transpose();
     world.push_back(turned * part.t_pose.transpose());
     const bool root = part.parent < 0;
-    const Eigen::Vector3d place = root ? facing_ * posed[as_size(part.node)].translation() : part.offset;
-    const Eigen::Matrix3d local =
-        root ? world.back() : Eigen::Matrix3d(world[as_size(part.parent)].transpose() * world.back());
+    const Eigen::Vector3d place = root ? facing_ * posed[part.node].translation() : part.offset;
+    const Eigen::Matrix3d local = root ? world.back() : Eigen::Matrix3d(world[part.parent].transpose() * world.back());
     bones.push_back({part.name, part.parent, in_unity(place), in_unity(local)});
   }
   return bones;

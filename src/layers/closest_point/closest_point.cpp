@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <array>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/tensor/op.h"
 #include "doppel/core/tensor/reference_scope.h"
 #include "doppel/layers/closest_point/closest_point_checks.h"
@@ -150,7 +149,7 @@ class ClosestPointFunction : public torch::autograd::Function<ClosestPointFuncti
 std::vector<Vector3d> positions_of(const Tensor& vertices) {
   check_shape("positions_of", "vertices", vertices, {-1, 3}, "[N,3]");
   const Tensor rows = vertices.detach().to(torch::kFloat64).contiguous();
-  std::vector<Vector3d> positions(as_size(rows.size(0)));
+  std::vector<Vector3d> positions(rows.size(0));
   const double* p = rows.data_ptr<double>();
   for (Vector3d& position : positions) {
     position = {p[0], p[1], p[2]};

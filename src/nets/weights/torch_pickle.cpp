@@ -41,7 +41,7 @@ class Machine {
     return top();
   }
   const Value& at(std::size_t index) const { return arena_[index]; }
-  const PickledTensor& tensor(const Value& value) const { return tensors_[as_size(value.number)]; }
+  const PickledTensor& tensor(const Value& value) const { return tensors_[value.number]; }
 
  private:
   // Instructions, by their letter in the protocol.

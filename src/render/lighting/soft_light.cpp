@@ -2,8 +2,6 @@
 
 #include <array>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {
@@ -37,7 +35,7 @@ torch::Tensor soft_light(const Camera& camera, double albedo) {
   add_lambert(light, kKey, camera.R.transpose() * kKeyDirection.normalized());
   torch::Tensor coefficients = torch::empty({1, 1, 3, 9});
   for (int channel = 0; channel < 3; ++channel)
-    for (int j = 0; j < 9; ++j) coefficients[0][0][channel][j] = albedo * light[as_size(j)];
+    for (int j = 0; j < 9; ++j) coefficients[0][0][channel][j] = albedo * light[j];
   return coefficients;
 }
 

@@ -2,7 +2,6 @@
 
 #include <torch/types.h>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/core/tensor/image_tensor.h"
@@ -28,7 +27,7 @@ Tensor corner_uvs_of(const TriangleMesh& mesh) {
       if (index < 0 || index >= static_cast<int>(mesh.uvs.size())) {
         fail<UsageError>("RenderMesh: face {} names UV {}, and there are {}", f, index, mesh.uvs.size());
       }
-      const Eigen::Vector2d& uv = mesh.uvs[as_size(index)];
+      const Eigen::Vector2d& uv = mesh.uvs[index];
       *out++ = static_cast<float>(uv.x());
       *out++ = static_cast<float>(uv.y());
     }
@@ -64,7 +63,7 @@ RenderMesh::RenderMesh(const Tensor& faces_in, const Tensor& corner_uvs_in, std:
   std::vector<std::int32_t> next(offsets, offsets + num_vertices);
   std::int32_t* items = incident_faces.data_ptr<std::int32_t>();
   for (std::int64_t i = 0; i < 3 * num_faces; ++i) {
-    items[next[as_size(corner[i])]++] = static_cast<std::int32_t>(i / 3);
+    items[next[corner[i]]++] = static_cast<std::int32_t>(i / 3);
   }
 }
 

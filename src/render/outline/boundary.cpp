@@ -30,20 +30,20 @@ struct CoverageCanvas {
   int width = 0, height = 0;
 
   bool bit(const std::vector<std::uint64_t>& image, int x, int y) const {
-    return (image[as_size(y * pass.tiles_x() + x / kernels::kTile)] >> (x % kernels::kTile)) & 1;
+    return (image[y * pass.tiles_x() + x / kernels::kTile] >> (x % kernels::kTile)) & 1;
   }
 };
 
 void cover(CoverageCanvas& canvas) {
   const ViewPass& pass = canvas.pass;
-  canvas.covered.assign(as_size(canvas.height * pass.tiles_x()), 0);
+  canvas.covered.assign(canvas.height * pass.tiles_x(), 0);
   for (int tile = 0; tile < pass.num_tiles(); ++tile) {
     if (pass.tile_empty(tile)) continue;
     std::array<std::uint64_t, kernels::kTile> rows{};
     pass.cover_tile(tile, rows.data());
     const int column = tile % pass.tiles_x(), y = tile / pass.tiles_x() * kernels::kTile;
     for (int r = 0; r < std::min(kernels::kTile, canvas.height - y); ++r) {
-      canvas.covered[as_size((y + r) * pass.tiles_x() + column)] = rows[as_size(r)];
+      canvas.covered[(y + r) * pass.tiles_x() + column] = rows[r];
     }
   }
 }
@@ -52,11 +52,11 @@ void draw_depth(CoverageCanvas& canvas) {
   const ViewPass& pass = canvas.pass;
   if (canvas.depth.empty()) {
     canvas.depth.assign(as_size(canvas.width) * as_size(canvas.height), std::numeric_limits<float>::infinity());
-    canvas.dirty.assign(as_size(pass.num_tiles()), {});
+    canvas.dirty.assign(pass.num_tiles(), {});
     render::reset(canvas.buffer);
   }
   for (int tile = 0; tile < pass.num_tiles(); ++tile) {
-    pass.draw_tile(tile, canvas.buffer, canvas.dirty[as_size(tile)], {nullptr, canvas.depth.data(), nullptr});
+    pass.draw_tile(tile, canvas.buffer, canvas.dirty[tile], {nullptr, canvas.depth.data(), nullptr});
   }
 }
 

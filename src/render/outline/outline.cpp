@@ -41,11 +41,11 @@ class OutlineCanvas {
     pass_.begin(faces, vertices, num_vertices, matrix, width, height, kNear, false);
     pass_.prepare();
     if (dirty_.empty()) {
-      dirty_.assign(as_size(pass_.num_tiles()), {});
+      dirty_.assign(pass_.num_tiles(), {});
       render::reset(buffer_);
     }
     for (int tile = 0; tile < pass_.num_tiles(); ++tile)
-      pass_.draw_tile(tile, buffer_, dirty_[as_size(tile)], {face_id_.data(), nullptr, nullptr});
+      pass_.draw_tile(tile, buffer_, dirty_[tile], {face_id_.data(), nullptr, nullptr});
     return outline();
   }
 
@@ -54,7 +54,7 @@ class OutlineCanvas {
   cv::Rect drawn() const {
     cv::Rect all;
     for (int tile = 0; tile < pass_.num_tiles(); ++tile) {
-      const kernels::TileRect& r = dirty_[as_size(tile)];
+      const kernels::TileRect& r = dirty_[tile];
       if (r.x1 <= r.x0) continue;
       all |= cv::Rect(tile % pass_.tiles_x() * kernels::kTile + r.x0, tile / pass_.tiles_x() * kernels::kTile + r.y0,
                       r.x1 - r.x0, r.y1 - r.y0);
@@ -65,12 +65,12 @@ class OutlineCanvas {
   Outline outline() {
     Outline found;
     const cv::Rect part = drawn();
-    columns_.resize(as_size(part.width));
+    columns_.resize(part.width);
     for (int y = part.y; y < part.y + part.height; ++y) {
       const std::int32_t* row = face_id_.data() + as_size(y) * as_size(width);
       const std::int64_t count = kernels::outline_columns(row, width, part.x, part.x + part.width, columns_.data());
       for (std::int64_t i = 0; i < count; ++i) {
-        const std::int32_t x = columns_[as_size(i)];
+        const std::int32_t x = columns_[i];
         found.x.push_back(x);
         found.y.push_back(y);
         found.face.push_back(row[x]);
@@ -117,7 +117,7 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
   const Tensor points = vertices.detach().contiguous(), matrices = projection.detach().contiguous();
   const Tensor use = valid.defined() ? valid.contiguous() : torch::ones({views}, torch::kBool);
 
-  std::vector<Outline> found(as_size(views));
+  std::vector<Outline> found(views);
   std::atomic<std::int64_t> next{0};
   const std::int64_t workers = std::min<std::int64_t>(views, at::get_num_threads());
   at::parallel_for(0, workers, 1, [&](std::int64_t first, std::int64_t last) {
@@ -128,8 +128,8 @@ OutlinePoints outline_points(const Tensor& vertices, const Tensor& projection, c
                                                 [&] { return std::make_unique<OutlineCanvas>(w, h); });
       for (std::int64_t v = next++; v < views; v = next++) {
         if (!use.data_ptr<bool>()[v]) continue;
-        found[as_size(v)] = canvas->draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras),
-                                         num_vertices, matrices.data_ptr<float>() + 12 * v);
+        found[v] = canvas->draw(table, points.data_ptr<float>() + 3 * num_vertices * (v / cameras), num_vertices,
+                                matrices.data_ptr<float>() + 12 * v);
       }
     }
   });

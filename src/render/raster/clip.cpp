@@ -48,8 +48,8 @@ ClipPoint cross(ClipPoint a, ClipPoint b, int plane, double z_near) {
 struct Polygon {
   std::array<ClipPoint, 8> points;
   int size = 0;
-  void add(const ClipPoint& p) { points[as_size(size++)] = p; }
-  const ClipPoint& operator[](int i) const { return points[as_size(i)]; }
+  void add(const ClipPoint& p) { points[size++] = p; }
+  const ClipPoint& operator[](int i) const { return points[i]; }
 };
 
 Polygon cut_by_plane(const Polygon& in, int plane, double z_near) {

@@ -2,7 +2,6 @@
 
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 
@@ -20,14 +19,14 @@ FaceTable make_face_table(const torch::Tensor& faces, const char* caller) {
   const std::int64_t* in = wide.data_ptr<std::int64_t>();
   FaceTable table;
   table.num_faces = faces.size(0);
-  table.corners.assign(as_size(4 * table.num_faces), 0);
+  table.corners.assign(4 * table.num_faces, 0);
   for (std::int64_t f = 0; f < table.num_faces; ++f) {
     for (std::int64_t k = 0; k < 3; ++k) {
       const std::int64_t vertex = in[3 * f + k];
       if (vertex < 0 || vertex >= std::numeric_limits<std::int32_t>::max()) {
         fail<UsageError>("{}: corner {} of face {} is vertex {}; indices start at 0", caller, k, f, vertex);
       }
-      table.corners[as_size(4 * f + k)] = static_cast<std::int32_t>(vertex);
+      table.corners[4 * f + k] = static_cast<std::int32_t>(vertex);
       table.num_vertices = std::max(table.num_vertices, vertex + 1);
     }
   }

@@ -6,7 +6,6 @@
 #include <array>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/raster/face_table.h"
@@ -57,7 +56,7 @@ void write_cover(const ViewPass& pass, int tile, std::int64_t height, std::int64
   const std::int64_t x = tile % pass.tiles_x() * kernels::kTile, y = tile / pass.tiles_x() * kernels::kTile;
   const int columns = static_cast<int>(std::min<std::int64_t>(kernels::kTile, width - x));
   for (std::int64_t r = 0; r < std::min<std::int64_t>(kernels::kTile, height - y); ++r) {
-    expand_bits(rows[as_size(r)], columns, image + (y + r) * width + x);
+    expand_bits(rows[r], columns, image + (y + r) * width + x);
   }
 }
 
@@ -84,7 +83,7 @@ void Rasterizer::State::shape_outputs(std::int64_t views, std::int64_t height, s
   image.barycentrics = torch::zeros({views, height, width, 3}, torch::kFloat32);
   const std::int64_t tiles =
       (height + kernels::kTile - 1) / kernels::kTile * ((width + kernels::kTile - 1) / kernels::kTile);
-  dirty.assign(as_size(views), std::vector<kernels::TileRect>(as_size(tiles)));
+  dirty.assign(views, std::vector<kernels::TileRect>(tiles));
 }
 
 template <typename Begin>
@@ -95,7 +94,7 @@ void Rasterizer::State::draw(std::int64_t height, std::int64_t width, const Begi
   float* barycentrics = image.barycentrics.data_ptr<float>();
   workers.run(image.depth.size(0), begin, [&](const ViewPass& pass, std::int64_t v, int tile, std::int64_t thread) {
     const kernels::RasterOutput out{face_id + pixels * v, depth + pixels * v, barycentrics + 3 * pixels * v};
-    pass.draw_tile(tile, workers.buffer(thread), dirty[as_size(v)][as_size(tile)], out);
+    pass.draw_tile(tile, workers.buffer(thread), dirty[v][tile], out);
   });
 }
 
@@ -119,8 +118,8 @@ const RasterImage& Rasterizer::rasterize(const Tensor& vertices_in_camera, const
   s.shape_outputs(views, height, width);
   const float* points = vertices.data_ptr<float>();
   s.draw(height, width, [&](ViewPass& pass, std::int64_t v, int chunks) {
-    pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[as_size(v)].data(),
-               static_cast<int>(width), static_cast<int>(height), s.options.z_near, s.options.cull, chunks);
+    pass.begin(s.faces, points + 3 * num_vertices * v, num_vertices, matrices[v].data(), static_cast<int>(width),
+               static_cast<int>(height), s.options.z_near, s.options.cull, chunks);
   });
   return s.image;
 }

@@ -22,7 +22,7 @@ void ViewPass::begin(const std::int32_t* faces, std::int64_t num_faces, const fl
                      int num_chunks) {
   num_vertices_ = num_vertices;
   num_faces_ = num_faces;
-  screen_.resize(as_size(4 * std::max<std::int64_t>(num_vertices, 1)));
+  screen_.resize(4 * std::max<std::int64_t>(num_vertices, 1));
   view_.vertices = vertices;
   std::memcpy(view_.matrix, matrix, sizeof view_.matrix);
   view_.faces = faces;
@@ -34,10 +34,10 @@ void ViewPass::begin(const std::int32_t* faces, std::int64_t num_faces, const fl
   tiles_x_ = (width + kTile - 1) / kTile;
   tiles_y_ = (height + kTile - 1) / kTile;
   num_chunks_ = num_chunks;
-  if (chunks_.size() < as_size(num_chunks)) chunks_.resize(as_size(num_chunks));
+  if (chunks_.size() < as_size(num_chunks)) chunks_.resize(num_chunks);
   for (int i = 0; i < num_chunks; ++i) {
-    chunks_[as_size(i)].begin = num_faces_ * i / num_chunks;
-    chunks_[as_size(i)].end = num_faces_ * (i + 1) / num_chunks;
+    chunks_[i].begin = num_faces_ * i / num_chunks;
+    chunks_[i].end = num_faces_ * (i + 1) / num_chunks;
   }
 }
 
@@ -47,8 +47,8 @@ void ViewPass::prepare() {
 }
 
 void ViewPass::bin(int chunk) {
-  bound(chunks_[as_size(chunk)]);
-  sort(chunks_[as_size(chunk)]);
+  bound(chunks_[chunk]);
+  sort(chunks_[chunk]);
 }
 
 bool ViewPass::tiles_of(const CutTriangle& t, FaceTiles& tiles) const {
@@ -68,8 +68,8 @@ bool ViewPass::tiles_of(const CutTriangle& t, FaceTiles& tiles) const {
 /// Finds the tiles of each face. A face that must be cut is replaced by the remaining triangles at the same position in
 /// the order.
 void ViewPass::bound(Chunk& chunk) {
-  chunk.bounds.resize(as_size(chunk.end - chunk.begin));
-  chunk.bounds.resize(as_size(kernels::bound_faces(view_, chunk.begin, chunk.end, chunk.bounds.data())));
+  chunk.bounds.resize(chunk.end - chunk.begin);
+  chunk.bounds.resize(kernels::bound_faces(view_, chunk.begin, chunk.end, chunk.bounds.data()));
   chunk.cut.clear();
   chunk.codes.clear();
   const bool any_cut =
@@ -111,11 +111,11 @@ void visit_tiles(const FaceTiles& f, int tiles_x, const Visit& visit) {
 /// Counting sort by tile; it is stable, so each bin lists its faces in ascending order.
 void ViewPass::sort(Chunk& chunk) {
   std::vector<std::int32_t>& offsets = chunk.offsets;
-  offsets.assign(as_size(num_tiles() + 2), 0);
+  offsets.assign(num_tiles() + 2, 0);
   std::int32_t* counts = offsets.data() + 2;
   for (const FaceTiles& f : chunk.bounds) visit_tiles(f, tiles_x_, [counts](int tile) { ++counts[tile]; });
   for (std::size_t i = 2; i < offsets.size(); ++i) offsets[i] += offsets[i - 1];
-  chunk.entries.resize(as_size(offsets.back()));
+  chunk.entries.resize(offsets.back());
   const bool coded = !chunk.codes.empty();
   std::int32_t* next = offsets.data() + 1;
   std::int32_t* entries = chunk.entries.data();
@@ -136,7 +136,7 @@ template <typename Draw>
 void ViewPass::for_each_bin(int tile, const Draw& draw) const {
   const auto t = as_size(tile);
   for (int i = 0; i < num_chunks_; ++i) {
-    const Chunk& chunk = chunks_[as_size(i)];
+    const Chunk& chunk = chunks_[i];
     const std::int32_t first = chunk.offsets[t], count = chunk.offsets[t + 1] - first;
     if (count == 0) continue;
     draw(kernels::TileWork{chunk.entries.data() + first, count, chunk.cut.data(), tile % tiles_x_ * kTile,

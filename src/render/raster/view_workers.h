@@ -20,7 +20,7 @@ class ViewWorkers {
   template <typename Begin, typename Draw>
   void run(std::int64_t views, const Begin& begin, const Draw& draw) {
     const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
-    if (passes_.size() < as_size(threads)) passes_.resize(as_size(threads));
+    if (passes_.size() < as_size(threads)) passes_.resize(threads);
     while (buffers_.size() < as_size(threads)) reset(buffers_.emplace_back());
     if (views < threads) {
       for (std::int64_t v = 0; v < views; ++v) share_out(v, threads, begin, draw);
@@ -29,7 +29,7 @@ class ViewWorkers {
     std::atomic<std::int64_t> next{0};
     at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
       for (std::int64_t thread = first; thread < last; ++thread) {
-        ViewPass& pass = passes_[as_size(thread)];
+        ViewPass& pass = passes_[thread];
         for (std::int64_t v = next++; v < views; v = next++) {
           begin(pass, v, 1);
           pass.prepare();
@@ -39,7 +39,7 @@ class ViewWorkers {
     });
   }
 
-  kernels::TileBuffer& buffer(std::int64_t thread) { return buffers_[as_size(thread)]; }
+  kernels::TileBuffer& buffer(std::int64_t thread) { return buffers_[thread]; }
 
  private:
   template <typename Begin, typename Draw>

@@ -6,7 +6,6 @@
 
 #include <array>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/raster/face_table.h"
@@ -69,7 +68,7 @@ RenderMode render_mode_from(const std::string& name) {
   fail<UsageError>("render mode '{}' is unknown; choose one of {}", name, fmt::join(kNames, ", "));
 }
 
-const char* name_of(RenderMode mode) { return kNames[as_size(mode)]; }
+const char* name_of(RenderMode mode) { return kNames[mode]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/render/raster/face_table.h"
@@ -104,7 +103,7 @@ shading::ViewTensors shading::view_tensors(const char* op, const Tensor& project
 }
 
 std::vector<shading::ViewGeometry> shading::view_geometry(const ViewTensors& views) {
-  std::vector<ViewGeometry> out(as_size(views.centre.size(0) * views.centre.size(1)));
+  std::vector<ViewGeometry> out(views.centre.size(0) * views.centre.size(1));
   const double* ray = views.ray.data_ptr<double>();
   const double* centre = views.centre.data_ptr<double>();
   for (ViewGeometry& g : out) {

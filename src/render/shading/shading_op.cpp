@@ -148,7 +148,7 @@ struct Scene {
     }
     out.nearest = nearest;
     out.flip = flip;
-    const ViewGeometry& g = geometry[as_size(v)];
+    const ViewGeometry& g = geometry[v];
     std::copy(g.ray.begin(), g.ray.end(), out.ray);
     std::copy(g.centre.begin(), g.centre.end(), out.centre);
     return out;
@@ -169,7 +169,7 @@ struct Scene {
 // --- forward ---------------------------------------------------------------------------------------------------------
 
 void compute_normals(const Scene& scene, Workspace& workspace, Tensor& normals) {
-  workspace.face_normals.resize(as_size(4 * scene.num_faces));
+  workspace.face_normals.resize(4 * scene.num_faces);
   float* of_faces = workspace.face_normals.data();
   for (std::int64_t b = 0; b < scene.batch; ++b) {
     render::sum_vertex_normals(scene.normal_mesh(b), scene.num_faces, scene.num_vertices, of_faces,
@@ -275,7 +275,7 @@ void draw_cells(const Scene& scene, Workspace& workspace, const Tensor& normals,
         kernels::shade_tile(scene.view(v, &pass.view(), normals), x0, y0, rect, buffer, image, nullptr);
         std::fill_n(cells.of(tile), 4 * cells.side * cells.side, 0.0f);
         kernels::sum_samples(image, x0, y0, rect, {cells.factor, static_cast<int>(cells.side), cells.of(tile)});
-        cells.drawn[as_size(tile)] = 1;
+        cells.drawn[tile] = 1;
       });
 }
 
@@ -303,7 +303,7 @@ void average_cells(const Scene& scene, const TiledCells& cells, float* image, fl
       const std::int64_t last = ((Y + 1) * cells.factor - 1) / kTile;
       for (std::int64_t ty = Y * cells.factor / kTile; ty <= last; ++ty)
         for (std::int64_t tx = 0; tx < tiles_x; ++tx)
-          if (cells.drawn[as_size(ty * tiles_x + tx)])
+          if (cells.drawn[ty * tiles_x + tx])
             add_cells(cells, tx, ty, ty * tiles_x + tx, Y, width, image + 3 * width * Y, alpha + width * Y);
     }
   });
@@ -318,19 +318,19 @@ void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texe
              const Kernel& kernel) {
   const std::int64_t tasks = scene.cameras * scene.tiles();
   const int threads = at::in_parallel_region() ? 1 : std::max(at::get_num_threads(), 1);
-  if (w.collected.size() < as_size(threads)) w.collected.resize(as_size(threads));
-  w.parts.assign(as_size(tasks), {});
-  if (wants_lighting) w.lighting.assign(as_size(27 * tasks), 0.0);
+  if (w.collected.size() < as_size(threads)) w.collected.resize(threads);
+  w.parts.assign(tasks, {});
+  if (wants_lighting) w.lighting.assign(27 * tasks, 0.0);
   constexpr std::size_t kPixels = as_size(kTile) * kTile;
   std::atomic<std::int64_t> next{0};
   at::parallel_for(0, threads, 1, [&](std::int64_t first, std::int64_t last) {
     for (std::int64_t thread = first; thread < last; ++thread) {
-      Collected& own = w.collected[as_size(thread)];
+      Collected& own = w.collected[thread];
       own.faces.clear();
       own.texels.clear();
       // Any index below the number of records is harmless, because a record holds its face.
       if (own.slot_of_face.size() < as_size(scene.num_faces)) {
-        own.slot_of_face.resize(as_size(scene.num_faces), 0);
+        own.slot_of_face.resize(scene.num_faces, 0);
       }
       for (std::int64_t task = next++; task < tasks; task = next++) {
         TileGradient gradient;
@@ -339,8 +339,7 @@ void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texe
         if (wants_lighting) gradient.lighting = w.lighting.data() + 27 * task;
         gradient.slot_of_face = own.slot_of_face.data();
         kernel(task / scene.tiles(), task % scene.tiles(), gradient);
-        w.parts[as_size(task)] = {as_size(thread), own.faces.size(), own.texels.size(), gradient.num_faces,
-                                  gradient.num_texels};
+        w.parts[task] = {as_size(thread), own.faces.size(), own.texels.size(), gradient.num_faces, gradient.num_texels};
         own.faces.add(as_size(gradient.num_faces));
         own.texels.add(as_size(gradient.num_texels));
       }
@@ -351,7 +350,7 @@ void collect(const Scene& scene, Workspace& w, bool wants_faces, bool wants_texe
 /// Gradient to the vertices of one batch item. Each thread has a range of vertices and reads all tiles in order.
 void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool through_normals, float* out) {
   const kernels::NormalMesh mesh = scene.normal_mesh(item);
-  w.sums.resize(as_size(8 * scene.num_vertices));
+  w.sums.resize(8 * scene.num_vertices);
   float* sums = w.sums.data();
   at::parallel_for(0, scene.num_vertices, kItemsPerThread / 4, [&](std::int64_t begin, std::int64_t end) {
     std::fill(sums + 8 * begin, sums + 8 * end, 0.0f);
@@ -363,7 +362,7 @@ void reduce_vertices(const Scene& scene, Workspace& w, std::int64_t item, bool t
     if (!through_normals) kernels::vertex_gradients(mesh, sums, nullptr, begin, end, out);
   });
   if (!through_normals) return;
-  w.face_normals.resize(as_size(4 * scene.num_faces));
+  w.face_normals.resize(4 * scene.num_faces);
   float* to_faces = w.face_normals.data();
   at::parallel_for(0, scene.num_faces, kItemsPerThread, [&](std::int64_t begin, std::int64_t end) {
     kernels::face_normal_gradients(mesh, sums, begin, end, to_faces);
@@ -381,7 +380,7 @@ void reduce_texels(const Scene& scene, const Workspace& w, std::int64_t item, fl
         for (std::int64_t c = 0; c < scene.cameras; ++c) {
           float* out = gradient + 3 * rows * width * scene.texture_of(item * scene.cameras + c);
           for (std::int64_t t = 0; t < tiles; ++t) {
-            const TilePart& part = w.parts[as_size(c * tiles + t)];
+            const TilePart& part = w.parts[c * tiles + t];
             if (part.num_texels == 0) continue;
             kernels::add_texel_gradients(w.collected[part.thread].texels.data() + part.first_texel, part.num_texels,
                                          static_cast<int>(width), static_cast<int>(begin), static_cast<int>(end), out);

@@ -68,7 +68,7 @@ std::int64_t nearest_covered(const TexelMap& map, int x, int y, int padding) {
     for (int u = std::max(x - padding, 0); u <= std::min(x + padding, map.size - 1); ++u) {
       const std::int64_t texel = static_cast<std::int64_t>(v) * map.size + u;
       const int square = (u - x) * (u - x) + (v - y) * (v - y);
-      if (square >= best_square || map.face[as_size(texel)] < 0) continue;
+      if (square >= best_square || map.face[texel] < 0) continue;
       best = texel;
       best_square = square;
     }
@@ -153,7 +153,7 @@ void TextureSpace::assign_texels(int padding) {
   lookup_ = torch::empty({texels}, torch::kInt64);
   std::int64_t* lookup = lookup_.data_ptr<std::int64_t>();
   for (std::int64_t i = 0; i < texels; ++i) {
-    covered[i] = map.face[as_size(i)] >= 0;
+    covered[i] = map.face[i] >= 0;
     const std::int64_t from =
         covered[i] ? i : nearest_covered(map, static_cast<int>(i % size_), static_cast<int>(i / size_), padding);
     lookup[i] = from < 0 ? -1 : static_cast<std::int64_t>(source.size());
@@ -169,10 +169,10 @@ void TextureSpace::assign_texels(int padding) {
   weights_ = torch::empty({3, count, 1}, torch::kFloat64);
   const std::int32_t* faces = mesh_.faces.data_ptr<std::int32_t>();
   for (std::int64_t i = 0; i < count; ++i) {
-    const auto from = as_size(source[as_size(i)]);
+    const auto from = as_size(source[i]);
     for (std::int64_t k = 0; k < 3; ++k) {
       corners_.data_ptr<std::int64_t>()[k * count + i] = faces[3 * static_cast<std::int64_t>(map.face[from]) + k];
-      weights_.data_ptr<double>()[k * count + i] = map.weights[from][as_size(k)];
+      weights_.data_ptr<double>()[k * count + i] = map.weights[from][k];
     }
   }
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/render/mesh/face_tensor.h"
 #include "doppel/render/raster/rasterizer.h"
 
@@ -57,7 +56,7 @@ struct ScanPainter::Impl {
     torch::Tensor result = torch::empty({1, mesh.num_vertices(), 3});
     auto rows = result.accessor<float, 3>();
     for (int v = 0; v < mesh.num_vertices(); ++v) {
-      const Vector3d point = camera.camera_from_world(mesh.vertices[as_size(v)]);
+      const Vector3d point = camera.camera_from_world(mesh.vertices[v]);
       for (int k = 0; k < 3; ++k) rows[0][v][k] = static_cast<float>(point[k]);
     }
     return result;
@@ -67,7 +66,7 @@ struct ScanPainter::Impl {
   Vector3d albedo(int face, const Vector3d& w) const {
     if (!mesh.texture.empty() && !mesh.face_uvs.empty()) {
       Eigen::Vector2d uv(0, 0);
-      for (int k = 0; k < 3; ++k) uv += w[k] * mesh.uvs[as_size(mesh.face_uvs[as_size(face)][as_size(k)])];
+      for (int k = 0; k < 3; ++k) uv += w[k] * mesh.uvs[mesh.face_uvs[face][k]];
       const int x = std::clamp(static_cast<int>(uv.x() * mesh.texture.cols), 0, mesh.texture.cols - 1);
       const int y = std::clamp(static_cast<int>((1.0 - uv.y()) * mesh.texture.rows), 0, mesh.texture.rows - 1);
       const cv::Vec3b texel = mesh.texture.at<cv::Vec3b>(y, x);
@@ -75,14 +74,14 @@ struct ScanPainter::Impl {
     }
     if (mesh.colours.empty()) return kClay;
     Vector3d colour(0, 0, 0);
-    for (int k = 0; k < 3; ++k) colour += w[k] * mesh.colours[as_size(mesh.faces[as_size(face)][as_size(k)])];
+    for (int k = 0; k < 3; ++k) colour += w[k] * mesh.colours[mesh.faces[face][k]];
     return colour;
   }
 
   /// @param lamp unit vector towards the lamp, world @param towards the camera, world
   cv::Vec3b shade(int face, const Vector3d& w, const Vector3d& lamp, const Vector3d& towards) const {
     Vector3d normal(0, 0, 0);
-    for (int k = 0; k < 3; ++k) normal += w[k] * normals[as_size(mesh.faces[as_size(face)][as_size(k)])];
+    for (int k = 0; k < 3; ++k) normal += w[k] * normals[mesh.faces[face][k]];
     if (normal.dot(towards) < 0) normal = -normal;
     const double light = kAmbient + (1.0 - kAmbient) * std::max(0.0, normal.normalized().dot(lamp));
     const Vector3d colour = 255.0 * light * albedo(face, w);

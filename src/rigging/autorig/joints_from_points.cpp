@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <string>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -49,7 +48,7 @@ class JointFinder {
  private:
   std::optional<Vector3d> find(const std::string& name) const {
     for (int k = 0; k < kNumBodyLandmarks; ++k)
-      if (name == kBodyLandmarkNames[as_size(k)]) return points_[as_size(k)];
+      if (name == kBodyLandmarkNames[k]) return points_[k];
     return std::nullopt;
   }
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 namespace {
@@ -12,14 +10,14 @@ namespace {
 template <typename Row>
 void keep_used(const std::vector<Row>& rows, std::vector<int>& index, std::vector<Row>& kept,
                std::vector<Triangle>& faces) {
-  kept.reserve(as_size(std::count_if(index.begin(), index.end(), [](int i) { return i >= 0; })));
+  kept.reserve(std::count_if(index.begin(), index.end(), [](int i) { return i >= 0; }));
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (index[i] >= 0) {
       index[i] = static_cast<int>(kept.size());
       kept.push_back(rows[i]);
     }
   for (Triangle& face : faces)
-    for (int& corner : face) corner = index[as_size(corner)];
+    for (int& corner : face) corner = index[corner];
 }
 
 /// The triangles of a primitive that have one material.
@@ -32,10 +30,10 @@ ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std:
   for (std::size_t f = 0; f < primitive.faces.size(); ++f) {
     if (!primitive.face_materials.empty() && primitive.face_materials[f] != material) continue;
     part.mesh.faces.push_back(primitive.faces[f]);
-    for (const int v : primitive.faces[f]) index[as_size(v)] = 0;
+    for (const int v : primitive.faces[f]) index[v] = 0;
     if (primitive.face_uvs.empty()) continue;
     part.mesh.face_uvs.push_back(primitive.face_uvs[f]);
-    for (const int uv : primitive.face_uvs[f]) uv_index[as_size(uv)] = 0;
+    for (const int uv : primitive.face_uvs[f]) uv_index[uv] = 0;
   }
   keep_used(vertices, index, part.mesh.vertices, part.mesh.faces);
   if (!primitive.colours.empty())
@@ -43,7 +41,7 @@ ScanPart part_of(const Scene& scene, const ScenePrimitive& primitive, const std:
       if (index[v] >= 0) part.mesh.colours.push_back(primitive.colours[v]);
   keep_used(primitive.uvs, uv_index, part.mesh.uvs, part.mesh.face_uvs);
   if (material < 0) return part;
-  const SceneMaterial& surface = scene.materials[as_size(material)];
+  const SceneMaterial& surface = scene.materials[material];
   part.mesh.texture = surface.texture;
   part.colour = surface.colour.head<3>();
   return part;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/joints/hinges.h"
 
 namespace doppel {
@@ -47,7 +46,7 @@ class BendingLimb {
   /// w^q / (w^q + (1 - w)^q), see keep_hinge_volumes. @param c strength
   double tilted(int vertex, double weight, double c) const {
     if (weight < kOneBoneOnly || weight > 1.0 - kOneBoneOnly) return weight;
-    const Vector3d p = rest_[as_size(vertex)] - hinge_.places.joint;
+    const Vector3d p = rest_[vertex] - hinge_.places.joint;
     const double side = std::clamp(((p - middle_).dot(inner_)) / radius_, -1.0, 1.0);
     const double away = p.dot(along_) / (kReachOfTilt * radius_);
     const double power = std::exp(c * side * std::exp(-0.5 * away * away));
@@ -77,7 +76,7 @@ class BendingLimb {
     double area = 0.0, square = 0.0;
     std::vector<std::pair<double, Vector3d>> near;
     for (const Triangle& face : piece_.faces()) {
-      const Vector3d &a = rest_[as_size(face[0])], &b = rest_[as_size(face[1])], &c = rest_[as_size(face[2])];
+      const Vector3d &a = rest_[face[0]], &b = rest_[face[1]], &c = rest_[face[2]];
       const Vector3d centre = (a + b + c) / 3.0 - hinge_.places.joint;
       if (std::abs(centre.dot(along_)) > window) continue;
       near.emplace_back(0.5 * (b - a).cross(c - a).norm(), centre);
@@ -94,7 +93,7 @@ class BendingLimb {
     std::vector<Vector3d> bent = rest_;
     for (const int v : piece_.vertices()) {
       const Eigen::AngleAxisd turn(kBentHinge * tilted(v, weight(v), c), hinge_.axis);
-      bent[as_size(v)] = hinge_.places.joint + turn * (rest_[as_size(v)] - hinge_.places.joint);
+      bent[v] = hinge_.places.joint + turn * (rest_[v] - hinge_.places.joint);
     }
     return piece_.volume(bent);
   }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <string>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -19,7 +18,7 @@ int index_of_bone(const Character& character, const std::string& name) {
 }
 
 bool moves(const Skeleton& skeleton, int upper, int joint) {
-  while (joint > upper) joint = skeleton.joints[as_size(joint)].parent;
+  while (joint > upper) joint = skeleton.joints[joint].parent;
   return joint == upper;
 }
 
@@ -27,16 +26,14 @@ bool moves(const Skeleton& skeleton, int upper, int joint) {
 /// @param end the bone that begins where the lower bone ends
 Hinge hinge_of(const Character& character, const std::vector<Eigen::Affine3d>& rest,
                const std::vector<std::string>& bones, const std::string& end) {
-  const auto joint_of = [&](const std::string& bone) {
-    return character.bone_joint[as_size(index_of_bone(character, bone))];
-  };
-  const auto place = [&](int joint) { return Eigen::Vector3d(rest[as_size(joint)].translation()); };
+  const auto joint_of = [&](const std::string& bone) { return character.bone_joint[index_of_bone(character, bone)]; };
+  const auto place = [&](int joint) { return Eigen::Vector3d(rest[joint].translation()); };
   Hinge hinge;
   for (const std::string& bone : bones) hinge.limb.push_back(index_of_bone(character, bone));
   const int joint = joint_of(bones[1]);
   for (const int other : character.bone_joint) hinge.below.push_back(moves(character.skeleton, joint, other));
   hinge.places = {place(joint_of(bones[0])), place(joint), place(joint_of(end))};
-  hinge.axis = (rest[as_size(joint)].linear() * character.skeleton.joints[as_size(joint)].axis).normalized();
+  hinge.axis = (rest[joint].linear() * character.skeleton.joints[joint].axis).normalized();
   return hinge;
 }
 

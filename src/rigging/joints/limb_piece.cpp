@@ -5,7 +5,6 @@
 #include <limits>
 #include <map>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/topology.h"
 
 namespace doppel {
@@ -44,8 +43,8 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
   const Vector3d upper = places.joint - places.top, lower = places.end - places.joint;
   const Vector3d from = places.top + 0.5 * upper, to = places.joint + 0.5 * lower;
   const auto inside = [&](int v) {
-    const Vector3d& p = vertices[as_size(v)];
-    return of_limb[as_size(v)] && (p - from).dot(upper) >= 0.0 && (p - to).dot(lower) <= 0.0;
+    const Vector3d& p = vertices[v];
+    return of_limb[v] && (p - from).dot(upper) >= 0.0 && (p - to).dot(lower) <= 0.0;
   };
   for (const Triangle& face : faces)
     if (std::all_of(face.begin(), face.end(), inside)) faces_.push_back(face);
@@ -53,7 +52,7 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
   const std::vector<int> hole = MeshTopology(static_cast<int>(vertices.size()), open).components();
   std::map<int, Cap> caps;
   for (const Edge& edge : open) {
-    Cap& cap = caps[hole[as_size(edge[0])]];
+    Cap& cap = caps[hole[edge[0]]];
     cap.edges.push_back({edge[1], edge[0]});
     cap.vertices.insert(cap.vertices.end(), edge.begin(), edge.end());
   }
@@ -61,7 +60,7 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
     sort_unique(cap.vertices);
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (const int v : cap.vertices) {
-      const double along = (vertices[as_size(v)] - from).dot(to - from) / (to - from).squaredNorm();
+      const double along = (vertices[v] - from).dot(to - from) / (to - from).squaredNorm();
       low = std::min(low, along);
       high = std::max(high, along);
     }
@@ -77,7 +76,7 @@ LimbPiece::LimbPiece(const std::vector<Vector3d>& vertices, const std::vector<Tr
 }
 
 double LimbPiece::volume(const std::vector<Vector3d>& vertices) const {
-  const auto at = [&](int v) -> const Vector3d& { return vertices[as_size(v)]; };
+  const auto at = [&](int v) -> const Vector3d& { return vertices[v]; };
   double sum = 0.0;
   for (const Triangle& face : faces_) sum += tetrahedron(at(face[0]), at(face[1]), at(face[2]));
   for (const Cap& cap : caps_) {

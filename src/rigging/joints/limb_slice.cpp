@@ -18,7 +18,7 @@ class SlicePlane {
       : point_(point), step_(0.7 * solid.cell), half_(static_cast<int>(std::ceil(window / step_))) {
     u_ = along.unitOrthogonal();
     v_ = along.cross(u_);
-    inside_.resize(as_size(width() * width()));
+    inside_.resize(width() * width());
     for (int j = -half_; j <= half_; ++j)
       for (int i = -half_; i <= half_; ++i) inside_[index(i, j)] = solid.is_inside(place(i, j)) ? 1 : 0;
   }

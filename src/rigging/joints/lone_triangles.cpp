@@ -27,8 +27,7 @@ IndexRows inverse_of(const std::vector<int>& numbers, int count) {
   std::partial_sum(rows.offsets.begin(), rows.offsets.end(), rows.offsets.begin());
   rows.items.resize(numbers.size());
   std::vector<int> next(rows.offsets.begin(), rows.offsets.end() - 1);
-  for (std::size_t i = 0; i < numbers.size(); ++i)
-    rows.items[as_size(next[as_size(numbers[i])]++)] = static_cast<int>(i);
+  for (std::size_t i = 0; i < numbers.size(); ++i) rows.items[next[numbers[i]]++] = static_cast<int>(i);
   return rows;
 }
 
@@ -73,7 +72,7 @@ class PosedTemplate {
   void approach(const std::vector<int>& faces, WeightField& field) {
     std::vector<std::pair<int, int>> moved;  // place, face
     for (const int f : faces)
-      for (const int v : mesh_.faces[as_size(f)]) moved.emplace_back(place_[as_size(v)], f);
+      for (const int v : mesh_.faces[f]) moved.emplace_back(place_[v], f);
     std::sort(moved.begin(), moved.end());
     const WeightField means = means_of(faces, field);
     std::vector<int> changed;
@@ -98,7 +97,7 @@ class PosedTemplate {
   WeightField means_of(const std::vector<int>& faces, const WeightField& field) const {
     WeightField means(static_cast<Eigen::Index>(faces.size()), field.cols());
     for (std::size_t i = 0; i < faces.size(); ++i) {
-      const Triangle& face = mesh_.faces[as_size(faces[i])];
+      const Triangle& face = mesh_.faces[faces[i]];
       means.row(static_cast<Eigen::Index>(i)) = (field.row(face[0]) + field.row(face[1]) + field.row(face[2])) / 3.0F;
     }
     return means;
@@ -109,16 +108,16 @@ class PosedTemplate {
     for (const int v : vertices) {
       const SparseRow row = sparse_row(field, v, options_);
       for (std::size_t i = 0; i < blends_.size(); ++i)
-        posed_[i][as_size(v)] = blends_[i].point(mesh_.vertices[as_size(v)], row.bones, row.weights);
+        posed_[i][v] = blends_[i].point(mesh_.vertices[v], row.bones, row.weights);
       for (const int corner : corners_at_.row(v)) faces.push_back(corner / 3);
     }
     std::sort(faces.begin(), faces.end());
     faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
     std::vector<Triangle> triangles;
-    for (const int f : faces) triangles.push_back(mesh_.faces[as_size(f)]);
+    for (const int f : faces) triangles.push_back(mesh_.faces[f]);
     for (std::size_t i = 0; i < blends_.size(); ++i) {
       const std::vector<double> stretches = triangle_stretches(triangles, mesh_.vertices, posed_[i]);
-      for (std::size_t k = 0; k < faces.size(); ++k) stretches_[i][as_size(faces[k])] = stretches[k];
+      for (std::size_t k = 0; k < faces.size(); ++k) stretches_[i][faces[k]] = stretches[k];
     }
   }
 

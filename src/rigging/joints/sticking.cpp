@@ -18,8 +18,8 @@ constexpr double kReachOfEnd = 0.7;  // of a bone without bones below it, in its
 
 /// The bone that carries the nearest joint above a joint, or -1. @param bone_of_joint [J] or -1
 int bone_above(const Skeleton& skeleton, const std::vector<int>& bone_of_joint, int joint) {
-  for (int j = skeleton.joints[as_size(joint)].parent; j >= 0; j = skeleton.joints[as_size(j)].parent)
-    if (bone_of_joint[as_size(j)] >= 0) return bone_of_joint[as_size(j)];
+  for (int j = skeleton.joints[joint].parent; j >= 0; j = skeleton.joints[j].parent)
+    if (bone_of_joint[j] >= 0) return bone_of_joint[j];
   return -1;
 }
 
@@ -30,12 +30,12 @@ BoneSegments segments_of_bones(const Character& character, const std::vector<int
   const auto rest = character.skeleton.pose(character.rest_dofs);
   BoneSegments segments(character.bone_joint.size());
   for (std::size_t b = 0; b < segments.size(); ++b) {
-    const Vector3d place = rest[as_size(character.bone_joint[b])].translation();
+    const Vector3d place = rest[character.bone_joint[b]].translation();
     segments[b].push_back({place, place});
   }
   for (int j = 0; j < character.skeleton.num_joints(); ++j)
     if (const int bone = bone_above(character.skeleton, bone_of_joint, j); bone >= 0)
-      segments[as_size(bone)].push_back({segments[as_size(bone)][0][0], rest[as_size(j)].translation()});
+      segments[bone].push_back({segments[bone][0][0], rest[j].translation()});
   return segments;
 }
 
@@ -57,7 +57,7 @@ std::vector<std::vector<bool>> related_bones(const Character& character, const s
   for (std::size_t b = 0; b < n; ++b) {
     adjacent[b][b] = true;
     if (const int up = bone_above(character.skeleton, bone_of_joint, character.bone_joint[b]); up >= 0)
-      adjacent[b][as_size(up)] = adjacent[as_size(up)][b] = true;
+      adjacent[b][up] = adjacent[up][b] = true;
   }
   std::vector<std::vector<bool>> related = adjacent;
   for (int step = 1; step < kSteps; ++step) {
@@ -75,7 +75,7 @@ std::vector<double> usual_distances(const Character& character, const BoneSegmen
   std::vector<std::vector<double>> distances(segments.size());
   for (int v = 0; v < character.num_vertices(); ++v) {
     const auto bone = as_size(character.skin.vertex_bones.row(v).front());
-    distances[bone].push_back(distance_to(segments[bone], character.mesh.vertices[as_size(v)]));
+    distances[bone].push_back(distance_to(segments[bone], character.mesh.vertices[v]));
   }
   std::vector<double> usual;
   for (const std::vector<double>& of_bone : distances) usual.push_back(median(of_bone));
@@ -88,7 +88,7 @@ std::vector<double> reaches(const Character& character, const BoneSegments& segm
   std::vector<double> reach = usual_distances(character, segments);
   std::vector<bool> is_end(reach.size(), true);
   for (const int joint : character.bone_joint)
-    if (const int bone = bone_above(character.skeleton, bone_of_joint, joint); bone >= 0) is_end[as_size(bone)] = false;
+    if (const int bone = bone_above(character.skeleton, bone_of_joint, joint); bone >= 0) is_end[bone] = false;
   for (std::size_t b = 0; b < reach.size(); ++b) {
     if (reach[b] <= 0.0) continue;
     reach[b] *= kUsualReach;
@@ -121,7 +121,7 @@ IndexRows possible_owners(const Character& character, const BoneSegments& segmen
 StickingVertices::StickingVertices(const Character& character) : character_(character) {
   std::vector<int> bone_of_joint(character.skeleton.joints.size(), -1);
   for (std::size_t b = 0; b < character.bone_joint.size(); ++b)
-    bone_of_joint[as_size(character.bone_joint[b])] = static_cast<int>(b);
+    bone_of_joint[character.bone_joint[b]] = static_cast<int>(b);
   related_ = related_bones(character, bone_of_joint);
   const BoneSegments segments = segments_of_bones(character, bone_of_joint);
   owners_ = possible_owners(character, segments, reaches(character, segments, bone_of_joint));
@@ -139,13 +139,13 @@ Vector3d StickingVertices::place_by(const SkinBlend& blend, int vertex, int bone
   std::vector<double> weights;
   double sum = 0.0;
   for (std::size_t i = 0; i < all_bones.size(); ++i) {
-    if (!related_[as_size(bone)][as_size(all_bones[i])]) continue;
+    if (!related_[bone][all_bones[i]]) continue;
     bones.push_back(all_bones[i]);
     weights.push_back(all_weights[i]);
     sum += all_weights[i];
   }
-  const Vector3d& rest = character_.mesh.vertices[as_size(vertex)];
-  if (sum < kSmallest) return blend.motions()[as_size(bone)] * rest;
+  const Vector3d& rest = character_.mesh.vertices[vertex];
+  if (sum < kSmallest) return blend.motions()[bone] * rest;
   for (double& weight : weights) weight /= sum;
   return blend.point(rest, bones, weights);
 }
@@ -155,7 +155,7 @@ std::vector<int> StickingVertices::find(const SkinBlend& blend, const std::vecto
   for (int v = 0; v < character_.num_vertices(); ++v) {
     const auto owners = owners_.row(v);
     const bool follows = std::any_of(owners.begin(), owners.end(), [&](int bone) {
-      return (place_by(blend, v, bone) - posed[as_size(v)]).norm() <= tolerance_;
+      return (place_by(blend, v, bone) - posed[v]).norm() <= tolerance_;
     });
     if (!follows) result.push_back(v);
   }

@@ -8,7 +8,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rigging/scan/edge_table.h"
 
@@ -45,16 +44,16 @@ class TileMover {
     }
     std::vector<Box2> boxes(mesh_.uvs.size());
     for (const Triangle& face : mesh_.face_uvs)
-      for (const int uv : face) boxes[as_size(sets.find(uv))].extend(mesh_.uvs[as_size(uv)]);
+      for (const int uv : face) boxes[sets.find(uv)].extend(mesh_.uvs[uv]);
     for (const Triangle& face : mesh_.face_uvs) {
-      const Box2& island = boxes[as_size(sets.find(face[0]))];
+      const Box2& island = boxes[sets.find(face[0])];
       const bool small = island.sizes().maxCoeff() <= most_repeats_;
       if (small) {
         add_face(face, tile_of(island));
         continue;
       }
       Box2 box;
-      for (const int uv : face) box.extend(mesh_.uvs[as_size(uv)]);
+      for (const int uv : face) box.extend(mesh_.uvs[uv]);
       add_face(face, tile_of(box));
       out_.cut = true;
     }
@@ -70,7 +69,7 @@ class TileMover {
       const auto [entry, fresh] =
           places_.emplace(std::tuple(face[k], tile.x(), tile.y()), static_cast<int>(out_.uvs.size()));
       if (fresh) {
-        out_.uvs.emplace_back(mesh_.uvs[as_size(face[k])] - tile);
+        out_.uvs.emplace_back(mesh_.uvs[face[k]] - tile);
         out_.window.extend(out_.uvs.back());
       }
       moved[k] = entry->second;
@@ -251,12 +250,12 @@ class PartMerger {
     const cv::Mat texture = as_bgr(part.mesh.texture, part.name);
     for (std::size_t f = 0; f < part.mesh.faces.size(); ++f)
       for (int k = 0; k < 3; ++k) {
-        const Vector2d& uv = part.mesh.uvs[as_size(part.mesh.face_uvs[f][k])];
+        const Vector2d& uv = part.mesh.uvs[part.mesh.face_uvs[f][k]];
         const double u = uv.x() - std::floor(uv.x()), v = uv.y() - std::floor(uv.y());
         const cv::Vec3b pixel =
             texture.at<cv::Vec3b>(std::min(texture.rows - 1, static_cast<int>((1.0 - v) * texture.rows)),
                                   std::min(texture.cols - 1, static_cast<int>(u * texture.cols)));
-        colours[as_size(part.mesh.faces[f][k])] = Vector3d(pixel[2], pixel[1], pixel[0]) / 255.0;
+        colours[part.mesh.faces[f][k]] = Vector3d(pixel[2], pixel[1], pixel[0]) / 255.0;
       }
     return colours;
   }

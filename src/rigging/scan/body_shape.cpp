@@ -6,7 +6,6 @@
 #include <numbers>
 #include <unordered_map>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 #include "doppel/rigging/scan/edge_table.h"
@@ -35,17 +34,16 @@ constexpr double kTurnPenalty = 1.5e-4;  // overlap per squared degree
 AlignedBox3d likely_box(const TriangleMesh& mesh) {
   std::array<std::vector<double>, 3> places;
   for (const Triangle& face : mesh.faces) {
-    const Vector3d middle =
-        (mesh.vertices[as_size(face[0])] + mesh.vertices[as_size(face[1])] + mesh.vertices[as_size(face[2])]) / 3.0;
+    const Vector3d middle = (mesh.vertices[face[0]] + mesh.vertices[face[1]] + mesh.vertices[face[2]]) / 3.0;
     if (!middle.allFinite()) continue;
-    for (int k = 0; k < 3; ++k) places[as_size(k)].push_back(middle[k]);
+    for (int k = 0; k < 3; ++k) places[k].push_back(middle[k]);
   }
   if (places[0].empty())
     fail<UsageError>("finding the orientation of the scan: no triangle has finite corners; check the file");
   Vector3d low, high;
   for (int k = 0; k < 3; ++k) {
-    low[k] = quantile(places[as_size(k)], kQuantile);
-    high[k] = quantile(std::move(places[as_size(k)]), 1.0 - kQuantile);
+    low[k] = quantile(places[k], kQuantile);
+    high[k] = quantile(std::move(places[k]), 1.0 - kQuantile);
   }
   const double beyond = kBeyondQuantile * (high - low).maxCoeff();
   return {low - Vector3d::Constant(beyond), high + Vector3d::Constant(beyond)};
@@ -54,7 +52,7 @@ AlignedBox3d likely_box(const TriangleMesh& mesh) {
 AlignedBox3d box_of(const TriangleMesh& mesh) {
   AlignedBox3d box;
   for (const Triangle& face : mesh.faces)
-    for (const int v : face) box.extend(mesh.vertices[as_size(v)]);
+    for (const int v : face) box.extend(mesh.vertices[v]);
   return box;
 }
 
@@ -65,19 +63,19 @@ class MainPart {
     const AlignedBox3d box = box_of(mesh);
     cell_ = std::max(box.sizes().maxCoeff() / kPartsAlong, 1e-300);
     origin_ = box.min() - Vector3d::Constant(2.5 * cell_);  // the border stays empty in spite of rounding
-    for (int k = 0; k < 3; ++k) layout_.dims[as_size(k)] = static_cast<int>(box.sizes()[k] / cell_) + 6;
+    for (int k = 0; k < 3; ++k) layout_.dims[k] = static_cast<int>(box.sizes()[k] / cell_) + 6;
     const std::vector<std::uint8_t> crossed = crossed_cells(layout_, origin_, cell_, mesh);
     std::vector<std::uint8_t> empty = dilated(layout_, crossed, 1);
     for (std::uint8_t& cell : empty) cell = cell == 0;
     // Where the walls are what is empty, the spaces between them are the parts.
     for (const std::vector<int>& part : enclosed_spaces(layout_, empty)) {
       int size = 0;
-      for (const int cell : part) size += crossed[as_size(cell)];
+      for (const int cell : part) size += crossed[cell];
       total_ += size;
       if (size <= largest_) continue;
       largest_ = size;
       inside_.assign(layout_.size(), false);
-      for (const int cell : part) inside_[as_size(cell)] = true;
+      for (const int cell : part) inside_[cell] = true;
     }
   }
 
@@ -85,9 +83,8 @@ class MainPart {
     if (inside_.empty()) return true;
     const Eigen::Array3d place = ((point - origin_) / cell_).array().floor();
     for (int k = 0; k < 3; ++k)
-      if (!(place[k] >= 0.0 && place[k] < layout_.dims[as_size(k)])) return false;
-    return inside_[as_size(
-        layout_.index(static_cast<int>(place[0]), static_cast<int>(place[1]), static_cast<int>(place[2])))];
+      if (!(place[k] >= 0.0 && place[k] < layout_.dims[k])) return false;
+    return inside_[layout_.index(static_cast<int>(place[0]), static_cast<int>(place[1]), static_cast<int>(place[2]))];
   }
   double share() const { return total_ > 0 ? static_cast<double>(largest_) / total_ : 1.0; }
 
@@ -103,7 +100,7 @@ TriangleMesh only_main_part(const TriangleMesh& mesh, const MainPart& part) {
   TriangleMesh out;
   out.vertices = mesh.vertices;
   for (const Triangle& face : mesh.faces)
-    if (part.holds(mesh.vertices[as_size(face[0])])) out.faces.push_back(face);
+    if (part.holds(mesh.vertices[face[0]])) out.faces.push_back(face);
   return out.faces.empty() ? mesh : out;
 }
 
@@ -134,7 +131,7 @@ TriangleMesh above_floor(const TriangleMesh& mesh, const FoundFloor& floor) {
   out.vertices = mesh.vertices;
   for (const Triangle& face : mesh.faces) {
     bool above = false;
-    for (const int v : face) above = above || mesh.vertices[as_size(v)].dot(up) > floor.level;
+    for (const int v : face) above = above || mesh.vertices[v].dot(up) > floor.level;
     if (above) out.faces.push_back(face);
   }
   return out.faces.empty() ? mesh : out;
@@ -144,14 +141,14 @@ TriangleMesh above_floor(const TriangleMesh& mesh, const FoundFloor& floor) {
 TriangleMesh without_specks(const TriangleMesh& mesh) {
   int count = 0;
   const std::vector<int> component = face_components(mesh.faces, mesh.vertices.size(), count);
-  std::vector<AlignedBox3d> boxes(as_size(count));
+  std::vector<AlignedBox3d> boxes(count);
   for (std::size_t f = 0; f < component.size(); ++f)
-    for (const int v : mesh.faces[f]) boxes[as_size(component[f])].extend(mesh.vertices[as_size(v)]);
+    for (const int v : mesh.faces[f]) boxes[component[f]].extend(mesh.vertices[v]);
   const double least = kSpeckSize * box_of(mesh).sizes().maxCoeff();
   TriangleMesh out;
   out.vertices = mesh.vertices;
   for (std::size_t f = 0; f < component.size(); ++f)
-    if (boxes[as_size(component[f])].diagonal().norm() > least) out.faces.push_back(mesh.faces[f]);
+    if (boxes[component[f]].diagonal().norm() > least) out.faces.push_back(mesh.faces[f]);
   return out.faces.empty() ? mesh : out;
 }
 
@@ -160,10 +157,10 @@ AlignedBox3d exact_box(const TriangleMesh& mesh, const TriangleMesh& coarse, con
                        const FoundFloor& floor) {
   std::vector<bool> used(coarse.vertices.size(), false);
   for (const Triangle& face : coarse.faces)
-    for (const int v : face) used[as_size(v)] = true;
+    for (const int v : face) used[v] = true;
   AlignedBox3d box;
   for (std::size_t v = 0; v < cluster.size(); ++v) {
-    if (cluster[v] < 0 || !used[as_size(cluster[v])]) continue;
+    if (cluster[v] < 0 || !used[cluster[v]]) continue;
     if (floor.direction >= 0 && mesh.vertices[v].dot(axis_direction(floor.direction)) < floor.level) continue;
     box.extend(mesh.vertices[v]);
   }
@@ -193,21 +190,21 @@ Profile profile_along(const CoarseBody& body, const Vector3d& up) {
   const Vector3d centre = centre_of(body.cells), foot = centre - centre.dot(up) * up;
   for (int k = 0; k < kSlices; ++k) {
     const Vector3d point = foot + (low + (k + 0.5) / kSlices * extent) * up;
-    profile.centre_inside[as_size(k)] = body.solid.inside(point);
+    profile.centre_inside[k] = body.solid.inside(point);
   }
   // A cell is thicker or thinner than a slice: it is shared out.
   const double half = 0.5 * body.solid.cell_size() / extent * kSlices;
   for (const Vector3d& cell : body.cells) {
     const double middle = (cell.dot(up) - low) / extent * kSlices;
     for (int k = std::max(0, static_cast<int>(middle - half)); k <= std::min(kSlices - 1.0, middle + half); ++k)
-      profile.area[as_size(k)] += std::max(0.0, std::min(middle + half, k + 1.0) - std::max(middle - half, k + 0.0));
+      profile.area[k] += std::max(0.0, std::min(middle + half, k + 1.0) - std::max(middle - half, k + 0.0));
   }
   return profile;
 }
 
 double mean_area(const Profile& profile, int first, int last, bool from_above) {
   double sum = 0.0;
-  for (int k = first; k < last; ++k) sum += profile.area[as_size(from_above ? kSlices - 1 - k : k)];
+  for (int k = first; k < last; ++k) sum += profile.area[from_above ? kSlices - 1 - k : k];
   return sum / (last - first);
 }
 
@@ -215,7 +212,7 @@ int gap(const Profile& profile, bool from_above) {
   // A few slices may be inside: hair that ends in a curl, a skirt's hem.
   int last = 0, inside = 0;
   for (int k = 0; k < kSlices && inside < 3; ++k) {
-    if (profile.centre_inside[as_size(from_above ? kSlices - 1 - k : k)])
+    if (profile.centre_inside[from_above ? kSlices - 1 - k : k])
       ++inside;
     else
       last = k + 1 - inside;
@@ -243,8 +240,8 @@ TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d
   cluster.assign(mesh.vertices.size(), -1);
   std::unordered_map<std::uint64_t, int> cells;
   const auto cluster_of = [&](int v) {
-    if (cluster[as_size(v)] >= 0) return cluster[as_size(v)];
-    const Vector3d& p = mesh.vertices[as_size(v)];
+    if (cluster[v] >= 0) return cluster[v];
+    const Vector3d& p = mesh.vertices[v];
     std::uint64_t key = 0;
     for (int k = 0; k < 3; ++k) key = key << 21 | static_cast<std::uint64_t>((p[k] - box.min()[k]) / cell);
     const auto [entry, fresh] = cells.emplace(key, out.num_vertices());
@@ -252,14 +249,13 @@ TriangleMesh clustered(const TriangleMesh& mesh, double cell, const AlignedBox3d
       out.vertices.emplace_back(Vector3d::Zero());
       counts.push_back(0);
     }
-    out.vertices[as_size(entry->second)] += p;
-    ++counts[as_size(entry->second)];
-    return cluster[as_size(v)] = entry->second;
+    out.vertices[entry->second] += p;
+    ++counts[entry->second];
+    return cluster[v] = entry->second;
   };
   for (const Triangle& face : mesh.faces) {
     bool usable = true;
-    for (const int v : face)
-      usable = usable && mesh.vertices[as_size(v)].allFinite() && box.contains(mesh.vertices[as_size(v)]);
+    for (const int v : face) usable = usable && mesh.vertices[v].allFinite() && box.contains(mesh.vertices[v]);
     if (!usable) continue;
     const Triangle merged{cluster_of(face[0]), cluster_of(face[1]), cluster_of(face[2])};
     if (merged[0] != merged[1] && merged[1] != merged[2] && merged[2] != merged[0]) out.faces.push_back(merged);

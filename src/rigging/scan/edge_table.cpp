@@ -4,8 +4,6 @@
 #include <numeric>
 #include <tuple>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 std::vector<EdgeUse> sorted_edge_uses(const std::vector<Triangle>& faces) {
@@ -25,9 +23,9 @@ std::vector<EdgeUse> sorted_edge_uses(const std::vector<Triangle>& faces) {
 JoinedSets::JoinedSets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0); }
 
 int JoinedSets::find(int item) {
-  while (parent_[as_size(item)] != item) {
-    parent_[as_size(item)] = parent_[as_size(parent_[as_size(item)])];
-    item = parent_[as_size(item)];
+  while (parent_[item] != item) {
+    parent_[item] = parent_[parent_[item]];
+    item = parent_[item];
   }
   return item;
 }
@@ -35,7 +33,7 @@ int JoinedSets::find(int item) {
 void JoinedSets::join(int a, int b) {
   a = find(a);
   b = find(b);
-  parent_[as_size(std::max(a, b))] = std::min(a, b);
+  parent_[std::max(a, b)] = std::min(a, b);
 }
 
 std::vector<int> face_components(const std::vector<Triangle>& faces, std::size_t num_vertices, int& count) {
@@ -47,7 +45,7 @@ std::vector<int> face_components(const std::vector<Triangle>& faces, std::size_t
   std::vector<int> number(num_vertices, -1), component(faces.size());
   count = 0;
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    int& here = number[as_size(sets.find(faces[f][0]))];
+    int& here = number[sets.find(faces[f][0])];
     if (here < 0) here = count++;
     component[f] = here;
   }

@@ -51,7 +51,7 @@ class Outline {
   void add(const Vector3d& point) {
     const double x = (point - centre_).dot(right_), y = (point - centre_).dot(front_);
     const double turn = 0.5 + 0.5 * std::atan2(y, x) / std::numbers::pi;
-    double& radius = radii_[as_size(std::clamp(static_cast<int>(turn * kSectors), 0, kSectors - 1))];
+    double& radius = radii_[std::clamp(static_cast<int>(turn * kSectors), 0, kSectors - 1)];
     radius = std::max(radius, std::hypot(x, y));
   }
 
@@ -76,7 +76,7 @@ std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& u
   for (const Triangle& face : mesh.faces) {
     const FaceOnFloor seen = look_at(mesh, face, up, low, extent);
     if (seen.level && seen.height >= -kFloorThickness && seen.height < kFloorZone)
-      areas[as_size(std::max(0.0, seen.height) / kFloorBin)] += seen.area;
+      areas[std::max(0.0, seen.height) / kFloorBin] += seen.area;
   }
   std::size_t best = 0;
   for (std::size_t k = 0; k + 1 < areas.size(); ++k)
@@ -98,11 +98,11 @@ std::optional<FloorSheet> find_floor(const TriangleMesh& mesh, const Vector3d& u
   centre /= sheet.area;
   Outline floor(centre, up), body(centre, up);
   for (const int f : sheet.faces)
-    for (const int v : mesh.faces[as_size(f)]) floor.add(mesh.vertices[as_size(v)]);
+    for (const int v : mesh.faces[f]) floor.add(mesh.vertices[v]);
   for (const Triangle& face : mesh.faces)
     for (const int v : face) {
-      const double height = (mesh.vertices[as_size(v)].dot(up) - low) / extent - level;
-      if (height > 1.5 * kFloorThickness && height < kAboveFloor) body.add(mesh.vertices[as_size(v)]);
+      const double height = (mesh.vertices[v].dot(up) - low) / extent - level;
+      if (height > 1.5 * kFloorThickness && height < kAboveFloor) body.add(mesh.vertices[v]);
     }
   if (floor.mean_excess(body) < kFloorExcess * size) return std::nullopt;
   return sheet;

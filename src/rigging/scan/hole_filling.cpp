@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/scan/edge_table.h"
 
 namespace doppel {
@@ -14,18 +13,18 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 std::vector<BorderLoop> border_loops(const TriangleMesh& mesh, const std::vector<int>& across) {
   std::vector<int> leaving(mesh.vertices.size(), -1);
   for (std::size_t h = 0; h < across.size(); ++h)
-    if (across[h] < 0) leaving[as_size(half_start(mesh.faces, static_cast<int>(h)))] = static_cast<int>(h);
+    if (across[h] < 0) leaving[half_start(mesh.faces, static_cast<int>(h))] = static_cast<int>(h);
   std::vector<bool> seen(across.size(), false);
   std::vector<BorderLoop> loops;
   for (std::size_t start = 0; start < across.size(); ++start) {
     if (across[start] >= 0 || seen[start]) continue;
     BorderLoop loop;
-    for (int h = static_cast<int>(start); h >= 0 && !seen[as_size(h)];) {
-      seen[as_size(h)] = true;
+    for (int h = static_cast<int>(start); h >= 0 && !seen[h];) {
+      seen[h] = true;
       loop.halves.push_back(h);
       const int end = half_end(mesh.faces, h);
-      loop.length += (mesh.vertices[as_size(end)] - mesh.vertices[as_size(half_start(mesh.faces, h))]).norm();
-      h = leaving[as_size(end)];
+      loop.length += (mesh.vertices[end] - mesh.vertices[half_start(mesh.faces, h)]).norm();
+      h = leaving[end];
     }
     loops.push_back(std::move(loop));
   }
@@ -60,7 +59,7 @@ std::vector<Triangle> least_area_triangles(const std::vector<Eigen::Vector3d>& l
     const auto [i, j] = open.back();
     open.pop_back();
     if (j - i < 2) continue;
-    const int m = apex[as_size(i)][as_size(j)];
+    const int m = apex[i][j];
     triangles.push_back({i, j, m});  // against the border's sense
     open.push_back({i, m});
     open.push_back({m, j});

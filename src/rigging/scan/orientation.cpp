@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rigging/scan/body_shape.h"
 #include "doppel/rigging/scan/scan_parts.h"
@@ -73,7 +72,7 @@ void refuse_flat(const TriangleMesh& mesh) {
   const auto each_corner = [&](const auto& use) {
     for (const Triangle& face : mesh.faces)
       for (const int v : face)
-        if (const Vector3d& x = mesh.vertices[as_size(v)]; x.allFinite()) use(x);
+        if (const Vector3d& x = mesh.vertices[v]; x.allFinite()) use(x);
   };
   each_corner([&](const Vector3d& x) {
     sum += x;
@@ -133,7 +132,7 @@ class OrientationFinder {
     double odds = plus.score();
     if (body_.floor_direction >= 0) odds += body_.floor_direction % 2 == 0 ? kFloorOdds : -kFloorOdds;
     up_ = 2 * axis + (odds >= 0.0 ? 0 : 1);
-    out_.up = kAxisNames[as_size(up_)];
+    out_.up = kAxisNames[up_];
     const double along = std::abs(longest_[axis]);
     const double axis_confidence =
         body_.floor_direction >= 0 ? 1.0
@@ -156,13 +155,12 @@ class OrientationFinder {
 
   void take_up() {
     up_ = parse_up(options_.up);
-    out_.up = kAxisNames[as_size(up_)];
+    out_.up = kAxisNames[up_];
     out_.up_confidence = 1.0;
     out_.reasons.push_back(fmt::format("Up: {}, as given.", out_.up));
     const double odds = up_cues(body_, up_).score();
     if (odds < -3.0)
-      out_.reasons.push_back(
-          fmt::format("The shape looks upside down; if it is, give --up {}.", kAxisNames[as_size(up_ ^ 1)]));
+      out_.reasons.push_back(fmt::format("The shape looks upside down; if it is, give --up {}.", kAxisNames[up_ ^ 1]));
   }
 
   double file_height() const { return std::abs((body_.box.max() - body_.box.min()).dot(up())); }

@@ -49,14 +49,14 @@ class PointGrid {
 
   /// A point stored before within reach; else stores this one and returns it.
   int find_or_add(const std::vector<Vector3d>& points, int point) {
-    const Vector3d& p = points[as_size(point)];
+    const Vector3d& p = points[point];
     const Eigen::Array3d place = p.array() / cell_;
     const Eigen::Array3d low = (place - 0.5).floor();
     for (int k = 0; k < 8; ++k) {
       const auto found = cells_.find(key(low + Eigen::Array3d(k & 1, k >> 1 & 1, k >> 2 & 1)));
       if (found == cells_.end()) continue;
       for (const int other : found->second)
-        if ((points[as_size(other)] - p).squaredNorm() <= squared_reach_) return other;
+        if ((points[other] - p).squaredNorm() <= squared_reach_) return other;
     }
     cells_[key(place.floor())].push_back(point);
     return point;
@@ -126,7 +126,7 @@ class ScanRepair {
     if (report_.lost_vertices == 0) return;
     std::vector<bool> keep(mesh_.faces.size(), true);
     for (std::size_t f = 0; f < keep.size(); ++f)
-      for (const int v : mesh_.faces[f]) keep[f] = keep[f] && mesh_.vertices[as_size(v)].allFinite();
+      for (const int v : mesh_.faces[f]) keep[f] = keep[f] && mesh_.vertices[v].allFinite();
     report_.lost_faces = keep_faces(keep);
   }
 
@@ -134,7 +134,7 @@ class ScanRepair {
   void measure_height() {
     std::vector<double> heights;
     heights.reserve(mesh_.faces.size());
-    for (const Triangle& face : mesh_.faces) heights.push_back(mesh_.vertices[as_size(face[0])].y());
+    for (const Triangle& face : mesh_.faces) heights.push_back(mesh_.vertices[face[0]].y());
     const double low = quantile(heights, 0.002), high = quantile(std::move(heights), 0.998);
     height_ = high - low;
     for (const Triangle& face : mesh_.faces)
@@ -146,7 +146,7 @@ class ScanRepair {
   void weld() {
     std::vector<bool> border(mesh_.vertices.size(), false);
     for_each_edge(sorted_edge_uses(mesh_.faces), [&](const EdgeUse* first, const EdgeUse* last) {
-      if (last - first == 1) border[as_size(first->low)] = border[as_size(first->high)] = true;
+      if (last - first == 1) border[first->low] = border[first->high] = true;
     });
     PointGrid grid(options_.weld_distance * height_);
     std::vector<int> target(mesh_.vertices.size());
@@ -158,7 +158,7 @@ class ScanRepair {
     }
     if (report_.welded_vertices == 0) return;
     for (Triangle& face : mesh_.faces)
-      for (int& v : face) v = target[as_size(v)];
+      for (int& v : face) v = target[v];
   }
 
   void drop_faces() {
@@ -176,7 +176,7 @@ class ScanRepair {
     std::sort(sorted.begin(), sorted.end());
     keep.assign(sorted.size(), true);
     for (std::size_t i = 1; i < sorted.size(); ++i)
-      if (sorted[i].first == sorted[i - 1].first) keep[as_size(sorted[i].second)] = false;
+      if (sorted[i].first == sorted[i - 1].first) keep[sorted[i].second] = false;
     report_.duplicate_faces = keep_faces(keep);
   }
 
@@ -188,32 +188,31 @@ class ScanRepair {
     const double largest = *std::max_element(areas.begin(), areas.end());
     Eigen::AlignedBox3d box;
     for (std::size_t f = 0; f < component.size(); ++f)
-      if (areas[as_size(component[f])] > kNoSpeck * largest)
-        for (const int v : mesh_.faces[f]) box.extend(mesh_.vertices[as_size(v)]);
+      if (areas[component[f]] > kNoSpeck * largest)
+        for (const int v : mesh_.faces[f]) box.extend(mesh_.vertices[v]);
     const std::optional<FloorSheet> sheet =
         find_floor(mesh_, Vector3d::UnitY(), box.min().y(), box.max().y(), box.sizes().maxCoeff());
     if (!sheet) return;
     // A sheet in components of its own goes as a whole, and the soles stay; a fused one is cut out.
-    std::vector<bool> flat(as_size(count), true);
+    std::vector<bool> flat(count, true);
     for (std::size_t f = 0; f < component.size(); ++f)
       for (const int v : mesh_.faces[f])
-        if (std::abs(mesh_.vertices[as_size(v)].y() - sheet->level) > 2.0 * sheet->thickness)
-          flat[as_size(component[f])] = false;
+        if (std::abs(mesh_.vertices[v].y() - sheet->level) > 2.0 * sheet->thickness) flat[component[f]] = false;
     double separate = 0.0;
     for (const int f : sheet->faces)
-      if (flat[as_size(component[as_size(f)])]) separate += face_area(mesh_, mesh_.faces[as_size(f)]);
+      if (flat[component[f]]) separate += face_area(mesh_, mesh_.faces[f]);
     std::vector<bool> keep(mesh_.faces.size(), true);
     if (separate > kSeparateFloorShare * sheet->area) {
-      for (std::size_t f = 0; f < keep.size(); ++f) keep[f] = !flat[as_size(component[f])];
+      for (std::size_t f = 0; f < keep.size(); ++f) keep[f] = !flat[component[f]];
     } else {
-      for (const int f : sheet->faces) keep[as_size(f)] = false;
+      for (const int f : sheet->faces) keep[f] = false;
     }
     report_.floor_faces = keep_faces(keep);
   }
 
   std::vector<double> component_areas(const std::vector<int>& component, int count) const {
-    std::vector<double> areas(as_size(count), 0.0);
-    for (std::size_t f = 0; f < component.size(); ++f) areas[as_size(component[f])] += face_area(mesh_, mesh_.faces[f]);
+    std::vector<double> areas(count, 0.0);
+    for (std::size_t f = 0; f < component.size(); ++f) areas[component[f]] += face_area(mesh_, mesh_.faces[f]);
     return areas;
   }
 
@@ -224,22 +223,22 @@ class ScanRepair {
     if (count < 2) return;
     const std::vector<double> areas = component_areas(component, count);
     const int largest = static_cast<int>(std::max_element(areas.begin(), areas.end()) - areas.begin());
-    std::vector<Eigen::AlignedBox3d> boxes(as_size(count));
+    std::vector<Eigen::AlignedBox3d> boxes(count);
     for (std::size_t f = 0; f < component.size(); ++f)
-      for (const int v : mesh_.faces[f]) boxes[as_size(component[f])].extend(mesh_.vertices[as_size(v)]);
-    std::vector<bool> body(as_size(count), false);
+      for (const int v : mesh_.faces[f]) boxes[component[f]].extend(mesh_.vertices[v]);
+    std::vector<bool> body(count, false);
     std::vector<int> fresh;
     for (int c = 0; c < count; ++c)
-      if (c == largest || boxes[as_size(c)].diagonal().norm() > options_.speck_size * height_) {
-        body[as_size(c)] = true;
+      if (c == largest || boxes[c].diagonal().norm() > options_.speck_size * height_) {
+        body[c] = true;
         fresh.push_back(c);
       }
-    std::vector<int> sizes(as_size(count), 0);
-    for (const int c : component) ++sizes[as_size(c)];
+    std::vector<int> sizes(count, 0);
+    for (const int c : component) ++sizes[c];
     for (int round = 0; round < kSpeckRounds && !fresh.empty(); ++round)
       fresh = join_near(component, sizes, fresh, body);
     std::vector<bool> keep(mesh_.faces.size());
-    for (std::size_t f = 0; f < keep.size(); ++f) keep[f] = body[as_size(component[f])];
+    for (std::size_t f = 0; f < keep.size(); ++f) keep[f] = body[component[f]];
     report_.specks = static_cast<int>(std::count(body.begin(), body.end(), false));
     report_.speck_faces = keep_faces(keep);
   }
@@ -257,15 +256,15 @@ class ScanRepair {
     const TriangleTree tree(finite, faces);
     std::vector<int> joined, passed(sizes.size(), 0);
     for (std::size_t f = 0; f < component.size(); ++f) {
-      if (body[as_size(component[f])]) continue;
-      const int size = sizes[as_size(component[f])];
+      if (body[component[f]]) continue;
+      const int size = sizes[component[f]];
       // Of a dense component some faces are enough: they lie closer to each other than `reach`.
-      if (passed[as_size(component[f])]++ % std::max(1, size / kSpeckSamples) != 0) continue;
+      if (passed[component[f]]++ % std::max(1, size / kSpeckSamples) != 0) continue;
       const bool tiny = size >= kFewestClosed && size <= kFewFaces;
       const double reach = options_.speck_distance * height_ * (tiny ? kTouching : 1.0);
       for (const int v : mesh_.faces[f]) {
-        if (tree.closest(mesh_.vertices[as_size(v)]).squared_distance > reach * reach) continue;
-        body[as_size(component[f])] = true;
+        if (tree.closest(mesh_.vertices[v]).squared_distance > reach * reach) continue;
+        body[component[f]] = true;
         joined.push_back(component[f]);
         break;
       }
@@ -286,16 +285,16 @@ class ScanRepair {
   }
 
   void join_halves(int a, int b) {
-    across_[as_size(a)] = b;
-    across_[as_size(b)] = a;
+    across_[a] = b;
+    across_[b] = a;
   }
 
   /// From the edge into the face, perpendicular to the edge.
   Vector3d into_face(int half) const {
-    const Triangle& face = mesh_.faces[as_size(half / 3)];
-    const Vector3d& a = mesh_.vertices[as_size(half_start(mesh_.faces, half))];
-    const Vector3d edge = (mesh_.vertices[as_size(half_end(mesh_.faces, half))] - a).normalized();
-    const Vector3d apex = mesh_.vertices[as_size(face[(half % 3 + 2) % 3])] - a;
+    const Triangle& face = mesh_.faces[half / 3];
+    const Vector3d& a = mesh_.vertices[half_start(mesh_.faces, half)];
+    const Vector3d edge = (mesh_.vertices[half_end(mesh_.faces, half)] - a).normalized();
+    const Vector3d apex = mesh_.vertices[face[(half % 3 + 2) % 3]] - a;
     return (apex - apex.dot(edge) * edge).normalized();
   }
 
@@ -313,7 +312,7 @@ class ScanRepair {
       }
     std::stable_sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) { return a.bend < b.bend; });
     for (const Pair& pair : pairs)
-      if (across_[as_size(pair.a)] == kBorder && across_[as_size(pair.b)] == kBorder) join_halves(pair.a, pair.b);
+      if (across_[pair.a] == kBorder && across_[pair.b] == kBorder) join_halves(pair.a, pair.b);
   }
 
   void wind_alike() {
@@ -326,10 +325,8 @@ class ScanRepair {
       settle_patch(patch, turned);
     }
     const std::vector<int> before = across_;
-    const auto place = [&](int half) {
-      return half < 0 || turned[as_size(half / 3)] == 0 ? half : half / 3 * 3 + 2 - half % 3;
-    };
-    for (std::size_t h = 0; h < before.size(); ++h) across_[as_size(place(static_cast<int>(h)))] = place(before[h]);
+    const auto place = [&](int half) { return half < 0 || turned[half / 3] == 0 ? half : half / 3 * 3 + 2 - half % 3; };
+    for (std::size_t h = 0; h < before.size(); ++h) across_[place(static_cast<int>(h))] = place(before[h]);
     for (std::size_t f = 0; f < turned.size(); ++f) {
       if (turned[f] == 0) continue;
       ++report_.turned_faces;
@@ -340,16 +337,16 @@ class ScanRepair {
 
   void visit_neighbours(int face, std::vector<int>& turned, std::vector<int>& patch) {
     for (int k = 0; k < 3; ++k) {
-      const int half = 3 * face + k, beyond = across_[as_size(half)];
+      const int half = 3 * face + k, beyond = across_[half];
       if (beyond < 0) continue;
       const bool alike = half_start(mesh_.faces, half) != half_start(mesh_.faces, beyond);
-      const int wanted = alike ? turned[as_size(face)] : 1 - turned[as_size(face)];
-      int& other = turned[as_size(beyond / 3)];
+      const int wanted = alike ? turned[face] : 1 - turned[face];
+      int& other = turned[beyond / 3];
       if (other < 0) {
         other = wanted;
         patch.push_back(beyond / 3);
       } else if (other != wanted) {  // a Moebius strip: part it here
-        across_[as_size(half)] = across_[as_size(beyond)] = kBorder;
+        across_[half] = across_[beyond] = kBorder;
       }
     }
   }
@@ -359,31 +356,31 @@ class ScanRepair {
     double area = 0.0, turned_area = 0.0;
     Vector3d centre = Vector3d::Zero();
     for (const int f : patch) {
-      const Triangle& face = mesh_.faces[as_size(f)];
+      const Triangle& face = mesh_.faces[f];
       const double here = face_area(mesh_, face);
       area += here;
-      turned_area += turned[as_size(f)] != 0 ? here : 0.0;
-      for (const int v : face) centre += here / 3.0 * mesh_.vertices[as_size(v)];
+      turned_area += turned[f] != 0 ? here : 0.0;
+      for (const int v : face) centre += here / 3.0 * mesh_.vertices[v];
     }
     centre /= area;
     bool turn = turned_area > 0.5 * area;
     double volume = 0.0;
     for (const int f : patch) {
-      const Triangle& face = mesh_.faces[as_size(f)];
-      const Vector3d a = mesh_.vertices[as_size(face[0])] - centre, b = mesh_.vertices[as_size(face[1])] - centre,
-                     c = mesh_.vertices[as_size(face[2])] - centre;
-      volume += (turned[as_size(f)] != 0 ? -1.0 : 1.0) * a.dot(b.cross(c)) / 6.0;
+      const Triangle& face = mesh_.faces[f];
+      const Vector3d a = mesh_.vertices[face[0]] - centre, b = mesh_.vertices[face[1]] - centre,
+                     c = mesh_.vertices[face[2]] - centre;
+      volume += (turned[f] != 0 ? -1.0 : 1.0) * a.dot(b.cross(c)) / 6.0;
     }
     if (std::abs(volume) > kClearVolume * std::pow(area, 1.5)) turn = volume < 0.0;
     if (!turn) return;
-    for (const int f : patch) turned[as_size(f)] = 1 - turned[as_size(f)];
+    for (const int f : patch) turned[f] = 1 - turned[f];
   }
 
   /// Corners at one vertex that no chain of edges connects get vertices of their own.
   void split_vertices() {
     JoinedSets corners(3 * mesh_.faces.size());
     for (int h = 0; h < static_cast<int>(across_.size()); ++h) {
-      const int beyond = across_[as_size(h)];
+      const int beyond = across_[h];
       if (beyond < h) continue;
       corners.join(h, next_corner(beyond));
       corners.join(next_corner(h), beyond);
@@ -391,9 +388,9 @@ class ScanRepair {
     std::vector<int> owner(mesh_.vertices.size(), -1);
     std::unordered_map<int, int> copies;
     for (int h = 0; h < static_cast<int>(across_.size()); ++h) {
-      int& v = mesh_.faces[as_size(h / 3)][as_size(h % 3)];
+      int& v = mesh_.faces[h / 3][h % 3];
       const int group = corners.find(h);
-      int& first = owner[as_size(v)];
+      int& first = owner[v];
       if (first < 0) first = group;
       if (first == group) continue;
       const auto [copy, is_new] = copies.emplace(group, mesh_.num_vertices());
@@ -406,9 +403,9 @@ class ScanRepair {
   static int next_corner(int half) { return half / 3 * 3 + (half % 3 + 1) % 3; }
 
   void add_vertex_like(int vertex) {
-    mesh_.vertices.push_back(Vector3d(mesh_.vertices[as_size(vertex)]));
-    if (!mesh_.colours.empty()) mesh_.colours.push_back(Vector3d(mesh_.colours[as_size(vertex)]));
-    source_.push_back(int{source_[as_size(vertex)]});
+    mesh_.vertices.push_back(Vector3d(mesh_.vertices[vertex]));
+    if (!mesh_.colours.empty()) mesh_.colours.push_back(Vector3d(mesh_.colours[vertex]));
+    source_.push_back(int{source_[vertex]});
   }
 
   void fill_holes() {
@@ -423,7 +420,7 @@ class ScanRepair {
     find_islands();
     find_border_edges(loops);
     for (const BorderLoop& loop : loops) {
-      const double most_area = kLidShare * areas[as_size(component[as_size(loop.halves[0] / 3)])];
+      const double most_area = kLidShare * areas[component[loop.halves[0] / 3]];
       const bool small = loop.length <= longest && static_cast<int>(loop.halves.size()) <= options_.hole_edges;
       if (!small || !fill_hole(loop, most_area)) ++report_.open_borders;
     }
@@ -445,11 +442,10 @@ class ScanRepair {
   void find_border_edges(const std::vector<BorderLoop>& loops) {
     std::vector<bool> border(mesh_.vertices.size(), false);
     for (const BorderLoop& loop : loops)
-      for (const int half : loop.halves) border[as_size(half_start(mesh_.faces, half))] = true;
+      for (const int half : loop.halves) border[half_start(mesh_.faces, half)] = true;
     for (const Triangle& face : mesh_.faces)
       for (int k = 0; k < 3; ++k)
-        if (border[as_size(face[k])] && border[as_size(face[(k + 1) % 3])])
-          border_edges_.insert(std::minmax(face[k], face[(k + 1) % 3]));
+        if (border[face[k]] && border[face[(k + 1) % 3]]) border_edges_.insert(std::minmax(face[k], face[(k + 1) % 3]));
   }
 
   bool fill_hole(const BorderLoop& loop, double most_area) {
@@ -458,7 +454,7 @@ class ScanRepair {
     std::vector<Vector3d> line(n);
     for (std::size_t i = 0; i < n; ++i) {
       vertices[i] = half_start(mesh_.faces, loop.halves[i]);
-      line[i] = mesh_.vertices[as_size(vertices[i])];
+      line[i] = mesh_.vertices[vertices[i]];
     }
     std::vector<std::vector<bool>> has_edge(n, std::vector<bool>(n, false));
     for (std::size_t i = 0; i < n; ++i)
@@ -468,9 +464,8 @@ class ScanRepair {
     const std::vector<Triangle> lid = least_area_triangles(line, has_edge, area);
     if (lid.empty() || area > most_area) return false;
     for (const Triangle& t : lid) {
-      mesh_.faces.push_back({vertices[as_size(t[0])], vertices[as_size(t[1])], vertices[as_size(t[2])]});
-      for (int k = 0; k < 3; ++k)
-        border_edges_.insert(std::minmax(vertices[as_size(t[k])], vertices[as_size(t[(k + 1) % 3])]));
+      mesh_.faces.push_back({vertices[t[0]], vertices[t[1]], vertices[t[2]]});
+      for (int k = 0; k < 3; ++k) border_edges_.insert(std::minmax(vertices[t[k]], vertices[t[(k + 1) % 3]]));
       if (!mesh_.face_uvs.empty()) mesh_.face_uvs.push_back(lid_uvs(loop, t));
     }
     ++report_.holes;
@@ -482,11 +477,11 @@ class ScanRepair {
   Triangle lid_uvs(const BorderLoop& loop, const Triangle& corners) const {
     Triangle uvs;
     for (int k = 0; k < 3; ++k) {
-      const int half = loop.halves[as_size(corners[k])];
-      uvs[k] = mesh_.face_uvs[as_size(half / 3)][as_size(half % 3)];
+      const int half = loop.halves[corners[k]];
+      uvs[k] = mesh_.face_uvs[half / 3][half % 3];
     }
-    const int island = islands_[as_size(uvs[0])];
-    const bool one = islands_[as_size(uvs[1])] == island && islands_[as_size(uvs[2])] == island;
+    const int island = islands_[uvs[0]];
+    const bool one = islands_[uvs[1]] == island && islands_[uvs[2]] == island;
     return one ? uvs : Triangle{uvs[0], uvs[0], uvs[0]};
   }
 
@@ -494,21 +489,21 @@ class ScanRepair {
   void compact() {
     std::vector<int> place(mesh_.vertices.size(), 0);
     for (const Triangle& face : mesh_.faces)
-      for (const int v : face) place[as_size(v)] = 1;
+      for (const int v : face) place[v] = 1;
     int kept = 0;
     for (std::size_t v = 0; v < place.size(); ++v) {
       if (place[v] == 0) continue;
-      mesh_.vertices[as_size(kept)] = Vector3d(mesh_.vertices[v]);
-      if (!mesh_.colours.empty()) mesh_.colours[as_size(kept)] = Vector3d(mesh_.colours[v]);
-      source_[as_size(kept)] = source_[v];
+      mesh_.vertices[kept] = Vector3d(mesh_.vertices[v]);
+      if (!mesh_.colours.empty()) mesh_.colours[kept] = Vector3d(mesh_.colours[v]);
+      source_[kept] = source_[v];
       place[v] = kept++;
     }
     report_.unused_vertices = static_cast<int>(place.size()) - kept;
-    mesh_.vertices.resize(as_size(kept));
-    if (!mesh_.colours.empty()) mesh_.colours.resize(as_size(kept));
-    source_.resize(as_size(kept));
+    mesh_.vertices.resize(kept);
+    if (!mesh_.colours.empty()) mesh_.colours.resize(kept);
+    source_.resize(kept);
     for (Triangle& face : mesh_.faces)
-      for (int& v : face) v = place[as_size(v)];
+      for (int& v : face) v = place[v];
   }
 
   TriangleMesh mesh_;

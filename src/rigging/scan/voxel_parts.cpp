@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -46,8 +44,8 @@ std::vector<int> flooded(const VoxelLayout& layout, std::vector<int> start, std:
   std::vector<int> cells = std::move(start);
   for (std::size_t i = 0; i < cells.size(); ++i)
     for_neighbours(layout, cells[i], [&](int next) {
-      if (marked[as_size(next)] != 0) return;
-      marked[as_size(next)] = 1;
+      if (marked[next] != 0) return;
+      marked[next] = 1;
       cells.push_back(next);
     });
   return cells;
@@ -60,7 +58,7 @@ std::vector<std::uint8_t> crossed_cells(const VoxelLayout& layout, const Vector3
   std::vector<std::uint8_t> crossed(layout.size(), 0);
   for (const Triangle& face : mesh.faces) {
     std::array<Vector3d, 3> corners;
-    for (int k = 0; k < 3; ++k) corners[k] = (mesh.vertices[as_size(face[k])] - origin) / cell;
+    for (int k = 0; k < 3; ++k) corners[k] = (mesh.vertices[face[k]] - origin) / cell;
     std::array<int, 3> low, high;
     for (int k = 0; k < 3; ++k) {
       const auto [least, most] = std::minmax({corners[0][k], corners[1][k], corners[2][k]});
@@ -70,7 +68,7 @@ std::vector<std::uint8_t> crossed_cells(const VoxelLayout& layout, const Vector3
     for (int z = low[2]; z <= high[2]; ++z)
       for (int y = low[1]; y <= high[1]; ++y)
         for (int x = low[0]; x <= high[0]; ++x) {
-          std::uint8_t& mark = crossed[as_size(layout.index(x, y, z))];
+          std::uint8_t& mark = crossed[layout.index(x, y, z)];
           if (mark != 0) continue;
           const Vector3d middle(x + 0.5, y + 0.5, z + 0.5);
           mark = touches_cube({corners[0] - middle, corners[1] - middle, corners[2] - middle}, 0.5);
@@ -86,10 +84,9 @@ std::vector<std::uint8_t> dilated(const VoxelLayout& layout, const std::vector<s
     const std::vector<std::uint8_t> before = out;
     const int length = layout.dims[axis], step = stride[axis];
     for (int i = 0; i < static_cast<int>(layout.size()); ++i) {
-      if (before[as_size(i)] == 0) continue;
+      if (before[i] == 0) continue;
       const int place = i / step % length;
-      for (int k = std::max(-radius, -place); k <= std::min(radius, length - 1 - place); ++k)
-        out[as_size(i + k * step)] = 1;
+      for (int k = std::max(-radius, -place); k <= std::min(radius, length - 1 - place); ++k) out[i + k * step] = 1;
     }
   }
   return out;
@@ -103,7 +100,7 @@ std::vector<std::vector<int>> enclosed_spaces(const VoxelLayout& layout, const s
     for (int y = 0; y < n[1]; ++y)
       for (int x = 0; x < n[0]; ++x) {
         if (x > 0 && y > 0 && z > 0 && x + 1 < n[0] && y + 1 < n[1] && z + 1 < n[2]) continue;
-        std::uint8_t& mark = marked[as_size(layout.index(x, y, z))];
+        std::uint8_t& mark = marked[layout.index(x, y, z)];
         if (mark != 0) continue;
         mark = 1;
         border.push_back(layout.index(x, y, z));

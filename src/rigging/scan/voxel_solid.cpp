@@ -79,10 +79,10 @@ class WindingGrid {
       high = std::max(high, w);
     }
     bool crossed = false;
-    for_cells(block, [&](int cell) { crossed = crossed || surface_[as_size(cell)] != 0; });
+    for_cells(block, [&](int cell) { crossed = crossed || surface_[cell] != 0; });
     if (!crossed && high < kClearlyOutside) return;
-    if (!crossed && low > kClearlyInside) return for_cells(block, [&](int cell) { inside[as_size(cell)] = 1; });
-    for_cells(block, [&](int cell) { inside[as_size(cell)] = std::abs(winding_.at(grid_.centre(cell))) > 0.5; });
+    if (!crossed && low > kClearlyInside) return for_cells(block, [&](int cell) { inside[cell] = 1; });
+    for_cells(block, [&](int cell) { inside[cell] = std::abs(winding_.at(grid_.centre(cell))) > 0.5; });
   }
 
   const VoxelSolid& grid_;
@@ -105,7 +105,7 @@ void fill_enclosed(const VoxelSolid& grid, const std::vector<std::uint8_t>& surf
   bool any = false;
   for (const std::vector<int>& space : spaces) {
     if (static_cast<double>(space.size()) < kLargeSpace * static_cast<double>(std::max(solid, enclosed))) continue;
-    for (const int cell : space) core[as_size(cell)] = 1;
+    for (const int cell : space) core[cell] = 1;
     any = true;
   }
   if (!any) return;
@@ -119,7 +119,7 @@ class NearestPoints {
  public:
   explicit NearestPoints(const VoxelSolid& grid) : grid_(grid), points_(as_size(grid.num_cells()), nowhere()) {}
 
-  void set(int cell, const Vector3d& point) { points_[as_size(cell)] = point.cast<float>(); }
+  void set(int cell, const Vector3d& point) { points_[cell] = point.cast<float>(); }
 
   void spread() {
     const Cell& n = grid_.dims();
@@ -132,7 +132,7 @@ class NearestPoints {
   }
 
   /// Infinite where there is no surface at all.
-  float distance(int cell) const { return (points_[as_size(cell)] - grid_.centre(cell).cast<float>()).norm(); }
+  float distance(int cell) const { return (points_[cell] - grid_.centre(cell).cast<float>()).norm(); }
 
  private:
   static Eigen::Vector3f nowhere() { return Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity()); }
@@ -140,7 +140,7 @@ class NearestPoints {
   void take_best(const Cell& cell, const Cell& step) {
     const int here = grid_.index(cell);
     const Eigen::Vector3f centre = grid_.centre(here).cast<float>();
-    float best = (points_[as_size(here)] - centre).squaredNorm();
+    float best = (points_[here] - centre).squaredNorm();
     for (int neighbour = 1; neighbour < 8; ++neighbour) {
       Cell other = cell;
       bool valid = true;
@@ -149,11 +149,11 @@ class NearestPoints {
         valid = valid && other[k] >= 0 && other[k] < grid_.dims()[k];
       }
       if (!valid) continue;
-      const Eigen::Vector3f& candidate = points_[as_size(grid_.index(other))];
+      const Eigen::Vector3f& candidate = points_[grid_.index(other)];
       const float distance = (candidate - centre).squaredNorm();
       if (distance < best) {
         best = distance;
-        points_[as_size(here)] = candidate;
+        points_[here] = candidate;
       }
     }
   }
@@ -223,12 +223,12 @@ void VoxelSolid::measure_depth(const TriangleMesh& mesh) {
   const TriangleTree tree(mesh.vertices, mesh.faces);
   cv::parallel_for_(cv::Range(0, static_cast<int>(border.size())), [&](const cv::Range& range) {
     for (int b = range.start; b < range.end; ++b) {
-      const int cell = border[as_size(b)];
+      const int cell = border[b];
       const Vector3d middle = centre(cell);
       const TriangleTree::Hit hit = tree.closest(middle);
       Vector3d point = Vector3d::Zero();
-      const Triangle& face = mesh.faces[as_size(hit.face)];
-      for (int k = 0; k < 3; ++k) point += hit.weights[k] * mesh.vertices[as_size(face[k])];
+      const Triangle& face = mesh.faces[hit.face];
+      for (int k = 0; k < 3; ++k) point += hit.weights[k] * mesh.vertices[face[k]];
       if (hit.squared_distance > std::pow(kHalfDiagonal * cell_, 2)) {
         // In a hole there is no surface: the border runs between the two cells.
         const std::array<int, 6> around = neighbours(cell);
@@ -243,7 +243,7 @@ void VoxelSolid::measure_depth(const TriangleMesh& mesh) {
   const float farthest = static_cast<float>(cell_ * (dims_[0] + dims_[1] + dims_[2]));
   for (int i = 0; i < num_cells(); ++i) {
     const float distance = std::min(nearest.distance(i), farthest);
-    depth_[as_size(i)] = inside_cell(i) ? distance : -distance;
+    depth_[i] = inside_cell(i) ? distance : -distance;
   }
 }
 

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "doppel/character/blend_skin.h"
-#include "doppel/core/as_size.h"
 #include "doppel/rigging/joints/hinges.h"
 #include "doppel/rigging/joints/limb_piece.h"
 #include "doppel/rigging/joints/sticking.h"
@@ -25,14 +24,14 @@ struct ExaminedLimb {
 };
 
 ExaminedLimb limb_of(const Character& character, const Hinge& hinge) {
-  std::vector<bool> of_limb(as_size(character.skin.num_bones()), false);
-  for (const int bone : hinge.limb) of_limb[as_size(bone)] = true;
+  std::vector<bool> of_limb(character.skin.num_bones(), false);
+  for (const int bone : hinge.limb) of_limb[bone] = true;
   std::vector<bool> member;
   for (int v = 0; v < character.num_vertices(); ++v) {
     const auto row = character.skin.vertex_bones.row(v);
     const auto weights = character.skin.vertex_bones.row_of(character.skin.weights, v);
     double sum = 0.0;
-    for (std::size_t i = 0; i < row.size(); ++i) sum += of_limb[as_size(row[i])] ? weights[i] : 0.0;
+    for (std::size_t i = 0; i < row.size(); ++i) sum += of_limb[row[i]] ? weights[i] : 0.0;
     member.push_back(sum > 0.5);
   }
   const TriangleMesh& mesh = character.mesh;

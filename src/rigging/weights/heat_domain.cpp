@@ -86,7 +86,7 @@ std::vector<std::pair<std::size_t, NearestBones>> bone_cells(const SolidGrid& gr
       slot[cell] = static_cast<int>(found.size());
       found.emplace_back(cell, NearestBones{});
     }
-    NearestBones& nearest = found[as_size(slot[cell])].second;
+    NearestBones& nearest = found[slot[cell]].second;
     if (distance < nearest.distance - kTie) nearest = {distance, {}};
     if (distance < nearest.distance + kTie && (nearest.bones.empty() || nearest.bones.back() != bone))
       nearest.bones.push_back(bone);
@@ -161,8 +161,8 @@ std::vector<std::array<std::uint8_t, 3>> find_walls(const SolidGrid& grid, const
       std::array<Eigen::Vector2d, 3> flat;
       Eigen::Vector3d along;
       for (int k = 0; k < 3; ++k) {
-        const Eigen::Vector3d p = (mesh.vertices[as_size(face[as_size(k)])] - grid.origin) / grid.cell;
-        flat[as_size(k)] = {p[u], p[v]};
+        const Eigen::Vector3d p = (mesh.vertices[face[k]] - grid.origin) / grid.cell;
+        flat[k] = {p[u], p[v]};
         along[k] = p[axis];
       }
       const double area = cross2(flat[1] - flat[0], flat[2] - flat[0]);
@@ -179,8 +179,7 @@ std::vector<std::array<std::uint8_t, 3>> find_walls(const SolidGrid& grid, const
           cell[axis] = static_cast<int>(std::floor(share.dot(along)));
           cell[u] = static_cast<int>(a);
           cell[v] = static_cast<int>(b);
-          walls[grid.index(cell.x(), cell.y(), cell.z())][as_size(axis)] |=
-              area > 0 ? HeatDomain::kOut : HeatDomain::kIn;
+          walls[grid.index(cell.x(), cell.y(), cell.z())][axis] |= area > 0 ? HeatDomain::kOut : HeatDomain::kIn;
         }
     }
   return walls;
@@ -195,10 +194,10 @@ HeatDomain::Stencil HeatDomain::stencil(const Eigen::Vector3d& point) const {
   Stencil result;
   for (int corner = 0; corner < 8; ++corner) {
     const int x = corner & 1, y = corner >> 1 & 1, z = corner >> 2;
-    result.cell[as_size(corner)] =
+    result.cell[corner] =
         grid.index(static_cast<int>(low.x()) + x, static_cast<int>(low.y()) + y, static_cast<int>(low.z()) + z);
-    result.weight[as_size(corner)] = (x != 0 ? share.x() : 1 - share.x()) * (y != 0 ? share.y() : 1 - share.y()) *
-                                     (z != 0 ? share.z() : 1 - share.z());
+    result.weight[corner] = (x != 0 ? share.x() : 1 - share.x()) * (y != 0 ? share.y() : 1 - share.y()) *
+                            (z != 0 ? share.z() : 1 - share.z());
   }
   return result;
 }
@@ -226,8 +225,7 @@ HeatDomain make_heat_domain(const TriangleMesh& mesh, const std::vector<HeatBone
   domain.fixed.resize(domain.cells.size());
   for (const auto& [cell, nearest] : held)
     for (const int bone : nearest.bones)
-      domain.fixed[as_size(domain.cell_number[cell])].emplace_back(bone,
-                                                                   1.0 / static_cast<double>(nearest.bones.size()));
+      domain.fixed[domain.cell_number[cell]].emplace_back(bone, 1.0 / static_cast<double>(nearest.bones.size()));
   return domain;
 }
 

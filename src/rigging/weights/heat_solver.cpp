@@ -70,7 +70,7 @@ class HeatEquation {
     for (std::size_t i = 0; i < q.size(); ++i) {
       if (!free(i)) continue;
       Columns sum = diagonal_[i] * p[i];
-      for (std::size_t k = 0; k < 6; ++k) sum -= double{conduction_[i][k]} * p[as_size(neighbour_[i][k])];
+      for (std::size_t k = 0; k < 6; ++k) sum -= double{conduction_[i][k]} * p[neighbour_[i][k]];
       q[i] = sum;
     }
   }

@@ -26,13 +26,13 @@ Places find_places(const TriangleMesh& mesh) {
   Places places;
   places.place = same_places(mesh.vertices);
   const int count = places.place.empty() ? 0 : 1 + *std::max_element(places.place.begin(), places.place.end());
-  places.positions.resize(as_size(count));
-  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) places.positions[as_size(places.place[v])] = mesh.vertices[v];
+  places.positions.resize(count);
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) places.positions[places.place[v]] = mesh.vertices[v];
   places.normals.assign(places.positions.size(), Eigen::Vector3d::Zero());
   for (const Triangle& face : mesh.faces) {
-    const Eigen::Vector3d& a = mesh.vertices[as_size(face[0])];
-    const Eigen::Vector3d normal = (mesh.vertices[as_size(face[1])] - a).cross(mesh.vertices[as_size(face[2])] - a);
-    for (const int v : face) places.normals[as_size(places.place[as_size(v)])] += normal;
+    const Eigen::Vector3d& a = mesh.vertices[face[0]];
+    const Eigen::Vector3d normal = (mesh.vertices[face[1]] - a).cross(mesh.vertices[face[2]] - a);
+    for (const int v : face) places.normals[places.place[v]] += normal;
   }
   for (Eigen::Vector3d& normal : places.normals) normal = normal.stableNormalized();
   return places;
@@ -99,7 +99,7 @@ void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Places& pla
   std::vector<std::array<int, 2>> edges;
   for (const Triangle& face : mesh.faces)
     for (std::size_t k = 0; k < 3; ++k) {
-      const int a = places.place[as_size(face[k])], b = places.place[as_size(face[(k + 1) % 3])];
+      const int a = places.place[face[k]], b = places.place[face[(k + 1) % 3]];
       if (a != b) edges.push_back({std::min(a, b), std::max(a, b)});
     }
   std::sort(edges.begin(), edges.end());
@@ -108,7 +108,7 @@ void smooth_rows(WeightField& field, const TriangleMesh& mesh, const Places& pla
     WeightField sum = field;
     Eigen::VectorXf total = Eigen::VectorXf::Ones(field.rows());
     for (const auto& [a, b] : edges) {
-      const double length = (places.positions[as_size(a)] - places.positions[as_size(b)]).norm();
+      const double length = (places.positions[a] - places.positions[b]).norm();
       const auto share = static_cast<float>(0.33 * cell / (length + 0.05 * cell));
       sum.row(a) += share * field.row(b);
       sum.row(b) += share * field.row(a);

@@ -21,19 +21,19 @@ class DistanceLine {
     border_[0] = -kFar;
     border_[1] = kFar;
     for (int q = 1; q < n; ++q) {
-      float cut = crossing(data, stride, q, place_[as_size(last)]);
-      while (last > 0 && cut <= border_[as_size(last)]) cut = crossing(data, stride, q, place_[as_size(--last)]);
-      if (cut <= border_[as_size(last)]) last = -1;
-      place_[as_size(++last)] = q;
-      border_[as_size(last)] = last == 0 ? -kFar : cut;
+      float cut = crossing(data, stride, q, place_[last]);
+      while (last > 0 && cut <= border_[last]) cut = crossing(data, stride, q, place_[--last]);
+      if (cut <= border_[last]) last = -1;
+      place_[++last] = q;
+      border_[last] = last == 0 ? -kFar : cut;
       border_[as_size(last) + 1] = kFar;
     }
     for (int q = 0, k = 0; q < n; ++q) {
       while (border_[as_size(k) + 1] < static_cast<float>(q)) ++k;
-      const int away = q - place_[as_size(k)];
-      out_[as_size(q)] = static_cast<float>(away * away) + data[as_size(place_[as_size(k)]) * stride];
+      const int away = q - place_[k];
+      out_[q] = static_cast<float>(away * away) + data[as_size(place_[k]) * stride];
     }
-    for (int q = 0; q < n; ++q) data[as_size(q) * stride] = out_[as_size(q)];
+    for (int q = 0; q < n; ++q) data[as_size(q) * stride] = out_[q];
   }
 
   static constexpr float kFar = 1e12f;
@@ -55,8 +55,8 @@ SolidGrid solid_grid(const VoxelSolid& solid) {
   grid.cell = solid.cell_size();
   grid.origin = solid.centre(0);
   grid.size = solid.dims();
-  grid.inside.assign(as_size(solid.num_cells()), 0);
-  for (const int cell : solid.inside_cells()) grid.inside[as_size(cell)] = 1;
+  grid.inside.assign(solid.num_cells(), 0);
+  for (const int cell : solid.inside_cells()) grid.inside[cell] = 1;
   return grid;
 }
 

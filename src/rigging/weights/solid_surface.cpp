@@ -5,7 +5,6 @@
 #include <map>
 #include <unordered_map>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 
@@ -26,7 +25,7 @@ struct CoarseField {
           for (int c = 0; c < 64; ++c) {
             const int x = c & 3, y = c >> 2 & 3, z = c >> 4;
             if (solid.is_inside(2 * i - 4 + x, 2 * j - 4 + y, 2 * k - 4 + z))
-              share += kWeight[as_size(x)] * kWeight[as_size(y)] * kWeight[as_size(z)];
+              share += kWeight[x] * kWeight[y] * kWeight[z];
           }
           // Not exactly 0, so that no vertex of the surface is a point of the grid.
           value.push_back(share - 0.4993f);
@@ -58,18 +57,17 @@ class Tetrahedra {
           std::array<int, 8> corner{};
           int count = 0;
           for (int c = 0; c < 8; ++c) {
-            corner[as_size(c)] = field_.index(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
-            if (inside(corner[as_size(c)])) ++count;
+            corner[c] = field_.index(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
+            if (inside(corner[c])) ++count;
           }
           if (count == 0 || count == 8) continue;
-          for (const auto& t : kSplit)
-            cut({corner[as_size(t[0])], corner[as_size(t[1])], corner[as_size(t[2])], corner[as_size(t[3])]});
+          for (const auto& t : kSplit) cut({corner[t[0]], corner[t[1]], corner[t[2]], corner[t[3]]});
         }
     return std::move(mesh_);
   }
 
  private:
-  bool inside(int point) const { return field_.value[as_size(point)] > 0; }
+  bool inside(int point) const { return field_.value[point] > 0; }
 
   /// The vertex on the edge between a point inside and a point outside.
   int vertex(int a, int b) {
@@ -77,7 +75,7 @@ class Tetrahedra {
     const auto key = (static_cast<std::uint64_t>(a) << 32) | static_cast<std::uint64_t>(b);
     const auto [found, added] = vertices_.emplace(key, mesh_.num_vertices());
     if (added) {
-      const double va = field_.value[as_size(a)], vb = field_.value[as_size(b)];
+      const double va = field_.value[a], vb = field_.value[b];
       mesh_.vertices.push_back(field_.point(a) + va / (va - vb) * (field_.point(b) - field_.point(a)));
     }
     return found->second;
@@ -85,7 +83,7 @@ class Tetrahedra {
 
   void face(int a, int b, int c, const Eigen::Vector3d& outward) {
     const auto& v = mesh_.vertices;
-    const Eigen::Vector3d normal = (v[as_size(b)] - v[as_size(a)]).cross(v[as_size(c)] - v[as_size(a)]);
+    const Eigen::Vector3d normal = (v[b] - v[a]).cross(v[c] - v[a]);
     mesh_.faces.push_back(normal.dot(outward) > 0 ? Triangle{a, b, c} : Triangle{a, c, b});
   }
 
@@ -129,8 +127,7 @@ TriangleMesh large_parts(const TriangleMesh& mesh) {
     kept.vertices.push_back(mesh.vertices[v]);
   }
   for (const Triangle& f : mesh.faces)
-    if (number[as_size(f[0])] >= 0)
-      kept.faces.push_back({number[as_size(f[0])], number[as_size(f[1])], number[as_size(f[2])]});
+    if (number[f[0]] >= 0) kept.faces.push_back({number[f[0]], number[f[1]], number[f[2]]});
   return kept;
 }
 

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -40,7 +38,7 @@ std::vector<double> triangle_stretches(const std::vector<Triangle>& faces, const
                                        const std::vector<Vector3d>& posed) {
   const auto edges = [](const Triangle& face, const std::vector<Vector3d>& at) {
     Edges result;
-    result << at[as_size(face[1])] - at[as_size(face[0])], at[as_size(face[2])] - at[as_size(face[0])];
+    result << at[face[1]] - at[face[0]], at[face[2]] - at[face[0]];
     return result;
   };
   std::vector<double> result;
@@ -50,11 +48,10 @@ std::vector<double> triangle_stretches(const std::vector<Triangle>& faces, const
 }
 
 bool stretches_alone(const std::vector<double>& stretches, const IndexRows& neighbours, int face, double limit) {
-  const double own = stretches[as_size(face)];
+  const double own = stretches[face];
   if (own <= limit) return false;
   const auto row = neighbours.row(face);
-  return row.empty() ||
-         std::any_of(row.begin(), row.end(), [&](int other) { return stretches[as_size(other)] < 0.5 * own; });
+  return row.empty() || std::any_of(row.begin(), row.end(), [&](int other) { return stretches[other] < 0.5 * own; });
 }
 
 StretchedTriangles count_stretched(const std::vector<double>& stretches, const IndexRows& neighbours, double limit) {

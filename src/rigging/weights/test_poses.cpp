@@ -1,6 +1,5 @@
 #include "doppel/rigging/weights/test_poses.h"
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -42,7 +41,7 @@ void set_angle(const Skeleton& skeleton, const std::string& name, double angle, 
         "posing a skeleton for a test: it has no DoF '{}'; the test poses belong to the skeletons that `doppel "
         "character create` makes",
         name);
-  dofs[as_size(*dof)] = angle;
+  dofs[*dof] = angle;
 }
 
 }  // namespace

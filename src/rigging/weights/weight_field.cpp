@@ -9,7 +9,7 @@ namespace doppel {
 
 SparseRow sparse_row(const WeightField& field, int vertex, const HeatOptions& options) {
   const auto row = field.row(vertex);
-  std::vector<int> order(as_size(row.size()));
+  std::vector<int> order(row.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return row[a] > row[b]; });
   std::size_t count = 1;

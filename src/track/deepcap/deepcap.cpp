@@ -77,8 +77,7 @@ class DeepcapRun {
     const auto reader = options_.film ? footage_.read(sequence_.index) : nullptr;
     for (long frame = sequence_.first_frame; frame <= sequence_.last_frame; ++frame) {
       check_not_stopped(sequence_, frame);
-      const Tensor surface =
-          surfaces_.surface(result_.motion.frames[as_size(frame)], graphs_[as_size(frame - sequence_.first_frame)]);
+      const Tensor surface = surfaces_.surface(result_.motion.frames[frame], graphs_[frame - sequence_.first_frame]);
       if (vertices) vertices->append(std::span<const float>(surface.data_ptr<float>(), as_size(surface.numel())));
       if (film) film->add(reader->image(frame, 0), surface);
       progress.advance(1, sequence_.name);

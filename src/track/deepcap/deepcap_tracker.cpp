@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/render/projection.h"
 #include "doppel/track/energy/inliers.h"
@@ -44,7 +43,7 @@ DeepcapTracker::DeepcapTracker(TrainedPose& trained, const PinholeCamera& camera
 PersonView DeepcapTracker::view_of(const PersonInput& input, const std::vector<Keypoint>& keypoints) const {
   Tensor seen = torch::zeros({1, 1, static_cast<std::int64_t>(source_.size()), 3});
   for (std::size_t m = 0; m < source_.size(); ++m) {
-    const Keypoint& keypoint = keypoints[as_size(source_[m])];
+    const Keypoint& keypoint = keypoints[source_[m]];
     const auto row = seen[0][0][static_cast<std::int64_t>(m)];
     row[0] = keypoint.x;
     row[1] = keypoint.y;

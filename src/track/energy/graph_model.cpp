@@ -33,12 +33,11 @@ Matrix3d rotation_of(const Vector3d& angles, int jacobian_of = -1) {
 GraphModel::GraphModel(const Character& character, const std::vector<Marker>& landmarks)
     : poses_(character, landmarks, {}), normals_(vertex_normals(character.mesh)) {
   if (character.num_nodes() == 0) fail("the surface cannot be deformed: the character has no embedded graph");
-  for (const int vertex : character.graph.node_vertex) nodes_.push_back(character.mesh.vertices[as_size(vertex)]);
+  for (const int vertex : character.graph.node_vertex) nodes_.push_back(character.mesh.vertices[vertex]);
   if (!landmarks.empty()) landmark_node_ = nearest_nodes(character, landmarks);
   landmark_rest_ = landmark_positions(character.skeleton, landmarks, character.rest_dofs);
   const std::vector<Affine3d> rest = character.skeleton.pose(character.rest_dofs);
-  for (const Marker& landmark : landmarks)
-    landmark_joint_.push_back(rest[as_size(landmark.joint)].inverse(Eigen::Isometry));
+  for (const Marker& landmark : landmarks) landmark_joint_.push_back(rest[landmark.joint].inverse(Eigen::Isometry));
   set_pose(character.rest_dofs);
 }
 
@@ -51,13 +50,13 @@ void GraphModel::set_pose(const std::vector<double>& dofs) {
   for (int v = 0; v < character().num_vertices(); ++v) {
     Affine3d blend(Eigen::Matrix4d::Zero());
     for (int i = graph.vertex_nodes.offsets[v]; i < graph.vertex_nodes.offsets[v + 1]; ++i)
-      blend.matrix() += graph.weights[i] * node_movement[as_size(graph.vertex_nodes.items[i])].matrix();
+      blend.matrix() += graph.weights[i] * node_movement[graph.vertex_nodes.items[i]].matrix();
     vertex_movement_.push_back(blend);
   }
   landmark_movement_.clear();
   for (int m = 0; m < num_landmarks(); ++m) {
-    const auto joint = as_size(poses_.landmarks()[as_size(m)].joint);
-    landmark_movement_.push_back(body.world_from_joint[joint] * landmark_joint_[as_size(m)]);
+    const auto joint = as_size(poses_.landmarks()[m].joint);
+    landmark_movement_.push_back(body.world_from_joint[joint] * landmark_joint_[m]);
   }
 }
 
@@ -88,7 +87,7 @@ std::vector<double> GraphModel::moved(const std::vector<double>& parameters, con
 
 Vector3d GraphModel::canonical_vertex(const DeformedGraph& graph, int vertex) const {
   const EmbeddedGraph& weights = character().graph;
-  const Vector3d& rest = character().mesh.vertices[as_size(vertex)];
+  const Vector3d& rest = character().mesh.vertices[vertex];
   Vector3d sum = Vector3d::Zero();
   for (int i = weights.vertex_nodes.offsets[vertex]; i < weights.vertex_nodes.offsets[vertex + 1]; ++i) {
     const auto k = as_size(weights.vertex_nodes.items[i]);
@@ -98,15 +97,15 @@ Vector3d GraphModel::canonical_vertex(const DeformedGraph& graph, int vertex) co
 }
 
 Vector3d GraphModel::vertex(const DeformedGraph& graph, int vertex) const {
-  return vertex_movement_[as_size(vertex)] * canonical_vertex(graph, vertex);
+  return vertex_movement_[vertex] * canonical_vertex(graph, vertex);
 }
 
 Vector3d GraphModel::normal(const DeformedGraph& graph, int vertex) const {
   const EmbeddedGraph& weights = character().graph;
   Vector3d sum = Vector3d::Zero();
   for (int i = weights.vertex_nodes.offsets[vertex]; i < weights.vertex_nodes.offsets[vertex + 1]; ++i)
-    sum += weights.weights[i] * (graph.rotation[as_size(weights.vertex_nodes.items[i])] * normals_[as_size(vertex)]);
-  return (vertex_movement_[as_size(vertex)].linear() * sum).normalized();
+    sum += weights.weights[i] * (graph.rotation[weights.vertex_nodes.items[i]] * normals_[vertex]);
+  return (vertex_movement_[vertex].linear() * sum).normalized();
 }
 
 Vector3d GraphModel::landmark(const DeformedGraph& graph, int landmark) const {
@@ -117,18 +116,18 @@ Vector3d GraphModel::landmark(const DeformedGraph& graph, int landmark) const {
 void GraphModel::add_node_jacobian(const DeformedGraph& graph, int node, double weight, const Vector3d& rest,
                                    const Vector3d& gradient, Row row) const {
   Block& block = row.block(node);
-  const auto& jacobian = graph.rotation_jacobian[as_size(node)];
-  for (int axis = 0; axis < 3; ++axis) block[axis] += weight * gradient.dot(jacobian[as_size(axis)] * rest);
+  const auto& jacobian = graph.rotation_jacobian[node];
+  for (int axis = 0; axis < 3; ++axis) block[axis] += weight * gradient.dot(jacobian[axis] * rest);
   block.tail<3>() += weight * gradient;
 }
 
 void GraphModel::add_vertex_jacobian(const DeformedGraph& graph, int vertex, const Vector3d& gradient, Row row) const {
   const EmbeddedGraph& weights = character().graph;
-  const Vector3d& rest = character().mesh.vertices[as_size(vertex)];
-  const Vector3d canonical = vertex_movement_[as_size(vertex)].linear().transpose() * gradient;
+  const Vector3d& rest = character().mesh.vertices[vertex];
+  const Vector3d canonical = vertex_movement_[vertex].linear().transpose() * gradient;
   for (int i = weights.vertex_nodes.offsets[vertex]; i < weights.vertex_nodes.offsets[vertex + 1]; ++i) {
     const int k = weights.vertex_nodes.items[i];
-    add_node_jacobian(graph, k, weights.weights[i], rest - nodes_[as_size(k)], canonical, row);
+    add_node_jacobian(graph, k, weights.weights[i], rest - nodes_[k], canonical, row);
   }
 }
 
@@ -136,13 +135,13 @@ void GraphModel::add_landmark_jacobian(const DeformedGraph& graph, int landmark,
                                        Row row) const {
   const auto m = as_size(landmark);
   const int k = landmark_node_[m];
-  add_node_jacobian(graph, k, 1.0, landmark_rest_[m] - nodes_[as_size(k)],
-                    landmark_movement_[m].linear().transpose() * gradient, row);
+  add_node_jacobian(graph, k, 1.0, landmark_rest_[m] - nodes_[k], landmark_movement_[m].linear().transpose() * gradient,
+                    row);
 }
 
 std::vector<Vector3d> deformed_vertices(const GraphModel& model, const DeformedGraph& graph) {
   std::vector<Vector3d> vertices;
-  vertices.reserve(as_size(model.character().num_vertices()));
+  vertices.reserve(model.character().num_vertices());
   for (int v = 0; v < model.character().num_vertices(); ++v) vertices.push_back(model.vertex(graph, v));
   return vertices;
 }

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "doppel/character/character.h"
-#include "doppel/core/as_size.h"
 #include "doppel/solver/block_system.h"
 #include "doppel/track/energy/pose_model.h"
 
@@ -49,7 +48,7 @@ class GraphModel {
   const Character& character() const { return poses_.character(); }
   const std::vector<Eigen::Vector3d>& nodes() const { return nodes_; }  ///< [K] g_k
   std::string unknown_name(int unknown) const;
-  std::vector<double> undeformed() const { return std::vector<double>(as_size(num_unknowns()), 0.0); }
+  std::vector<double> undeformed() const { return std::vector<double>(num_unknowns(), 0.0); }
 
   /// @param parameters [6K] @param jacobian whether `add_..._jacobian` will be called
   DeformedGraph pose(const std::vector<double>& parameters, bool jacobian) const;

@@ -1,7 +1,5 @@
 #include "doppel/track/energy/inliers.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::vector<PinholeCamera>& cameras,
@@ -11,7 +9,7 @@ Inliers count_inliers(const PoseModel& model, const PosedBody& body, const std::
   double sum = 0.0;
   for (std::size_t c = 0; c < cameras.size(); ++c)
     for (int m = 0; m < model.num_landmarks(); ++m) {
-      const Keypoint& seen = frame[c].keypoints[as_size(m)];
+      const Keypoint& seen = frame[c].keypoints[m];
       if (!(seen.confidence >= kSeenConfidence)) continue;
       ++result.keypoints;
       const auto projected = project_with_jacobian(cameras[c], model.landmark(body, m));

@@ -92,7 +92,7 @@ double OutlineFinder::overlap(const FrameEvidence& frame, const std::vector<Eige
   for (std::size_t i = 0; i < windows.seeing.size(); ++i) {
     const cv::Mat surface =
         all.rowRange(static_cast<int>(i) * state_->pixels, static_cast<int>(i + 1) * state_->pixels) > 0;
-    const cv::Mat mask = frame[as_size(windows.seeing[i])].outline.inside();
+    const cv::Mat mask = frame[windows.seeing[i]].outline.inside();
     sum += static_cast<double>(cv::countNonZero(surface & mask)) / std::max(1, cv::countNonZero(surface | mask));
   }
   return sum / static_cast<double>(windows.cameras.size());

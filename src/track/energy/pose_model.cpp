@@ -28,8 +28,8 @@ PosedBody::DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
 }  // namespace
 
 double PoseModel::SkinnedVertex::signed_weight(const PosedBody& body, std::size_t i) const {
-  const auto& first = body.world_from_rest[as_size(bones[0])].real;
-  return first.dot(body.world_from_rest[as_size(bones[i])].real) < 0.0 ? -weights[i] : weights[i];
+  const auto& first = body.world_from_rest[bones[0]].real;
+  return first.dot(body.world_from_rest[bones[i]].real) < 0.0 ? -weights[i] : weights[i];
 }
 
 PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, const std::vector<int>& dofs)
@@ -51,7 +51,7 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
   const std::vector<Eigen::Affine3d> rest = skeleton.pose(character.rest_dofs);
   for (const int joint : character.bone_joint) {
     bone_carrier_.push_back(carrier_of(joint));
-    joint_from_rest_.push_back(rest[as_size(joint)].inverse(Eigen::Isometry));
+    joint_from_rest_.push_back(rest[joint].inverse(Eigen::Isometry));
   }
   rest_vertices_ = character.mesh.vertices;
   rest_normals_ = vertex_normals(character.mesh);
@@ -62,10 +62,10 @@ PoseModel::PoseModel(const Character& character, std::vector<Marker> landmarks, 
 void PoseModel::find_root_dofs() {
   std::vector<std::size_t> carried(character_.skeleton.joints.size(), 0);
   for (const int carrier : carrier_joint_)
-    for (int j = carrier; j >= 0; j = character_.skeleton.joints[as_size(j)].parent) ++carried[as_size(j)];
+    for (int j = carrier; j >= 0; j = character_.skeleton.joints[j].parent) ++carried[j];
   for (const Dof& dof : character_.skeleton.dofs)
     moves_root_.push_back(std::any_of(dof.joints.begin(), dof.joints.end(), [&](const Dof::Drive& drive) {
-      return carried[as_size(drive.joint)] == carrier_joint_.size();
+      return carried[drive.joint] == carrier_joint_.size();
     }));
 }
 
@@ -75,12 +75,12 @@ int PoseModel::carrier_of(int joint) {
   if (found != carrier_joint_.end()) return static_cast<int>(found - carrier_joint_.begin());
   std::vector<Handle> handles;
   bool turned = false;
-  for (int j = joint; j >= 0; j = character_.skeleton.joints[as_size(j)].parent) {
+  for (int j = joint; j >= 0; j = character_.skeleton.joints[j].parent) {
     turned = turned || (root_ && j == root_->joint());
     for (int u = 0; u < num_unknowns(); ++u) {
-      const Unknown& unknown = unknowns_[as_size(u)];
+      const Unknown& unknown = unknowns_[u];
       if (unknown.dof < 0) continue;
-      for (const Dof::Drive& drive : character_.skeleton.dofs[as_size(unknown.dof)].joints)
+      for (const Dof::Drive& drive : character_.skeleton.dofs[unknown.dof].joints)
         if (drive.joint == j && drive.weight != 0.0) handles.push_back({j, u, drive.weight});
     }
   }
@@ -96,7 +96,7 @@ int PoseModel::carrier_of(int joint) {
 
 std::string PoseModel::unknown_name(int unknown) const {
   const Unknown& found = unknowns_.at(as_size(unknown));
-  if (found.dof >= 0) return character_.skeleton.dofs[as_size(found.dof)].name;
+  if (found.dof >= 0) return character_.skeleton.dofs[found.dof].name;
   return std::string("root turn ") + "xyz"[found.root_axis];
 }
 
@@ -137,7 +137,7 @@ void PoseModel::add_twists(PosedBody& body) const {
       }
     }
     if (!turned_[c]) continue;
-    const Vector3d origin = body.world_from_joint[as_size(root_->joint())].translation();
+    const Vector3d origin = body.world_from_joint[root_->joint()].translation();
     for (int axis = 0; axis < 3; ++axis) {
       const int unknown = num_unknowns() - 3 + axis;
       twists.col(unknown).head<3>() = Vector3d::Unit(axis);
@@ -150,9 +150,9 @@ std::vector<double> PoseModel::moved(const std::vector<double>& dofs, const Eige
   std::vector<double> result = dofs;
   Vector3d turn = Vector3d::Zero();
   for (int u = 0; u < num_unknowns(); ++u) {
-    const Unknown& unknown = unknowns_[as_size(u)];
+    const Unknown& unknown = unknowns_[u];
     if (unknown.dof >= 0)
-      result[as_size(unknown.dof)] += step[u];
+      result[unknown.dof] += step[u];
     else
       turn[unknown.root_axis] = step[u];
   }
@@ -165,15 +165,15 @@ Eigen::VectorXd PoseModel::step_between(const std::vector<double>& from, const s
   const Vector3d turn =
       root_ ? vector_of_rotation(root_->matrix(to) * root_->matrix(from).transpose()) : Vector3d(Vector3d::Zero());
   for (int u = 0; u < num_unknowns(); ++u) {
-    const Unknown& unknown = unknowns_[as_size(u)];
-    step[u] = unknown.dof >= 0 ? to[as_size(unknown.dof)] - from[as_size(unknown.dof)] : turn[unknown.root_axis];
+    const Unknown& unknown = unknowns_[u];
+    step[u] = unknown.dof >= 0 ? to[unknown.dof] - from[unknown.dof] : turn[unknown.root_axis];
   }
   return step;
 }
 
 Vector3d PoseModel::landmark(const PosedBody& body, int landmark) const {
-  const Marker& marker = landmarks_[as_size(landmark)];
-  return body.world_from_joint[as_size(marker.joint)] * marker.position;
+  const Marker& marker = landmarks_[landmark];
+  return body.world_from_joint[marker.joint] * marker.position;
 }
 
 /// Adds force^T times the twist of the carrier for each unknown.
@@ -186,7 +186,7 @@ void PoseModel::add_landmark_jacobian(const PosedBody& body, int landmark, const
                                       const Row& row) const {
   Eigen::Matrix<double, 6, 1> force;
   force << this->landmark(body, landmark).cross(gradient), gradient;
-  const auto carrier = as_size(landmark_carrier_[as_size(landmark)]);
+  const auto carrier = as_size(landmark_carrier_[landmark]);
   add_force(body, carrier, force, row);
 }
 
@@ -197,13 +197,13 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
   result.bones = rows.row(vertex);
   result.weights = rows.row_of(character_.skin.weights, vertex);
   for (std::size_t i = 0; i < result.bones.size(); ++i) {
-    const auto& bone = body.world_from_rest[as_size(result.bones[i])];
+    const auto& bone = body.world_from_rest[result.bones[i]];
     const double weight = result.signed_weight(body, i);
     result.real.coeffs() += weight * bone.real.coeffs();
     result.dual.coeffs() += weight * bone.dual.coeffs();
   }
   result.squared_norm = std::max(result.real.squaredNorm(), kSmallestSquaredNorm);
-  const Vector3d rest = rest_vertices_[as_size(vertex)];
+  const Vector3d rest = rest_vertices_[vertex];
   const Vector3d v = result.real.vec();
   const double w = result.real.w();
   const Vector3d cross = v.cross(rest);
@@ -221,7 +221,7 @@ PoseModel::SkinnedVertex PoseModel::skinned(const PosedBody& body, int vertex) c
 Vector3d PoseModel::moved_by_bone(const PosedBody& body, int bone, int vertex) const {
   const auto b = as_size(bone);
   const auto joint = as_size(character_.bone_joint[b]);
-  return body.world_from_joint[joint] * (joint_from_rest_[b] * rest_vertices_[as_size(vertex)]);
+  return body.world_from_joint[joint] * (joint_from_rest_[b] * rest_vertices_[vertex]);
 }
 
 Vector3d PoseModel::vertex(const PosedBody& body, int vertex) const { return skinned(body, vertex).position(); }
@@ -232,7 +232,7 @@ Eigen::Affine3d PoseModel::movement(const PosedBody& body, int vertex) const {
 }
 
 Vector3d PoseModel::normal(const SkinnedVertex& vertex) const {
-  return vertex.real.normalized() * rest_normals_[as_size(vertex.vertex)];
+  return vertex.real.normalized() * rest_normals_[vertex.vertex];
 }
 
 /// With the blend r + eps d of the bones c_b (r_b + eps d_b), a vertex is x = y + t, y = r v r* / |r|^2 and
@@ -247,7 +247,7 @@ void PoseModel::add_vertex_jacobian(const PosedBody& body, const SkinnedVertex& 
     for (std::size_t i = 0; i < blended.bones.size(); ++i) {
       Eigen::Matrix<double, 6, 1> force;
       force << moved_by_bone(body, blended.bones[i], blended.vertex).cross(gradient), gradient;
-      add_force(body, as_size(bone_carrier_[as_size(blended.bones[i])]), blended.weights[i] * force, row);
+      add_force(body, as_size(bone_carrier_[blended.bones[i]]), blended.weights[i] * force, row);
     }
     return;
   }

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "doppel/character/character.h"
-#include "doppel/core/as_size.h"
 #include "doppel/solver/dense_system.h"
 #include "doppel/track/energy/root_rotation.h"
 
@@ -59,9 +58,9 @@ class PoseModel {
   /// The DoF of an unknown; nothing for the rotation of the root.
   std::optional<int> dof_of(int unknown) const;
   /// Whether a DoF moves the whole body.
-  bool moves_root(int dof) const { return moves_root_[as_size(dof)]; }
+  bool moves_root(int dof) const { return moves_root_[dof]; }
   /// Metres or radians that the DoF's joints move per unit of it (root of the sum of squares).
-  double reach(int dof) const { return reach_[as_size(dof)]; }
+  double reach(int dof) const { return reach_[dof]; }
 
   /// @param dofs [D] @param jacobian whether `add_..._jacobian` will be called
   PosedBody pose(const std::vector<double>& dofs, bool jacobian) const;
@@ -76,7 +75,7 @@ class PoseModel {
   Eigen::Vector3d vertex(const PosedBody& body, int vertex) const;
   /// The rigid motion of a vertex from the rest pose. Its rotation blends dual quaternions in either skinning mode.
   Eigen::Affine3d movement(const PosedBody& body, int vertex) const;
-  const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[as_size(vertex)]; }
+  const Eigen::Vector3d& rest_normal(int vertex) const { return rest_normals_[vertex]; }
   /// A vertex in a pose: intermediate results that its position, normal and jacobian share.
   struct SkinnedVertex {
     int vertex;

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -26,10 +25,10 @@ int only_joint(const Dof& dof) { return dof.joints.size() == 1 ? dof.joints.fron
 
 bool turns_about_one_point(const Skeleton& skeleton, const Skeleton::Root& root) {
   for (int i = 0; i < 3; ++i) {
-    const int moved = only_joint(skeleton.dofs[as_size(root.translation[i])]);
-    const int turned = only_joint(skeleton.dofs[as_size(root.rotation[i])]);
+    const int moved = only_joint(skeleton.dofs[root.translation[i]]);
+    const int turned = only_joint(skeleton.dofs[root.rotation[i]]);
     if (moved < 0 || turned < 0 || drives_of(skeleton, moved) != 1 || drives_of(skeleton, turned) != 1) return false;
-    if (i > 0 && !skeleton.joints[as_size(turned)].offset.isZero()) return false;
+    if (i > 0 && !skeleton.joints[turned].offset.isZero()) return false;
   }
   return true;
 }
@@ -72,23 +71,23 @@ std::optional<RootRotation> RootRotation::of(const Skeleton& skeleton) {
     return std::nullopt;
   }
   if (!turns_about_one_point(skeleton, result.root_)) return std::nullopt;
-  result.joint_ = only_joint(skeleton.dofs[as_size(result.root_.rotation[2])]);
+  result.joint_ = only_joint(skeleton.dofs[result.root_.rotation[2]]);
   std::vector<double> dofs(skeleton.dofs.size(), 0.0);
-  result.offset_ = skeleton.pose(dofs)[as_size(result.joint_)].translation();
+  result.offset_ = skeleton.pose(dofs)[result.joint_].translation();
   return result;
 }
 
 Eigen::Matrix3d RootRotation::matrix(const std::vector<double>& dofs) const {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   for (int i = 0; i < 3; ++i)
-    rotation = rotation * Eigen::AngleAxisd(root_.rotation_weight[i] * dofs[as_size(root_.rotation[i])],
+    rotation = rotation * Eigen::AngleAxisd(root_.rotation_weight[i] * dofs[root_.rotation[i]],
                                             Eigen::Vector3d::Unit(root_.axes[i]));
   return rotation;
 }
 
 void RootRotation::set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& rotation) const {
   std::array<double, 3> before{};
-  for (int i = 0; i < 3; ++i) before[i] = root_.rotation_weight[i] * dofs[as_size(root_.rotation[i])];
+  for (int i = 0; i < 3; ++i) before[i] = root_.rotation_weight[i] * dofs[root_.rotation[i]];
   const Eigen::Vector3d first = rotation.eulerAngles(root_.axes[0], root_.axes[1], root_.axes[2]);
   const Eigen::Vector3d second(first[0] + M_PI, M_PI - first[1], first[2] + M_PI);
   double nearest = std::numeric_limits<double>::infinity();
@@ -101,19 +100,18 @@ void RootRotation::set_matrix(std::vector<double>& dofs, const Eigen::Matrix3d& 
     }
     if (distance >= nearest) continue;
     nearest = distance;
-    for (int i = 0; i < 3; ++i) dofs[as_size(root_.rotation[i])] = near[i] / root_.rotation_weight[i];
+    for (int i = 0; i < 3; ++i) dofs[root_.rotation[i]] = near[i] / root_.rotation_weight[i];
   }
 }
 
 Eigen::Vector3d RootRotation::position(const std::vector<double>& dofs) const {
   Eigen::Vector3d position = offset_;
-  for (int i = 0; i < 3; ++i) position[i] += root_.translation_weight[i] * dofs[as_size(root_.translation[i])];
+  for (int i = 0; i < 3; ++i) position[i] += root_.translation_weight[i] * dofs[root_.translation[i]];
   return position;
 }
 
 void RootRotation::set_position(std::vector<double>& dofs, const Eigen::Vector3d& position) const {
-  for (int i = 0; i < 3; ++i)
-    dofs[as_size(root_.translation[i])] = (position[i] - offset_[i]) / root_.translation_weight[i];
+  for (int i = 0; i < 3; ++i) dofs[root_.translation[i]] = (position[i] - offset_[i]) / root_.translation_weight[i];
 }
 
 }  // namespace doppel

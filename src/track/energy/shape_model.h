@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "doppel/character/shape_family.h"
-#include "doppel/core/as_size.h"
 #include "doppel/solver/dense_system.h"
 #include "doppel/track/energy/pose_model.h"
 
@@ -77,7 +76,7 @@ class ShapeModel {
   int num_unknowns() const { return source_.family().num_parameters(); }
   int num_landmarks() const { return source_.num_landmarks(); }
   const ShapeFamily& family() const { return source_.family(); }
-  std::string unknown_name(int unknown) const { return family().parameters()[as_size(unknown)].name; }
+  std::string unknown_name(int unknown) const { return family().parameters()[unknown].name; }
 
   /// @param parameters [P] @param jacobian whether `add_..._jacobian` will be called
   PosedShape pose(const std::vector<double>& parameters, bool jacobian) const;

@@ -1,14 +1,12 @@
 #include "doppel/track/energy/triangulation.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 std::optional<TriangulatedPoint> triangulate(const std::vector<PinholeCamera>& cameras, const FrameEvidence& frame,
                                              int landmark, const TriangulationOptions& options) {
   std::vector<Sight> sights;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const Keypoint& seen = frame[c].keypoints[as_size(landmark)];
+    const Keypoint& seen = frame[c].keypoints[landmark];
     if (!(seen.confidence >= kSeenConfidence)) continue;
     std::optional<Sight> sight = sight_of(cameras[c], {seen.x, seen.y}, seen.confidence);
     if (!sight) continue;
@@ -22,7 +20,7 @@ std::vector<std::optional<TriangulatedPoint>> triangulate_all(const std::vector<
                                                               const FrameEvidence& frame, int num_landmarks,
                                                               const TriangulationOptions& options) {
   std::vector<std::optional<TriangulatedPoint>> points;
-  points.reserve(as_size(num_landmarks));
+  points.reserve(num_landmarks);
   for (int m = 0; m < num_landmarks; ++m) points.push_back(triangulate(cameras, frame, m, options));
   return points;
 }

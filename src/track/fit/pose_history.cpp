@@ -1,7 +1,5 @@
 #include "doppel/track/fit/pose_history.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 void PoseHistory::remember(const TrackedFrame& frame) {
@@ -25,7 +23,7 @@ std::vector<double> PoseHistory::predicted(const std::optional<RootRotation>& ro
   for (std::size_t d = 0; d < next.size(); ++d) next[d] += last[d] - poses_.front()[d];
   if (root) {
     const Eigen::Matrix3d before = root->matrix(poses_.front()), now = root->matrix(last);
-    for (const int dof : root->root().rotation) next[as_size(dof)] = last[as_size(dof)];
+    for (const int dof : root->root().rotation) next[dof] = last[dof];
     root->set_matrix(next, now * before.transpose() * now);
   }
   return next;

@@ -51,7 +51,7 @@ std::optional<std::size_t> nearest_found(const std::vector<bool>& found, std::si
 void make_root_continuous(Poses& poses, const Segment& segment, const RootRotation& root) {
   for (std::size_t f = segment.begin + 1; f < segment.end; ++f) {
     const Eigen::Matrix3d rotation = root.matrix(poses[f]);
-    for (const int dof : root.root().rotation) poses[f][as_size(dof)] = poses[f - 1][as_size(dof)];
+    for (const int dof : root.root().rotation) poses[f][dof] = poses[f - 1][dof];
     root.set_matrix(poses[f], rotation);
   }
 }
@@ -81,7 +81,7 @@ std::vector<double> averaged(const Poses& poses, const Segment& segment, std::si
   std::vector<double> mean(poses[frame].size(), 0.0);
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Zero();
   for (long offset = first; offset <= last; ++offset) {
-    const std::vector<double>& pose = poses[as_size(here + offset)];
+    const std::vector<double>& pose = poses[here + offset];
     for (std::size_t d = 0; d < mean.size(); ++d) mean[d] += weights[offset - first] * pose[d];
     if (root) rotation += weights[offset - first] * root->matrix(pose);
   }

@@ -22,13 +22,13 @@ LandmarkTree::LandmarkTree(const Skeleton& skeleton, const std::vector<Marker>& 
   };
   const auto to_root = [&](std::size_t m) {
     const Marker& landmark = landmarks[m];
-    return (rest[as_size(landmark.joint)] * landmark.position - rest.front().translation()).norm();
+    return (rest[landmark.joint] * landmark.position - rest.front().translation()).norm();
   };
   for (std::size_t m = 1; m < landmarks.size(); ++m)
     if (to_root(m) < to_root(as_size(root_))) root_ = static_cast<int>(m);
   std::vector<std::pair<int, int>> depth_of;  // (depth, landmark)
   for (std::size_t m = 0; m < landmarks.size(); ++m) {
-    const auto parent_joint = [&](int joint) { return skeleton.joints[as_size(joint)].parent; };
+    const auto parent_joint = [&](int joint) { return skeleton.joints[joint].parent; };
     int depth = 0;
     for (int j = parent_joint(landmarks[m].joint); j >= 0; j = parent_joint(j), ++depth)
       if (parent_[m] < 0) parent_[m] = rides_on(j);
@@ -46,7 +46,7 @@ std::vector<std::optional<Eigen::Vector3d>> LandmarkTree::with_lengths_of(
   for (const int landmark : order_) {
     const auto m = as_size(landmark);
     int above = parent_[m];
-    while (above >= 0 && !joints[as_size(above)]) above = parent_[as_size(above)];
+    while (above >= 0 && !joints[above]) above = parent_[above];
     if (above < 0 || !joints[m]) continue;
     const auto a = as_size(above);
     const Eigen::Vector3d bone = *detected[m] - *detected[a];

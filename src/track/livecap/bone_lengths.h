@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "doppel/character/skeleton.h"
-#include "doppel/core/as_size.h"
 
 namespace doppel {
 
@@ -16,7 +15,7 @@ class LandmarkTree {
   LandmarkTree(const Skeleton& skeleton, const std::vector<Marker>& landmarks, const std::vector<double>& rest_dofs);
 
   int root() const { return root_; }
-  int parent(int landmark) const { return parent_[as_size(landmark)]; }  ///< -1 for the root
+  int parent(int landmark) const { return parent_[landmark]; }  ///< -1 for the root
 
   /// Gives predicted joints the bone lengths of the body (4.5.1): from the root outwards, each bone keeps its direction
   /// and takes the body's length. A landmark without its parent uses the next ancestor; without any, it stays.

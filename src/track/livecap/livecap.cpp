@@ -39,7 +39,7 @@ void check(const LivecapOptions& options) {
 
 std::vector<Eigen::Vector3d> landmarks_of(const PoseModel& model, const PosedBody& body) {
   std::vector<Eigen::Vector3d> points;
-  points.reserve(as_size(model.num_landmarks()));
+  points.reserve(model.num_landmarks());
   for (int m = 0; m < model.num_landmarks(); ++m) points.push_back(model.landmark(body, m));
   return points;
 }
@@ -145,7 +145,7 @@ FrameResult LivecapTracker::track(const LivecapInput& input) {
   if (!evidence.joints.empty())
     evidence.joints =
         tree_.with_lengths_of(std::move(evidence.joints), landmarks_of(model_, model_.pose(history_.last(), false)));
-  evidence.joints.resize(as_size(model_.num_landmarks()));
+  evidence.joints.resize(model_.num_landmarks());
   FrameResult frame;
   Fit found = track_pose(evidence);
   remember(found);
@@ -197,7 +197,7 @@ void LivecapTracker::remember(const Fit& found) {
 std::unique_ptr<PoseTerm> LivecapTracker::floor_term(bool follows) const {
   const std::vector<Eigen::Vector3d> last = landmarks_of(model_, model_.pose(history_.last(), false));
   std::vector<FloorTerm::Sole> soles;
-  for (const int m : roles_.soles) soles.push_back({m, sole_height_[as_size(m)], last[as_size(m)]});
+  for (const int m : roles_.soles) soles.push_back({m, sole_height_[m], last[m]});
   return std::make_unique<FloorTerm>(std::move(soles), options_.floor_weight, follows ? options_.floor_slide : 0.0,
                                      RobustKernel::geman_mcclure_of(options_.floor_scale));
 }

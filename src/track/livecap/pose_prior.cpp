@@ -1,6 +1,5 @@
 #include "doppel/track/livecap/pose_prior.h"
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 
 namespace doppel {
@@ -29,7 +28,7 @@ PosePrior learn_pose_prior(const PoseModel& model, const std::vector<std::vector
   for (const std::vector<double>& pose : poses) {
     for (Eigen::Index u = 0; u < n; ++u) {
       const std::optional<int> dof = model.dof_of(static_cast<int>(u));
-      if (dof && !model.moves_root(*dof)) variation[u] = pose[as_size(*dof)] - prior.mean[as_size(*dof)];
+      if (dof && !model.moves_root(*dof)) variation[u] = pose[*dof] - prior.mean[*dof];
     }
     prior.covariance.noalias() += variation * variation.transpose() / static_cast<double>(poses.size());
   }

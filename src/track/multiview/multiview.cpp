@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/track/energy/alignment.h"
 #include "doppel/track/energy/inliers.h"
@@ -156,7 +155,7 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<Outl
   if (expected && o.temporal_weight > 0.0) {
     const PosedBody body = model_.pose(*expected, false);
     std::vector<PointTerm::Target> targets;
-    targets.reserve(as_size(model_.num_landmarks()));
+    targets.reserve(model_.num_landmarks());
     for (int m = 0; m < model_.num_landmarks(); ++m) targets.push_back({m, model_.landmark(body, m), 1.0});
     result.push_back(std::make_unique<PointTerm>("temporal", std::move(targets), o.temporal_weight));
   }

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <random>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
 #include "doppel/track/energy/terms/distance_term.h"
@@ -41,7 +40,7 @@ std::vector<std::vector<double>> various_poses(const Character& character) {
 std::optional<double> median_distance(const std::array<int, 2>& pair, const std::vector<SpaceLandmarks>& frames) {
   std::vector<double> distances;
   for (const SpaceLandmarks& frame : frames) {
-    const auto &a = frame[as_size(pair[0])], &b = frame[as_size(pair[1])];
+    const auto &a = frame[pair[0]], &b = frame[pair[1]];
     if (a && b) distances.push_back((*a - *b).norm());
   }
   if (distances.empty()) return std::nullopt;

@@ -2,18 +2,16 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 void SharedDofs::put_into(std::vector<double>& pose) const {
-  for (std::size_t i = 0; i < dofs.size(); ++i) pose[as_size(dofs[i])] = values[i];
+  for (std::size_t i = 0; i < dofs.size(); ++i) pose[dofs[i]] = values[i];
 }
 
 std::vector<double> prior_weights(const SharedDofs& shared, double prior_weight, std::size_t num_dofs) {
   std::vector<double> weights(num_dofs, prior_weight);
   for (const int dof : shared.dofs) {
-    double& weight = weights[as_size(dof)];
+    double& weight = weights[dof];
     weight = std::max(weight, shared.weight);
   }
   const bool held = std::any_of(weights.begin(), weights.end(), [](double weight) { return weight > 0.0; });

@@ -1,6 +1,5 @@
 #include "doppel/track/multiview/shared_dofs_fit.h"
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/track/energy/outline.h"
 #include "doppel/track/energy/terms/limit_term.h"
@@ -25,7 +24,7 @@ void check(const PoseModel& model, const std::vector<int>& dofs, const std::vect
   for (const int dof : dofs)
     if (model.moves_root(dof))
       fail<UsageError>("DoF {} moves the whole body, so it cannot be a shared DoF",
-                       model.character().skeleton.dofs[as_size(dof)].name);
+                       model.character().skeleton.dofs[dof].name);
 }
 
 }  // namespace
@@ -57,7 +56,7 @@ std::vector<double> fit_shared_dofs(const Character& character, const std::vecto
   }
   std::vector<double> values;
   values.reserve(dofs.size());
-  for (const int dof : dofs) values.push_back(found[as_size(dof)]);
+  for (const int dof : dofs) values.push_back(found[dof]);
   return values;
 }
 

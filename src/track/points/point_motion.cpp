@@ -35,7 +35,7 @@ class Triangulator {
   /// @param times [C] in frames of each camera
   PointMotion::Frame row(const std::vector<double>& times) {
     PointMotion::Frame frame(as_size(tracks_.num_points()));
-    for (int k = 0; k < tracks_.num_points(); ++k) frame[as_size(k)] = point(k, times);
+    for (int k = 0; k < tracks_.num_points(); ++k) frame[k] = point(k, times);
     return frame;
   }
 
@@ -61,7 +61,7 @@ class Triangulator {
     }
     const std::optional<TriangulatedPoint> found = choose(sights, as_size(k));
     if (!found) return std::nullopt;
-    last_[as_size(k)] = found->position;
+    last_[k] = found->position;
     for (std::size_t i = 0; i < views.size(); ++i) count(views[i], *found, i);
     return found->position;
   }

@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/image_tensor.h"
 #include "doppel/geometry/topology.h"
@@ -183,15 +182,15 @@ std::map<int, cv::Vec3d> TextureBake::gains() const {
   for (int y = 0; y < space_.size(); y += kGainStride)
     for (int x = 0; x < space_.size(); x += kGainStride)
       for (int a = 0; a < count; ++a) {
-        const float first = sums[as_size(a)]->weight.at<float>(y, x);
+        const float first = sums[a]->weight.at<float>(y, x);
         for (int b = a + 1; first >= kSolidWeight && b < count; ++b) {
-          const float second = sums[as_size(b)]->weight.at<float>(y, x);
+          const float second = sums[b]->weight.at<float>(y, x);
           if (second < kSolidWeight) continue;
           CommonTexels& common = pairs[{a, b}];
           const double share = first * second / (first + second);
           common.weight += share;
-          common.first += share / first * cv::Vec3d(sums[as_size(a)]->colour.at<cv::Vec3f>(y, x));
-          common.second += share / second * cv::Vec3d(sums[as_size(b)]->colour.at<cv::Vec3f>(y, x));
+          common.first += share / first * cv::Vec3d(sums[a]->colour.at<cv::Vec3f>(y, x));
+          common.second += share / second * cv::Vec3d(sums[b]->colour.at<cv::Vec3f>(y, x));
         }
       }
   std::map<int, cv::Vec3d> gains;
@@ -239,7 +238,7 @@ cv::Mat TextureBake::spread_colours(const cv::Mat& colour, const cv::Mat& weight
   Eigen::VectorXd seen = Eigen::VectorXd::Zero(n);
   for (std::size_t f = 0; f < mesh_.faces.size(); ++f)
     for (std::size_t k = 0; k < 3; ++k) {
-      const Eigen::Vector2d uv = mesh_.uvs[as_size(mesh_.face_uvs[f][k])];
+      const Eigen::Vector2d uv = mesh_.uvs[mesh_.face_uvs[f][k]];
       const int x = std::clamp(cvFloor(uv.x() * colour.cols), 0, colour.cols - 1),
                 y = std::clamp(cvFloor((1 - uv.y()) * colour.rows), 0, colour.rows - 1);
       const double share = weight.at<float>(y, x);

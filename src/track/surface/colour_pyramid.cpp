@@ -4,8 +4,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const std::vector<int>& kernels, bool halve)
@@ -35,7 +33,7 @@ ColourPyramid::ColourPyramid(const cv::Mat& image, const cv::Rect& window, const
 }
 
 bool ColourPyramid::at(int level, const Eigen::Vector2d& pixel, Sample& sample) const {
-  const auto& [image, shrink_x, shrink_y] = levels_[as_size(level)];
+  const auto& [image, shrink_x, shrink_y] = levels_[level];
   const double x = (pixel.x() - window_.x) / shrink_x - 0.5, y = (pixel.y() - window_.y) / shrink_y - 0.5;
   if (!(x >= 0.0 && y >= 0.0 && x < image.cols - 1 && y < image.rows - 1)) return false;
   const int column = static_cast<int>(x), row = static_cast<int>(y);

@@ -1,13 +1,11 @@
 #include "doppel/track/surface/edge_weights.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 std::vector<double> edge_weights(const MeshTopology& topology, const std::vector<double>& rigidity) {
   std::vector<double> weights;
   for (const auto& [a, b] : topology.edges()) {
-    const double stiffness = 0.5 * (rigidity[as_size(a)] + rigidity[as_size(b)]);
+    const double stiffness = 0.5 * (rigidity[a] + rigidity[b]);
     weights.push_back(stiffness / topology.one_ring().size(a) + stiffness / topology.one_ring().size(b));
   }
   return weights;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/track/surface/colour_pyramid.h"
@@ -55,13 +54,13 @@ void check(const NonrigidOptions& o) {
 std::vector<double> rest_lengths(const TriangleMesh& mesh, const std::vector<Link>& edges) {
   std::vector<double> lengths;
   lengths.reserve(edges.size());
-  for (const auto& [a, b] : edges) lengths.push_back((mesh.vertices[as_size(a)] - mesh.vertices[as_size(b)]).norm());
+  for (const auto& [a, b] : edges) lengths.push_back((mesh.vertices[a] - mesh.vertices[b]).norm());
   return lengths;
 }
 
 std::vector<double> rigidity_of(const Character& character, const NonrigidOptions& options) {
   if (options.materials) return vertex_rigidity(character.labels, character.num_vertices(), RigidityPreset::livecap);
-  return std::vector<double>(as_size(character.num_vertices()), options.rigidity);
+  return std::vector<double>(character.num_vertices(), options.rigidity);
 }
 
 /// The energy of one frame with the data of its terms.
@@ -106,7 +105,7 @@ Matrix3Xd as_bright_as_image(const Matrix3Xd& colours, const FrameEnergy& energy
   Eigen::Vector3d seen = Eigen::Vector3d::Zero(), own = Eigen::Vector3d::Zero();
   ColourPyramid::Sample sample;
   for (Eigen::Index i = 0; i < colours.cols(); ++i) {
-    if (!energy.view.visible[as_size(i)]) continue;
+    if (!energy.view.visible[i]) continue;
     const auto projected = project_with_jacobian(camera, vertices.col(i));
     if (!projected || !energy.pyramid.at(0, projected->pixel, sample)) continue;
     seen += sample.colour.cwiseProduct(colours.col(i));
@@ -159,7 +158,7 @@ struct NonrigidStage::State {
     std::vector<Matrix3Xd> last = history;
     for (Matrix3Xd& surface : last)
       for (Eigen::Index i = 0; options.carry && i < surface.cols(); ++i)
-        surface.col(i) = posed.vertices.col(i) + posed.turns[as_size(i)] * surface.col(i);
+        surface.col(i) = posed.vertices.col(i) + posed.turns[i] * surface.col(i);
     return last;
   }
 
@@ -224,7 +223,7 @@ struct NonrigidStage::State {
       surface.snapped_vertices = snap_outline(surface.vertices, evidence(energy, start, outline), energy.view.outline,
                                               topology, rigidity, was_outline, options.snapping);
       was_outline.assign(rigidity.size(), 0);
-      for (const OutlineVertex& vertex : energy.view.outline) was_outline[as_size(vertex.vertex)] = 1;
+      for (const OutlineVertex& vertex : energy.view.outline) was_outline[vertex.vertex] = 1;
     }
     if (options.max_isolated_motion > 0.0 && !energy.last.empty())
       clamp_isolated_motion(surface.vertices, energy.last[0], topology, options.max_isolated_motion);
@@ -233,7 +232,7 @@ struct NonrigidStage::State {
   void remember(const PosedSurface& posed, const Matrix3Xd& vertices) {
     Matrix3Xd moved(3, vertices.cols());
     for (Eigen::Index i = 0; i < vertices.cols(); ++i)
-      moved.col(i) = posed.turns[as_size(i)].transpose() * (vertices.col(i) - posed.vertices.col(i));
+      moved.col(i) = posed.turns[i].transpose() * (vertices.col(i) - posed.vertices.col(i));
     for (std::size_t i = 0; options.warp_displacements && i < displacements.size(); ++i)
       displacements[i] = moved.col(static_cast<Eigen::Index>(i));
     history.insert(history.begin(), options.carry ? std::move(moved) : vertices);

@@ -6,7 +6,6 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/log.h"
 #include "doppel/track/fit/words.h"
 
@@ -43,8 +42,8 @@ std::vector<char> body_parts(const SkinningWeights& skin) {
   }
   for (int v = 0; v < skin.num_vertices(); ++v) {
     const std::span<const int> bones = skin.vertex_bones.row(v);
-    char part = part_of[as_size(bones[0])];
-    if (is_hip[as_size(bones[0])] && (bones.size() < 2 || part_of[as_size(bones[1])] != part)) part = kTorso;
+    char part = part_of[bones[0]];
+    if (is_hip[bones[0]] && (bones.size() < 2 || part_of[bones[1]] != part)) part = kTorso;
     parts.push_back(part);
   }
   if (std::all_of(parts.begin(), parts.end(), [](char part) { return part == kTorso; }))

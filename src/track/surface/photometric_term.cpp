@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "doppel/core/as_size.h"
 #include "doppel/solver/parallel.h"
 #include "doppel/track/energy/evidence.h"
 
@@ -37,7 +36,7 @@ int PhotometricTerm::num_used() const { return static_cast<int>(std::count(used_
 
 PointRows PhotometricTerm::rows(int vertex, const SurfacePoints& vertices) const {
   PointRows rows;
-  if (!used_[as_size(vertex)]) return rows;
+  if (!used_[vertex]) return rows;
   rows.count = 3;
   rows.weight = weight_;
   const auto projected = project_with_jacobian(camera_, vertices.col(vertex));

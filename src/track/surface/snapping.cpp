@@ -21,7 +21,7 @@ std::optional<Vector2d> walk(const OutlineTerm::Evidence& evidence, const Outlin
                              double farthest) {
   const double reference = reference_pixels(evidence.camera);
   const double enough = kArrived / reference;
-  const char part = evidence.vertex_part[as_size(vertex.vertex)];
+  const char part = evidence.vertex_part[vertex.vertex];
   Vector2d pixel = start;
   for (int step = 0; step < kSteps; ++step) {
     const OutlineField::Sample sample = evidence.field.at(pixel);
@@ -48,8 +48,8 @@ std::vector<int> followers(const MeshTopology& topology, std::vector<char> marke
   for (int ring = 0; ring < options.rings; ++ring) {
     const std::vector<char> inner = marked;
     for (int v = 0; v < topology.num_vertices(); ++v)
-      if (inner[as_size(v)])
-        for (const int n : topology.one_ring().row(v)) marked[as_size(n)] = 1;
+      if (inner[v])
+        for (const int n : topology.one_ring().row(v)) marked[n] = 1;
   }
   std::vector<int> result;
   for (std::size_t v = 0; v < marked.size(); ++v)

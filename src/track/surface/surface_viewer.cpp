@@ -37,13 +37,13 @@ struct SurfaceViewer::State {
         faces(RenderMesh(character.mesh).faces),
         rasterizer(faces),
         vertex_parts(body_parts(character.skin)) {
-    for (const Triangle& face : character.mesh.faces) face_parts.push_back(vertex_parts[as_size(face[0])]);
+    for (const Triangle& face : character.mesh.faces) face_parts.push_back(vertex_parts[face[0]]);
   }
 
   cv::Mat parts(const int* face_id) const {
     cv::Mat result(pixels, pixels, CV_8UC1);
     for (int i = 0; i < pixels * pixels; ++i)
-      result.data[i] = face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[as_size(face_id[i])]);
+      result.data[i] = face_id[i] < 0 ? 0 : static_cast<unsigned char>(face_parts[face_id[i]]);
     return result;
   }
 

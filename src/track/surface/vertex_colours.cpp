@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 namespace {
 
@@ -22,7 +20,7 @@ Eigen::Vector3d texel(const cv::Mat& texture, const Eigen::Vector2d& uv) {
 Eigen::Matrix3Xd vertex_colours(const TriangleMesh& mesh) {
   Eigen::Matrix3Xd colours(3, mesh.num_vertices());
   if (!mesh.colours.empty()) {
-    for (Eigen::Index i = 0; i < colours.cols(); ++i) colours.col(i) = mesh.colours[as_size(i)];
+    for (Eigen::Index i = 0; i < colours.cols(); ++i) colours.col(i) = mesh.colours[i];
     return colours;
   }
   if (mesh.texture.empty() || mesh.face_uvs.empty()) return {};
@@ -33,7 +31,7 @@ Eigen::Matrix3Xd vertex_colours(const TriangleMesh& mesh) {
   for (std::size_t f = 0; f < mesh.faces.size(); ++f)
     for (std::size_t k = 0; k < 3; ++k) {
       const int vertex = mesh.faces[f][k];
-      colours.col(vertex) += texel(texture, mesh.uvs[as_size(mesh.face_uvs[f][k])]);
+      colours.col(vertex) += texel(texture, mesh.uvs[mesh.face_uvs[f][k]]);
       corners[vertex] += 1.0;
     }
   for (Eigen::Index i = 0; i < colours.cols(); ++i) colours.col(i) /= std::max(1.0, corners[i]);

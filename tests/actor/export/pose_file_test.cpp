@@ -9,7 +9,6 @@
 #include "actor/export/untrained_pose.h"
 #include "doppel/actor/export/actor_file.h"
 #include "doppel/character/motion.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/person_crop.h"
@@ -216,7 +215,7 @@ Tensor vertices_of(const std::filesystem::path& obj) {
   const TriangleMesh mesh = read_obj(obj, 1.0);
   Tensor vertices = torch::empty({mesh.num_vertices(), 3});
   for (int i = 0; i < mesh.num_vertices(); ++i)
-    for (int c = 0; c < 3; ++c) vertices[i][c] = static_cast<float>(mesh.vertices[as_size(i)][c]);
+    for (int c = 0; c < 3; ++c) vertices[i][c] = static_cast<float>(mesh.vertices[i][c]);
   return vertices;
 }
 
@@ -226,7 +225,7 @@ void expect_captured(const TemporaryFolder& folder, const std::string& host, con
   const Motion motion = read_motion(folder / (host + ".motion"), static_cast<int>(expected.dofs.size(1)));
   ASSERT_EQ(motion.num_frames(), 1);
   for (std::int64_t d = 0; d < expected.dofs.size(1); ++d)
-    EXPECT_NEAR(motion.frames[0][as_size(d)], expected.dofs[0][d].item<float>(), 1e-3) << host << d;
+    EXPECT_NEAR(motion.frames[0][d], expected.dofs[0][d].item<float>(), 1e-3) << host << d;
 }
 
 TEST(PoseFileAgrees, WithThePythonAndTheCppHost) {

@@ -6,8 +6,6 @@
 #include <Eigen/Geometry>
 #include <array>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel::support {
 namespace {
 
@@ -134,19 +132,18 @@ class Peer {
   }
 
   void add(const Bundle::Observation& seen) {
-    const Camera& camera = result_.cameras[as_size(seen.camera)];
+    const Camera& camera = result_.cameras[seen.camera];
     ceres::CostFunction* cost =
         options_.focal ? Reprojection<7>::make(camera, seen) : Reprojection<6>::make(camera, seen);
-    problem_.AddResidualBlock(cost, &loss_, unknowns_[as_size(seen.camera)].data(),
-                              result_.points[as_size(seen.point)].position.data());
+    problem_.AddResidualBlock(cost, &loss_, unknowns_[seen.camera].data(), result_.points[seen.point].position.data());
   }
 
   void add(const Bundle::Link& link) {
-    double& length = result_.lengths[as_size(link.length)];
+    double& length = result_.lengths[link.length];
     const double scale = options_.kernel / kSigmasOfKernel * length / options_.link_sigma;
     problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<Distance, 1, 3, 3, 1>(new Distance{scale}), &loss_,
-                              result_.points[as_size(link.points[0])].position.data(),
-                              result_.points[as_size(link.points[1])].position.data(), &length);
+                              result_.points[link.points[0]].position.data(),
+                              result_.points[link.points[1]].position.data(), &length);
   }
 
   static void move(Camera& camera, const std::array<double, 7>& unknowns) {

@@ -21,11 +21,11 @@ PointTracks film_with_push(const std::vector<Camera>& cameras, int pushed, const
                            const FilmOptions& options) {
   PointTracks tracks = film(cameras, walker, options);
   std::vector<Camera> later = cameras;
-  later[as_size(pushed)] = after;
+  later[pushed] = after;
   const PointTracks from_then = film(later, walker, options);
-  CameraTrack& track = tracks.cameras[as_size(pushed)];
+  CameraTrack& track = tracks.cameras[pushed];
   for (long f = frame; f < track.num_frames(); ++f)
-    for (int k = 0; k < track.num_points(); ++k) track.at(f, k) = from_then.cameras[as_size(pushed)].at(f, k);
+    for (int k = 0; k < track.num_points(); ++k) track.at(f, k) = from_then.cameras[pushed].at(f, k);
   return tracks;
 }
 

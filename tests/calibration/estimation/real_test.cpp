@@ -53,7 +53,7 @@ class RealRig : public support::SharedFolderTest {
         if (people.empty()) continue;
         const std::vector<double> numbers = people[0].at("pose_keypoints_2d");
         for (int k = 0; k < kBody25; ++k)
-          track.at(frame, k) = {{numbers[as_size(3 * k)], numbers[as_size(3 * k + 1)]}, numbers[as_size(3 * k + 2)]};
+          track.at(frame, k) = {{numbers[3 * k], numbers[3 * k + 1]}, numbers[3 * k + 2]};
       }
       result.cameras.push_back(std::move(track));
     }
@@ -116,7 +116,7 @@ std::vector<OutlineTrack> later(std::vector<OutlineTrack> outlines, const std::v
     const std::ptrdiff_t shift = by[c];
     OutlineTrack moved(track.size());
     for (std::ptrdiff_t f = std::max<std::ptrdiff_t>(0, shift); f < std::min(size, size + shift); ++f)
-      moved[as_size(f)] = track[as_size(f - shift)];
+      moved[f] = track[f - shift];
     track = std::move(moved);
   }
   return outlines;
@@ -126,7 +126,7 @@ TEST_F(RealRig, OutlinesSharpenOffsets) {
   const std::vector<long> by{0, 7, -7, 4, -1, 6, -6, 1};
   for (const auto& [take, frames] : {std::pair<std::string, long>{"training", 80}, {"testing", 60}}) {
     std::vector<OutlineTrack> seen = outlines(take);
-    for (OutlineTrack& track : seen) track.resize(as_size(frames));
+    for (OutlineTrack& track : seen) track.resize(frames);
     const Synchronisation found = synchronise(cameras(), tracks(take, frames, by), {}, later(seen, by));
     for (std::size_t c = 0; c < by.size(); ++c) {
       std::cout << take << " with outlines " << found.cameras[c].name << ": error "

@@ -8,7 +8,6 @@
 #include "calibration/estimation/walking_rig.h"
 #include "doppel/calibration/estimation/bundle_problem.h"
 #include "doppel/calibration/estimation/reprojection.h"
-#include "doppel/core/as_size.h"
 
 namespace doppel::support {
 
@@ -32,18 +31,18 @@ inline Bundle walking_bundle(int cameras, long frames, const std::vector<std::ar
   loose.inlier_threshold = 60.0;
   int group = 0;
   for (const double time : tracks.times()) {
-    std::vector<int> index(as_size(tracks.num_points()), -1);
+    std::vector<int> index(tracks.num_points(), -1);
     for (int k = 0; k < tracks.num_points(); ++k) {
       const std::vector<SeenFrom> seen = seen_at(tracks, time, k);
       const auto point = triangulate(bundle.cameras, seen, loose);
       if (!point) continue;
-      index[as_size(k)] = static_cast<int>(bundle.points.size());
+      index[k] = static_cast<int>(bundle.points.size());
       for (const SeenFrom& view : seen)
-        bundle.observations.push_back({view.camera, index[as_size(k)], view.seen.pixel, view.seen.confidence});
+        bundle.observations.push_back({view.camera, index[k], view.seen.pixel, view.seen.confidence});
       bundle.points.push_back({point->position, group});
     }
     for (std::size_t l = 0; l < limbs.size(); ++l) {
-      const int a = index[as_size(limbs[l][0])], b = index[as_size(limbs[l][1])];
+      const int a = index[limbs[l][0]], b = index[limbs[l][1]];
       if (a >= 0 && b >= 0) bundle.links.push_back({{a, b}, static_cast<int>(l)});
     }
     ++group;

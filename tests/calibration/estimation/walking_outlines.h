@@ -39,7 +39,7 @@ inline std::vector<OutlineTrack> outlines_of(const std::vector<Camera>& cameras,
       cv::convexHull(pixels, hull);
       for (const cv::Point2f& corner : hull) {
         const Eigen::Vector2d filmed = filmed_pixel(cameras[c], {corner.x, corner.y});
-        track[as_size(f)].hull.push_back({filmed + Eigen::Vector2d(normal(random), normal(random)), false});
+        track[f].hull.push_back({filmed + Eigen::Vector2d(normal(random), normal(random)), false});
       }
     }
     outlines.push_back(std::move(track));

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "doppel/calibration/estimation/point_tracks.h"
-#include "doppel/core/as_size.h"
 #include "support/ring_of_cameras.h"
 
 namespace doppel::support {
@@ -76,7 +75,7 @@ inline PointTracks film(const std::vector<Camera>& cameras, const Person& person
       const std::vector<Vector3d> points = person((static_cast<double>(f) - offset) / fps);
       for (int k = 0; k < kWalkerPoints; ++k) {
         if (share(random) < options.missing) continue;
-        Eigen::Vector2d pixel = cameras[c].project(points[as_size(k)]);
+        Eigen::Vector2d pixel = cameras[c].project(points[k]);
         pixel += Eigen::Vector2d(noise(random), noise(random));
         double confidence = 0.9;
         if (share(random) < options.outliers) {

@@ -7,7 +7,6 @@
 
 #include "data/capture/detector_fixture.h"
 #include "data/capture/keypoint_fixture.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/capture/find_capture.h"
@@ -215,7 +214,7 @@ TEST(EvidenceOfOneCamera, IsDescribedAsTheDocumentationSays) {
   const Dataset dataset = Dataset::open(options.out);
   for (int f = 0; f < motion.num_frames(); ++f) {
     const SampleId sample{0, 20 + f};
-    expect_cut_out(dataset.mask(sample, 0), masks[as_size(f)]);
+    expect_cut_out(dataset.mask(sample, 0), masks[f]);
     expect_at(dataset.keypoints(sample, 0)[2], true_pixel(fixture, dataset.camera(0), "testing", f, 2), 0.02);
   }
 }

@@ -57,11 +57,11 @@ PeopleInCameras two_people() {
   for (int c = 0; c < kCameras; ++c) {
     const FrameClock clock = c == 2 ? FrameClock{2.0, 0.5} : FrameClock{};
     seen.clocks.push_back(clock);
-    const Camera& camera = seen.cameras[as_size(c)];
+    const Camera& camera = seen.cameras[c];
     seen.people.emplace_back([camera, clock, c](long frame) -> std::optional<People> {
       const double row = (static_cast<double>(frame) - clock.offset) / clock.rate;
       People people(2);
-      for (int p = 0; p < 2; ++p) people[as_size(index_of(p, frame, c))] = seen_person(camera, p, row);
+      for (int p = 0; p < 2; ++p) people[index_of(p, frame, c)] = seen_person(camera, p, row);
       return people;
     });
   }
@@ -73,9 +73,9 @@ void expect_person(const PeopleInCameras& seen, const std::vector<ChoiceOfFrame>
   ASSERT_EQ(chosen.size(), as_size(kCameras));
   for (int c = 0; c < kCameras; ++c)
     for (long row = seen.first_row; row <= seen.last_row; ++row) {
-      const double time = seen.clocks[as_size(c)].time(row);
+      const double time = seen.clocks[c].time(row);
       for (const double frame : {std::floor(time), std::ceil(time)})
-        EXPECT_EQ(chosen[as_size(c)](static_cast<long>(frame)), index_of(person, static_cast<long>(frame), c))
+        EXPECT_EQ(chosen[c](static_cast<long>(frame)), index_of(person, static_cast<long>(frame), c))
             << "camera " << c << ", frame " << frame;
     }
 }
@@ -121,7 +121,7 @@ class TwoPeopleOnDisk {
     const std::vector<Camera> cameras = test_keypoints::camera_ring(kCameras);
     write_calibration(folder_ / "cameras.yml", cameras);
     for (int c = 0; c < kCameras; ++c)
-      for (int frame = 0; frame < kRows + 2; ++frame) write_frame(cameras[as_size(c)], c, frame);
+      for (int frame = 0; frame < kRows + 2; ++frame) write_frame(cameras[c], c, frame);
     support::write_bytes(folder_ / "capture.yaml",
                          "doppel_capture: 1\nname: two\ncalibration: cameras.yml\nfps: 50\n" + person +
                              "sequences:\n  - {name: walk, split: test, videos: 'none_{name}.mp4', last_frame: 11, "
@@ -137,7 +137,7 @@ class TwoPeopleOnDisk {
       std::vector<float> values;
       for (const Keypoint& point : seen_person(camera, p, row_of(c, frame)))
         values.insert(values.end(), {point.x, point.y, point.confidence});
-      people[as_size(index_of(p, frame, c))] = {{"pose_keypoints_2d", values}};
+      people[index_of(p, frame, c)] = {{"pose_keypoints_2d", values}};
     }
     support::write_bytes(folder_ / (camera.name + "_" + std::to_string(frame) + ".json"),
                          nlohmann::json{{"version", 1.3}, {"people", people}}.dump());
@@ -153,19 +153,19 @@ TEST(PersonTracks, AreTheChosenPersonsPointsInFramesOfEachVideo) {
   ASSERT_EQ(tracks.num_cameras(), kCameras);
   const std::vector<Camera> cameras = test_keypoints::camera_ring(kCameras);
   for (int c = 0; c < kCameras; ++c) {
-    const CameraTrack& track = tracks.cameras[as_size(c)];
-    EXPECT_EQ(track.name, cameras[as_size(c)].name);
+    const CameraTrack& track = tracks.cameras[c];
+    EXPECT_EQ(track.name, cameras[c].name);
     EXPECT_EQ(track.fps, 50.0);
     EXPECT_EQ(track.offset, c == 1 ? 2.0 : 0.0);
     ASSERT_EQ(track.num_frames(), c == 1 ? 14 : 12);
     for (long frame = 0; frame < track.num_frames(); ++frame) {
-      const Person truth = seen_person(cameras[as_size(c)], 1, TwoPeopleOnDisk::row_of(c, frame));
+      const Person truth = seen_person(cameras[c], 1, TwoPeopleOnDisk::row_of(c, frame));
       const bool used = c != 1 || frame >= 2;
       for (int k = 0; k < track.num_points(); ++k) {
         const TrackPoint& point = track.at(frame, k);
-        EXPECT_EQ(point.seen(), used && truth[as_size(k)].confidence > 0.0f);
+        EXPECT_EQ(point.seen(), used && truth[k].confidence > 0.0f);
         if (!point.seen()) continue;
-        EXPECT_EQ(point.pixel, Eigen::Vector2d(truth[as_size(k)].x, truth[as_size(k)].y));
+        EXPECT_EQ(point.pixel, Eigen::Vector2d(truth[k].x, truth[k].y));
       }
     }
   }

@@ -7,7 +7,6 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/layers/surface.h"
@@ -38,7 +37,7 @@ Eigen::Vector3d middle(const std::vector<Eigen::Vector3d>& vertices) {
 cv::Mat draw(const Character& character, const std::vector<Eigen::Vector3d>& vertices, const Camera& camera) {
   torch::Tensor points = torch::empty({1, character.num_vertices(), 3});
   for (int i = 0; i < character.num_vertices(); ++i)
-    for (int k = 0; k < 3; ++k) points[0][i][k] = vertices[as_size(i)][k];
+    for (int k = 0; k < 3; ++k) points[0][i][k] = vertices[i][k];
   Rasterizer rasterizer(RenderMesh(character.mesh).faces);
   const RasterImage& image = rasterizer.rasterize_projected(
       points, projection_tensor({PinholeCamera(camera)}).unsqueeze(0), camera.height, camera.width);
@@ -48,18 +47,18 @@ cv::Mat draw(const Character& character, const std::vector<Eigen::Vector3d>& ver
   for (int i = 0; i < camera.height * camera.width; ++i) {
     if (face[i] < 0) continue;
     const auto corner = std::max_element(shares + 3 * i, shares + 3 * i + 3) - (shares + 3 * i);
-    const int vertex = character.mesh.faces[as_size(face[i])][as_size(corner)];
-    labels.data[i] = static_cast<std::uint8_t>(character.labels[as_size(vertex)]);
+    const int vertex = character.mesh.faces[face[i]][corner];
+    labels.data[i] = static_cast<std::uint8_t>(character.labels[vertex]);
   }
   return labels;
 }
 
 /// Neighbours of vertices with another label.
 std::vector<bool> borders(const Character& character) {
-  std::vector<bool> result(as_size(character.num_vertices()), false);
+  std::vector<bool> result(character.num_vertices(), false);
   const MeshTopology topology(character.mesh);
   for (const auto& [a, b] : topology.edges())
-    if (character.labels[as_size(a)] != character.labels[as_size(b)]) result[as_size(a)] = result[as_size(b)] = true;
+    if (character.labels[a] != character.labels[b]) result[a] = result[b] = true;
   return result;
 }
 
@@ -91,7 +90,7 @@ TEST(VertexLabels, AreRecoveredFromARingOfCameras) {
 TEST(VertexLabels, AreRecoveredInAnotherPose) {
   Labelled body;
   std::vector<double> dofs = body.character.rest_dofs;
-  dofs[as_size(*body.character.skeleton.find_dof("lean_2"))] += 0.5;
+  dofs[*body.character.skeleton.find_dof("lean_2")] += 0.5;
   const torch::Tensor posed =
       CharacterSurface(body.character)->skinned(torch::tensor(dofs, torch::kFloat64).unsqueeze(0)).contiguous();
   for (std::size_t i = 0; i < body.vertices.size(); ++i)

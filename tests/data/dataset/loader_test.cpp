@@ -7,7 +7,6 @@
 #include <set>
 
 #include "data/capture/capture_fixture.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
@@ -293,7 +292,7 @@ TEST(DatasetReference, NobodyBeyondTheImage) {
   const Dataset dataset = Dataset::open(fixture.out());
   const ImageCrop crop = dataset.image({0, 1}, 0);
   ASSERT_EQ(crop.pixels, 48);
-  const auto at = [&](int x, int y) { return static_cast<int>(crop.foreground[as_size(48 * y + x)]); };
+  const auto at = [&](int x, int y) { return static_cast<int>(crop.foreground[48 * y + x]); };
   EXPECT_EQ(at(5, 10), 0);
   EXPECT_EQ(at(6, 10), 1);
   EXPECT_EQ(at(47, 35), 1);

@@ -67,7 +67,7 @@ double width_of(const Patient& patient) { return patient.cameras()[0].width; }
 /// The pixels of a camera that is turned on the spot.
 std::function<Eigen::Vector2d(const Eigen::Vector2d&)> turned_pixels(const Patient& patient, int camera,
                                                                      const Eigen::Matrix3d& turn) {
-  const Eigen::Matrix3d K = patient.cameras()[as_size(camera)].K, H = K * turn * K.inverse();
+  const Eigen::Matrix3d K = patient.cameras()[camera].K, H = K * turn * K.inverse();
   return [H](const Eigen::Vector2d& pixel) { return Eigen::Vector2d((H * pixel.homogeneous()).hnormalized()); };
 }
 

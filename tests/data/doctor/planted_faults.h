@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "doppel/calibration/formats/read_calibration.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/capture.h"
 #include "doppel/data/capture/capture_cameras.h"
@@ -46,13 +45,13 @@ inline void change_cameras(Patient& patient, const std::function<void(std::vecto
   patient.save();
 }
 inline void change_camera(Patient& patient, int camera, const std::function<void(Camera&)>& change) {
-  change_cameras(patient, [&](std::vector<Camera>& cameras) { change(cameras[as_size(camera)]); });
+  change_cameras(patient, [&](std::vector<Camera>& cameras) { change(cameras[camera]); });
 }
 
 /// One person's points in a file of OpenPose: x, y, confidence.
 using Numbers = std::vector<double>;
 inline std::string keypoint_pattern(const Patient& patient, const SequenceEntry& sequence, int camera) {
-  return patient.capture.source(sequence.keypoints, camera, patient.cameras()[as_size(camera)].name);
+  return patient.capture.source(sequence.keypoints, camera, patient.cameras()[camera].name);
 }
 inline nlohmann::json read_json(const fs::path& path) { return nlohmann::json::parse(std::ifstream(path)); }
 
@@ -109,7 +108,7 @@ inline void move_frames(Patient& patient, int camera, const std::function<long(l
       const fs::path path = expand_pattern(pattern, 0, "", frame);
       const long from = std::clamp(source(frame, count), 0L, count - 1);
       fs::remove(path);
-      std::ofstream(path) << files[as_size(from)].dump();
+      std::ofstream(path) << files[from].dump();
     }
   }
 }
@@ -118,7 +117,7 @@ inline void move_frames(Patient& patient, int camera, const std::function<long(l
 /// @param change what becomes of the images of a video
 inline void change_video(Patient& patient, int camera, const std::function<void(std::vector<cv::Mat>&)>& change) {
   for (SequenceEntry& sequence : patient.capture.sequences) {
-    const std::string path = patient.capture.source(sequence.videos, camera, patient.cameras()[as_size(camera)].name);
+    const std::string path = patient.capture.source(sequence.videos, camera, patient.cameras()[camera].name);
     std::vector<cv::Mat> images;
     const auto reader = open_frames(path, PixelFormat::colour);
     const long frames = reader->num_frames(0);
@@ -138,7 +137,7 @@ inline void change_images(Patient& patient, int camera, const std::function<void
 /// The same for masks, which are videos without loss.
 inline void change_masks(Patient& patient, int camera, const std::function<void(long frame, cv::Mat&)>& change) {
   for (SequenceEntry& sequence : patient.capture.sequences) {
-    const std::string path = patient.capture.source(sequence.masks, camera, patient.cameras()[as_size(camera)].name);
+    const std::string path = patient.capture.source(sequence.masks, camera, patient.cameras()[camera].name);
     std::vector<cv::Mat> masks;
     const auto reader = open_frames(path, PixelFormat::grey);
     const long frames = reader->num_frames(0);
@@ -147,8 +146,8 @@ inline void change_masks(Patient& patient, int camera, const std::function<void(
     cv::VideoWriter video(path, cv::CAP_FFMPEG, cv::VideoWriter::fourcc('F', 'F', 'V', '1'), patient.capture.fps,
                           masks.front().size(), false);
     for (long frame = 0; frame < frames; ++frame) {
-      change(frame, masks[as_size(frame)]);
-      video.write(masks[as_size(frame)]);
+      change(frame, masks[frame]);
+      video.write(masks[frame]);
     }
   }
 }

@@ -77,7 +77,7 @@ struct RealPlanted {
 
 std::vector<RealPlanted> real_faults() {
   const auto image = [](const Patient& p, int c) {
-    const Camera camera = p.cameras()[as_size(c)];
+    const Camera camera = p.cameras()[c];
     return Eigen::Vector2d(camera.width, camera.height);
   };
   return {
@@ -102,7 +102,7 @@ std::vector<RealPlanted> real_faults() {
        [](Patient& p, int c) { change_camera(p, c, [](Camera& camera) { camera.t *= 1000.0; }); }},
       {"late", "out_of_sync", 1,
        [](Patient& p, int c) {
-         for (SequenceEntry& sequence : p.capture.sequences) sequence.frame_offset[p.cameras()[as_size(c)].name] = 8.0;
+         for (SequenceEntry& sequence : p.capture.sequences) sequence.frame_offset[p.cameras()[c].name] = 8.0;
          p.save();
        }},
       {"zoomed", "focal_length", 0,
@@ -118,7 +118,7 @@ std::vector<RealPlanted> real_faults() {
        }},
       {"pushed", "moved_camera", 0,
        [](Patient& p, int c) {
-         const Eigen::Matrix3d K = p.cameras()[as_size(c)].K, H = K * turned(4.0, 6.0, 5.0) * K.inverse();
+         const Eigen::Matrix3d K = p.cameras()[c].K, H = K * turned(4.0, 6.0, 5.0) * K.inverse();
          move_points(p, c, [=](long frame, const Eigen::Vector2d& at) {
            return frame >= 40 ? Eigen::Vector2d((H * at.homogeneous()).hnormalized()) : at;
          });
@@ -131,7 +131,7 @@ TEST_F(RealDoctor, FaultsInTheStudioAreNamed) {
     SCOPED_TRACE(planted.name);
     Patient patient = patient_of("s22");
     planted.plant(patient, planted.camera);
-    expect_named(patient, patient.cameras()[as_size(planted.camera)].name, planted.fault);
+    expect_named(patient, patient.cameras()[planted.camera].name, planted.fault);
     fs::remove_all(patient.folder);
   }
 }
@@ -141,7 +141,7 @@ TEST_F(RealDoctor, FaultsInRealFootageAreNamed) {
     SCOPED_TRACE(planted.name);
     Patient patient = patient_of("p2s");
     planted.plant(patient, planted.camera);
-    expect_named(patient, patient.cameras()[as_size(planted.camera)].name, planted.fault);
+    expect_named(patient, patient.cameras()[planted.camera].name, planted.fault);
     fs::remove_all(patient.folder);
   }
 }

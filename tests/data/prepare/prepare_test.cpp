@@ -17,7 +17,6 @@
 #include <set>
 
 #include "data/capture/capture_fixture.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
@@ -242,8 +241,7 @@ TEST(PrepareWithoutMotion, OneCameraWithItsOwnEmptyFrames) {
   EXPECT_EQ(report.cameras[0].frames, 12);
   EXPECT_EQ(report.cameras[0].empty_frames, 0);
   const Dataset dataset = Dataset::open(fixture.out());
-  for (const long frame : {6L, 17L})
-    test_capture::expect_cut_out(dataset.mask({0, frame}, 0), masks[as_size(frame - 6)]);
+  for (const long frame : {6L, 17L}) test_capture::expect_cut_out(dataset.mask({0, frame}, 0), masks[frame - 6]);
 }
 
 TEST(PrepareReference, FrameOffsetsShiftTheVideo) {

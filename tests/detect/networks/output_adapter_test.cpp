@@ -154,7 +154,7 @@ std::string rtmpose_head(int width, int height) {
   };
   scale_norm("rows", "normed", cells);
   scale_norm("normed", "gau_in", cells);
-  std::vector<float> into(as_size(cells * (2 * kHidden + kKey)), 0.01f);
+  std::vector<float> into(cells * (2 * kHidden + kKey), 0.01f);
   net.floats("into", {cells, 2 * kHidden + kKey}, into).node("MatMul", {"gau_in", "into"}, {"uv"});
   net.node("Sigmoid", {"uv"}, {"gate"}).node("Mul", {"uv", "gate"}, {"silu"});
   net.node("Split", {"silu"}, {"u", "v", "base"},
@@ -169,15 +169,15 @@ std::string rtmpose_head(int width, int height) {
   net.node("Transpose", {"k"}, {"kt"}, {OnnxFile::ints("perm", {0, 2, 1})}).node("MatMul", {"q", "kt"}, {"product"});
   net.node("Relu", {"product"}, {"positive"}).node("Mul", {"positive", "positive"}, {"kernel"});
   net.node("MatMul", {"kernel", "v"}, {"attended"}).node("Mul", {"u", "attended"}, {"gated"});
-  net.floats("out", {kHidden, cells}, std::vector<float>(as_size(kHidden * cells), 0.0f))
+  net.floats("out", {kHidden, cells}, std::vector<float>(kHidden * cells, 0.0f))
       .node("MatMul", {"gated", "out"}, {"change"});
-  net.floats("res", {cells}, std::vector<float>(as_size(cells), 1.0f)).node("Mul", {"normed", "res"}, {"shortcut"});
+  net.floats("res", {cells}, std::vector<float>(cells, 1.0f)).node("Mul", {"normed", "res"}, {"shortcut"});
   net.node("Add", {"shortcut", "change"}, {"features"});
-  std::vector<float> to_x(as_size(cells * width * 2), 0.0f), to_y(as_size(cells * height * 2), 0.0f);
+  std::vector<float> to_x(cells * width * 2, 0.0f), to_y(as_size(cells * height * 2), 0.0f);
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
-      to_x[as_size((y * width + x) * width * 2 + 2 * x)] = 0.05f;
-      to_y[as_size((y * width + x) * height * 2 + 2 * y)] = 0.05f;
+      to_x[(y * width + x) * width * 2 + 2 * x] = 0.05f;
+      to_y[(y * width + x) * height * 2 + 2 * y] = 0.05f;
     }
   net.floats("cls_x", {cells, width * 2}, to_x).node("MatMul", {"features", "cls_x"}, {"simcc_x"});
   net.floats("cls_y", {cells, height * 2}, to_y).node("MatMul", {"features", "cls_y"}, {"simcc_y"});

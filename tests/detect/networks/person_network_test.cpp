@@ -73,8 +73,8 @@ class People : public ::testing::Test {
     ASSERT_EQ(person->points.size(), 3u);
     const Vec expected[] = {{x - 9.3, y - 20.0}, {x, y}, {x + 9.1, y + 20.4}};
     for (int i = 0; i < 3; ++i)
-      EXPECT_LT((person->points[as_size(i)].position - expected[i]).norm(), kExact)
-          << i << ": " << person->points[as_size(i)].position.transpose() << " for " << expected[i].transpose();
+      EXPECT_LT((person->points[i].position - expected[i]).norm(), kExact)
+          << i << ": " << person->points[i].position.transpose() << " for " << expected[i].transpose();
   }
   support::TemporaryFolder folder_;
 };

@@ -48,7 +48,7 @@ inline std::string simcc_net(int width, int height, int ratio, const std::string
   net.output(first, {1, 3, width * ratio}).output(second, {1, 3, height * ratio});
   const auto spread = [&](const std::string& name, int pixels) {
     std::vector<float> values(as_size(pixels) * as_size(pixels * ratio), 0.0f);
-    for (int i = 0; i < pixels; ++i) values[as_size(i * pixels * ratio + i * ratio)] = 1.0f;
+    for (int i = 0; i < pixels; ++i) values[i * pixels * ratio + i * ratio] = 1.0f;
     net.floats(name, {pixels, pixels * ratio}, values);
   };
   spread("spread_x", width);
@@ -150,7 +150,7 @@ inline std::string yolox_net(int width, int height, int alive, double box_width,
     const std::string name = "grid" + std::to_string(stride);
     const int count = (width / stride) * (height / stride);
     cells += count;
-    std::vector<float> weights(as_size(6 * 3 * stride * stride), 0.0f);
+    std::vector<float> weights(6 * 3 * stride * stride, 0.0f);
     if (stride == alive)
       std::fill_n(weights.begin() + 4 * 3 * stride * stride, stride * stride,
                   1.0f / static_cast<float>(stride * stride));

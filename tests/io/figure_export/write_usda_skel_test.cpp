@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/io/figure_export/write_figure.h"
 #include "io/figure_export/waving_clip.h"
@@ -74,7 +73,7 @@ class SkelFile {
   /// Transforms of the joints to the skeleton, given those to their parents.
   std::vector<Eigen::Affine3d> chained(std::vector<Eigen::Affine3d> transforms) const {
     for (std::size_t j = 0; j < transforms.size(); ++j)
-      if (parents_[j] >= 0) transforms[j] = transforms[as_size(parents_[j])] * transforms[j];
+      if (parents_[j] >= 0) transforms[j] = transforms[parents_[j]] * transforms[j];
     return transforms;
   }
 
@@ -124,7 +123,7 @@ class WriteUsdaSkel : public testing::Test {
       const auto found = file.vertices(t);
       EXPECT_EQ(found.size(), actor_.mesh.vertices.size());
       for (std::size_t v = 0; v < found.size(); ++v) {
-        const float* truth = &clip_.vertices[as_size(t)][3 * v];
+        const float* truth = &clip_.vertices[t][3 * v];
         const double off = 1000.0 * (found[v] - Eigen::Vector3d(truth[0], truth[1], truth[2])).norm();
         error.worst = std::max(error.worst, off);
         error.mean += off / static_cast<double>(found.size() * clip_.vertices.size());

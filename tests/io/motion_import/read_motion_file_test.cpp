@@ -80,7 +80,7 @@ std::string smpl_file(char up, int width, bool deflated = false, const std::stri
   std::vector<double> poses, places;
   for (int f = 0; f < kFrames; ++f) {
     const double share = f / (kFrames - 1.0);
-    std::vector<double> row(as_size(width), 0.0);
+    std::vector<double> row(width, 0.0);
     if (up == 'z') row[0] = M_PI / 2;     // y of the body to z of the world
     row[18 * 3 + 1] = -share * M_PI / 2;  // left elbow: from x towards z
     row[5 * 3] = share * kKnee;           // right knee: from -y towards -z
@@ -352,8 +352,7 @@ support::GltfWriter rig_file() {
   support::GltfWriter file;
   using Json = support::GltfWriter::Json;
   for (std::size_t i = 0; i < kRig.size(); ++i) {
-    const Vector3d at =
-        kRig[i].parent < 0 ? kRig[i].place : Vector3d(kRig[i].place - kRig[as_size(kRig[i].parent)].place);
+    const Vector3d at = kRig[i].parent < 0 ? kRig[i].place : Vector3d(kRig[i].place - kRig[kRig[i].parent].place);
     Json node{{"name", kRig[i].name}, {"translation", {at.x(), at.y(), at.z()}}};
     for (std::size_t j = 0; j < kRig.size(); ++j)
       if (kRig[j].parent == static_cast<int>(i)) node["children"].push_back(j);

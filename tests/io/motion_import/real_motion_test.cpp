@@ -50,17 +50,15 @@ class RealMotions : public support::RigReferenceTest {
   Vector3d true_direction(std::size_t frame, const std::string& from, const std::string& to) const {
     return place(frame, to) - place(frame, from);
   }
-  bool has(const std::string& name) const { return rig_.landmark_joint[as_size(landmark(name))] >= 0; }
+  bool has(const std::string& name) const { return rig_.landmark_joint[landmark(name)] >= 0; }
   /// Whether the one joint carries the other; the feet of some rigs hang on the root.
   bool is_chain(const std::string& from, const std::string& to) const {
-    const int above = rig_.landmark_joint[as_size(landmark(from))];
-    int joint = rig_.landmark_joint[as_size(landmark(to))];
-    while (joint >= 0 && joint != above) joint = rig_.joints[as_size(joint)].parent;
+    const int above = rig_.landmark_joint[landmark(from)];
+    int joint = rig_.landmark_joint[landmark(to)];
+    while (joint >= 0 && joint != above) joint = rig_.joints[joint].parent;
     return joint >= 0;
   }
-  std::string bone(const std::string& name) const {
-    return rig_.joints[as_size(rig_.landmark_joint[as_size(landmark(name))])].bone;
-  }
+  std::string bone(const std::string& name) const { return rig_.joints[rig_.landmark_joint[landmark(name)]].bone; }
   Vector3d place(std::size_t frame, const std::string& name) const {
     return support::place_of(rig_.character, rig_.motions[0].motion.frames[frame], bone(name));
   }
@@ -132,7 +130,7 @@ TEST_F(RealMarkers, OfPose2SimMoveTheCharacterAsTheyMove) {
   ASSERT_EQ(read.motion.frames.size(), points.frames.size());
   const auto point = [&](std::size_t frame, const std::string& name) {
     const auto& row = std::next(points.frames.begin(), static_cast<long>(frame))->second;
-    return *row[as_size(std::find(points.names.begin(), points.names.end(), name) - points.names.begin())];
+    return *row[std::find(points.names.begin(), points.names.end(), name) - points.names.begin()];
   };
   double sum = 0.0;
   int count = 0;

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "doppel/character/character.h"
-#include "doppel/core/as_size.h"
 #include "doppel/io/motion_import/read_motion_file.h"
 #include "doppel/rigging/joints/body_skeleton.h"
 
@@ -43,7 +42,7 @@ inline Character tall_character() {
 inline Vector3d place_of(const Character& character, const std::vector<double>& dofs, const std::string& bone) {
   const auto pose = character.skeleton.pose(dofs);
   for (int j = character.skeleton.num_joints(); j-- > 0;)
-    if (bone_name(character.skeleton.joints[as_size(j)].name) == bone) return pose[as_size(j)].translation();
+    if (bone_name(character.skeleton.joints[j].name) == bone) return pose[j].translation();
   throw std::logic_error("no bone " + bone);
 }
 

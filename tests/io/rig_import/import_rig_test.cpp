@@ -6,7 +6,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/io/rig_import/motions_json.h"
@@ -81,7 +80,7 @@ TEST_F(ImportRig, AJointThatSlidesGetsTranslations) {
   const std::optional<int> slide = rig.character.skeleton.find_dof("lower_ty");
   ASSERT_TRUE(slide);
   EXPECT_FALSE(rig.character.skeleton.find_dof("lower_tx"));
-  EXPECT_NEAR(rig.motions[0].motion.frames.back()[as_size(*slide)], 250.0, 1e-3);  // millimetres
+  EXPECT_NEAR(rig.motions[0].motion.frames.back()[*slide], 250.0, 1e-3);  // millimetres
   EXPECT_LT(rig.motions[0].error, 1e-6);
 }
 

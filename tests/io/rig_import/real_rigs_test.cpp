@@ -21,14 +21,13 @@ using Points = std::vector<Eigen::Vector3d>;
 Points skinned(const Character& character, const std::vector<double>& dofs) {
   const auto pose = character.skeleton.pose(dofs), rest = character.skeleton.pose(character.rest_dofs);
   std::vector<Eigen::Affine3d> bones;
-  for (const int joint : character.bone_joint) bones.push_back(pose[as_size(joint)] * rest[as_size(joint)].inverse());
+  for (const int joint : character.bone_joint) bones.push_back(pose[joint] * rest[joint].inverse());
   Points posed;
   for (int v = 0; v < character.num_vertices(); ++v) {
     Eigen::Vector3d x = Eigen::Vector3d::Zero();
     const auto row = character.skin.vertex_bones.row(v);
     const auto weights = character.skin.vertex_bones.row_of(character.skin.weights, v);
-    for (std::size_t i = 0; i < row.size(); ++i)
-      x += weights[i] * (bones[as_size(row[i])] * character.mesh.vertices[as_size(v)]);
+    for (std::size_t i = 0; i < row.size(); ++i) x += weights[i] * (bones[row[i]] * character.mesh.vertices[v]);
     posed.push_back(x);
   }
   return posed;
@@ -93,9 +92,9 @@ TEST_P(RealRigs, LandmarksAreTheJointsThatPeopleChose) {
     std::string expected = chosen[key].is_null() ? "" : chosen[key].get<std::string>();
     // `joint_k` is the k-th joint of the skin where joints have no names.
     if (expected.rfind("joint_", 0) == 0)
-      expected = scene.nodes[as_size(scene.skins[0].joints[as_size(std::stoi(expected.substr(6)))])].name;
+      expected = scene.nodes[scene.skins[0].joints[std::stoi(expected.substr(6))]].name;
     const int joint = rig.landmark_joint[i];
-    EXPECT_EQ(joint < 0 ? "" : rig.joints[as_size(joint)].name, expected) << key;
+    EXPECT_EQ(joint < 0 ? "" : rig.joints[joint].name, expected) << key;
   }
 }
 
@@ -103,7 +102,7 @@ TEST_P(RealRigs, TheTemplateStandsUpright) {
   const ImportedRig rig = import_rig(scene_);
   const auto place = [&](const char* landmark) {
     const auto found = std::find(kBodyLandmarks.begin(), kBodyLandmarks.end(), std::string(landmark));
-    return rig.joints[as_size(rig.landmark_joint[as_size(found - kBodyLandmarks.begin())])].position;
+    return rig.joints[rig.landmark_joint[found - kBodyLandmarks.begin()]].position;
   };
   const Eigen::Vector3d up = place("head") - place("pelvis"), left = place("left_hip") - place("right_hip");
   EXPECT_GT(up.normalized().y(), 0.95);

@@ -78,14 +78,14 @@ std::string compare_with_brute_force(const Mesh& mesh, const Tensor& intrinsics,
         if (!std::isinf(depth[y][x]) || bary[y][x][0] != 0) return problem.str() + "background is not cleared";
         continue;
       }
-      const test::Hit hit = test::hit_face(corners[as_size(found)], u, v, kNear, kMargin);
+      const test::Hit hit = test::hit_face(corners[found], u, v, kNear, kMargin);
       if (hit.surely_outside) return problem.str() + "the face does not lie there";
       if (depth[y][x] > nearest * (1 + 1e-4) + 1e-5) return problem.str() + "a nearer face lies there";
       const double sum = bary[y][x][0] + bary[y][x][1] + bary[y][x][2];
       if (std::abs(sum - 1) > 1e-5) return problem.str() + "barycentrics do not sum to 1";
       for (std::int64_t k = 0; k < 3; ++k) {
         if (bary[y][x][k] < 0 || bary[y][x][k] > 1 + 1e-6f) return problem.str() + "barycentrics beyond 0..1";
-        if (hit.surely_inside && std::abs(bary[y][x][k] - hit.barycentrics[as_size(k)]) > 2e-3) {
+        if (hit.surely_inside && std::abs(bary[y][x][k] - hit.barycentrics[k]) > 2e-3) {
           return problem.str() + "wrong barycentrics";
         }
       }
@@ -273,7 +273,7 @@ struct OneTile {
 OneTile draw_one_tile(const KernelSet& k, const Mesh& mesh, int height, int width) {
   const std::int64_t num_vertices = mesh.vertices.size(0), num_faces = mesh.faces.size(0);
   OneTile r;
-  r.screen.resize(as_size(4 * num_vertices));
+  r.screen.resize(4 * num_vertices);
   const Tensor padded = torch::cat({mesh.faces, torch::zeros({num_faces, 1}, torch::kInt32)}, 1).contiguous();
   kernels::RasterView view;
   view.vertices = mesh.vertices.data_ptr<float>();
@@ -283,8 +283,8 @@ OneTile draw_one_tile(const KernelSet& k, const Mesh& mesh, int height, int widt
   view.screen = r.screen.data();
   view.width = width, view.height = height, view.z_near = 0.01f;
   k.project(view, 0, num_vertices);
-  std::vector<kernels::FaceTiles> bounds(as_size(num_faces));
-  bounds.resize(as_size(k.bound(view, 0, num_faces, bounds.data())));
+  std::vector<kernels::FaceTiles> bounds(num_faces);
+  bounds.resize(k.bound(view, 0, num_faces, bounds.data()));
   std::vector<std::int32_t> entries;
   for (const auto& b : bounds) {
     r.bounded.insert(r.bounded.end(), {b.face, b.x0});

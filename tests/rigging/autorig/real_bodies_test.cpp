@@ -5,7 +5,6 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/io/scene/read_scene.h"
 #include "doppel/rigging/autorig/create_character.h"
@@ -95,7 +94,7 @@ TEST_F(RealBodies, WithFreeLimbsBendWithinTheLimits) {
 
 TEST_F(RealBodies, ABustIsRefused) {
   TriangleMesh mesh = read_obj(folder("mh_woman_slim") / "body.obj", 1.0);
-  std::erase_if(mesh.faces, [&](const Triangle& face) { return mesh.vertices[as_size(face[0])].y() < 1.0; });
+  std::erase_if(mesh.faces, [&](const Triangle& face) { return mesh.vertices[face[0]].y() < 1.0; });
   for (Eigen::Vector3d& vertex : mesh.vertices) vertex.y() = std::max(vertex.y(), 1.0);
   EXPECT_THROW(find_joints(mesh), Error);
 }

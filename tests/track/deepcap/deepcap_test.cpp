@@ -6,7 +6,6 @@
 #include <opencv2/videoio.hpp>
 
 #include "doppel/character/landmarks.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
@@ -58,7 +57,7 @@ TEST_F(Deepcap, WritesMotionsSurfacesAndAFilmAndBridgesWhatNobodySaw) {
   const Motion motion = read_motion(*folder_ / "tracked/testing.motion", skeleton.num_dofs());
   ASSERT_EQ(motion.num_frames(), 4);
   const auto root_height = [&](int frame) {
-    return landmark_positions(skeleton, filmed->landmarks(), motion.frames[as_size(frame)])[0];
+    return landmark_positions(skeleton, filmed->landmarks(), motion.frames[frame])[0];
   };
   // The place that was bridged lies between its neighbours'.
   EXPECT_LT((root_height(2) - 0.5 * (root_height(1) + root_height(3))).norm(),

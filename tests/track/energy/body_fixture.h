@@ -5,7 +5,6 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/energy/evidence.h"
 #include "doppel/track/energy/pose_model.h"
 #include "support/ring_of_cameras.h"
@@ -67,7 +66,7 @@ inline cv::Mat mask_of(const PoseModel& model, const PinholeCamera& camera, cons
 }
 
 inline std::vector<int> all_dofs(const Character& character) {
-  std::vector<int> dofs(as_size(character.num_dofs()));
+  std::vector<int> dofs(character.num_dofs());
   std::iota(dofs.begin(), dofs.end(), 0);
   return dofs;
 }

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "doppel/core/as_size.h"
 #include "track/energy/body_fixture.h"
 #include "track/energy/term_check.h"
 
@@ -66,7 +65,7 @@ TEST_F(KeypointTermTest, JacobianThereWhereTheResidualIsZero) {
 TEST_F(KeypointTermTest, ALandmarkBehindACameraIsFarFromWhereItWasSeen) {
   std::vector<double> dofs = character_.rest_dofs;
   const Eigen::Vector3d beyond = 2.0 * (cameras_[0].centre() - middle_of(character_));
-  for (int i = 0; i < 3; ++i) dofs[as_size(i)] += beyond[i];
+  for (int i = 0; i < 3; ++i) dofs[i] += beyond[i];
   const Residuals rows = rows_at(dofs);
   ASSERT_EQ(rows.num_rows(), 2 * 3 * model_.num_landmarks());
   EXPECT_EQ(rows.value(0), kBehindCamera);

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "doppel/core/as_size.h"
 #include "track/energy/body_fixture.h"
 #include "track/energy/term_check.h"
 
@@ -19,8 +18,8 @@ TEST(LimitTerm, IsABarrierOutsideOfTheLimitsOnly) {
   EXPECT_EQ(rows.num_rows(), 0);
 
   const int bend = *character.skeleton.find_dof("bend"), lean = *character.skeleton.find_dof("lean_2");
-  dofs[as_size(bend)] = 1.5;   // limits -1.2 .. 1.2, on joints with the weights 0.6 and -0.4
-  dofs[as_size(lean)] = -1.0;  // limits -0.8 .. 0.9
+  dofs[bend] = 1.5;   // limits -1.2 .. 1.2, on joints with the weights 0.6 and -0.4
+  dofs[lean] = -1.0;  // limits -0.8 .. 0.9
   term.evaluate(model, model.pose(dofs, true), true, rows);
   ASSERT_EQ(rows.num_rows(), 2);
   EXPECT_NEAR(rows.value(0), 0.3 * std::hypot(0.6, 0.4), 1e-12);

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "doppel/character/blend_skin.h"
-#include "doppel/core/as_size.h"
 #include "doppel/layers/surface.h"
 #include "track/energy/body_fixture.h"
 
@@ -26,8 +25,7 @@ TEST_P(PoseModelSkinning, EqualsTheBlendOfTheCharacter) {
   const std::vector<double> dofs = bent_pose(character, 0.3);
   const std::vector<Eigen::Vector3d> blended = posed_vertices(character, dofs);
   const PosedBody body = model.pose(dofs, false);
-  for (int v = 0; v < character.num_vertices(); ++v)
-    EXPECT_LT((blended[as_size(v)] - model.vertex(body, v)).norm(), 1e-12) << v;
+  for (int v = 0; v < character.num_vertices(); ++v) EXPECT_LT((blended[v] - model.vertex(body, v)).norm(), 1e-12) << v;
 }
 
 TEST_P(PoseModelSkinning, EqualsTheSurfaceLayer) {
@@ -36,14 +34,14 @@ TEST_P(PoseModelSkinning, EqualsTheSurfaceLayer) {
   const PoseModel model(character, tube_landmarks(kSegments), all_dofs(character));
   const std::vector<double> dofs = bent_pose(character, 0.3);
   torch::Tensor pose = torch::empty({1, character.num_dofs()});
-  for (int d = 0; d < character.num_dofs(); ++d) pose[0][d] = dofs[as_size(d)];
+  for (int d = 0; d < character.num_dofs(); ++d) pose[0][d] = dofs[d];
   torch::NoGradGuard no_grad;
   const torch::Tensor expected = CharacterSurface(character)->skinned(pose)[0].contiguous();
   const PosedBody body = model.pose(dofs, false);
   for (int v = 0; v < character.num_vertices(); ++v)
     for (int k = 0; k < 3; ++k) {
       ASSERT_NEAR(model.vertex(body, v)[k], expected[v][k].item<float>(), 2e-6) << "vertex " << v;
-      ASSERT_NEAR((model.movement(body, v) * character.mesh.vertices[as_size(v)])[k], model.vertex(body, v)[k], 1e-12);
+      ASSERT_NEAR((model.movement(body, v) * character.mesh.vertices[v])[k], model.vertex(body, v)[k], 1e-12);
     }
 }
 
@@ -133,7 +131,7 @@ TEST(RootRotation, ComesBackFromTheMatrixAndCountsWholeTurns) {
   const Eigen::Vector3d place(1.0, 2.0, -3.0);
   root->set_position(dofs, place);
   EXPECT_LT((root->position(dofs) - place).norm(), 1e-12);
-  EXPECT_LT((character.skeleton.pose(dofs)[as_size(root->joint())].translation() - place).norm(), 1e-12);
+  EXPECT_LT((character.skeleton.pose(dofs)[root->joint()].translation() - place).norm(), 1e-12);
 }
 
 }  // namespace

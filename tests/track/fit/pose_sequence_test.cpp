@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "doppel/core/as_size.h"
 #include "track/energy/body_fixture.h"
 
 namespace doppel::pose_sequence_test {
@@ -26,7 +25,7 @@ class PoseSequence : public ::testing::Test {
 TEST_F(PoseSequence, BridgesGapsWithinASegmentOnly) {
   const auto before = poses_;
   std::vector<bool> found(12, true);
-  for (const int f : {0, 3, 4, 8, 9, 10, 11}) found[as_size(f)] = false;
+  for (const int f : {0, 3, 4, 8, 9, 10, 11}) found[f] = false;
   bridge_poses(poses_, found, {7}, root_);
   EXPECT_EQ(poses_[0], before[1]);
   EXPECT_NEAR(poses_[3][0], 0.3, 1e-12);

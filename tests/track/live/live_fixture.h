@@ -3,7 +3,6 @@
 #include <functional>
 #include <thread>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/live/live_run.h"
 #include "doppel/track/method_trackers.h"
 #include "track/tube_capture.h"
@@ -21,7 +20,7 @@ class FakeSource : public FrameSource {
     if (next_ == static_cast<long>(images_.size())) return std::nullopt;
     if (wait_) std::this_thread::sleep_for(std::chrono::duration<double>(wait_(next_)));
     const long number = next_++;
-    return SourceImage{number, number, images_[as_size(number)], Clock::now()};
+    return SourceImage{number, number, images_[number], Clock::now()};
   }
   bool live() const override { return live_; }
   cv::Size size() const override { return images_.front().size(); }

@@ -5,7 +5,6 @@
 
 #include <opencv2/videoio.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/error.h"
 #include "doppel/core/npy.h"
@@ -127,7 +126,7 @@ TEST_F(LiveCapture, EndsWhenAskedToAndKeepsWhatWasTracked) {
 
 TEST_F(LiveCapture, BlackImagesAndAWrongWallAreNoReasonToFall) {
   std::vector<cv::Mat> all = images();
-  for (const int frame : {4, 5}) all[as_size(frame)].setTo(0);
+  for (const int frame : {4, 5}) all[frame].setTo(0);
   for (const bool wrong_wall : {false, true}) {
     if (wrong_wall) cv::imwrite((root() / "empty.png").string(), cv::Mat(192, 192, CV_8UC3, cv::Scalar(250, 10, 200)));
     LiveView seen = view();

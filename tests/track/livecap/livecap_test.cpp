@@ -4,7 +4,6 @@
 #include <torch/types.h>
 
 #include "doppel/character/observable_dofs.h"
-#include "doppel/core/as_size.h"
 #include "doppel/render/mesh/render_mesh.h"
 #include "doppel/render/projection.h"
 #include "doppel/render/raster/rasterizer.h"
@@ -41,7 +40,7 @@ struct Scene {
   std::vector<double> truth(int frame, double turn = 0.05) const {
     std::vector<double> pose = character.rest_dofs;
     for (const int dof : dofs)
-      if (!model.moves_root(dof)) pose[as_size(dof)] += 0.1 * std::sin(0.15 * frame + 1.9 * dof);
+      if (!model.moves_root(dof)) pose[dof] += 0.1 * std::sin(0.15 * frame + 1.9 * dof);
     root.set_matrix(pose, rotation_of_vector({0.0, turn * frame, 0.0}) * root.matrix(character.rest_dofs));
     root.set_position(pose, root.position(character.rest_dofs) + Vector3d(0.01 * frame, 0.0, 0.005 * frame));
     return pose;

@@ -5,7 +5,6 @@
 #include <random>
 
 #include "doppel/character/observable_dofs.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "track/energy/body_fixture.h"
@@ -29,7 +28,7 @@ class Multiview : public ::testing::Test {
   std::vector<double> truth(int frame) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int dof : dofs_)
-      if (!model_.moves_root(dof)) dofs[as_size(dof)] += 0.15 * std::sin(0.3 * frame + 1.3 * static_cast<double>(dof));
+      if (!model_.moves_root(dof)) dofs[dof] += 0.15 * std::sin(0.3 * frame + 1.3 * static_cast<double>(dof));
     dofs[0] += 0.15 * std::sin(0.2 * frame);
     dofs[3] += 2.0 * M_PI / 3.0 * frame / 24.0;  // a turn in 24 frames; the DoF counts three times
     return dofs;

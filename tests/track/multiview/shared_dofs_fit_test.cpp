@@ -4,7 +4,6 @@
 
 #include "doppel/character/dof_names.h"
 #include "doppel/character/observable_dofs.h"
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "track/energy/body_fixture.h"
@@ -34,9 +33,9 @@ class BentWrist : public ::testing::Test {
   std::vector<double> truth(int frame, double swing = 0.0) const {
     std::vector<double> dofs = character_.rest_dofs;
     for (const int d : observable_dofs(character_.skeleton, landmarks_))
-      if (!model_.moves_root(d)) dofs[as_size(d)] += 0.15 * std::sin(0.9 * frame + 1.3 * static_cast<double>(d));
-    dofs[as_size(wrist_[0])] = kBend + swing * std::sin(0.7 * frame);
-    dofs[as_size(wrist_[1])] = kSide;
+      if (!model_.moves_root(d)) dofs[d] += 0.15 * std::sin(0.9 * frame + 1.3 * static_cast<double>(d));
+    dofs[wrist_[0]] = kBend + swing * std::sin(0.7 * frame);
+    dofs[wrist_[1]] = kSide;
     dofs[3] += 0.1 * frame;
     return dofs;
   }
@@ -82,7 +81,7 @@ class BentWrist : public ::testing::Test {
 TEST_F(BentWrist, IsFoundFromTheOutlinesOfAllFrames) {
   std::vector<PosedEvidence> all = frames();
   for (PosedEvidence& frame : all)  // what the wrist was thought to be does not matter
-    for (const int dof : wrist_) frame.dofs[as_size(dof)] = -0.5;
+    for (const int dof : wrist_) frame.dofs[dof] = -0.5;
   const std::vector<double> values = found(all);
   EXPECT_NEAR(values[0], kBend, 0.05);
   EXPECT_NEAR(values[1], kSide, 0.07) << "0.7 radians per unit";
@@ -116,8 +115,7 @@ TEST_F(BentWrist, WithoutMasksStaysInTheRestPose) {
   for (PosedEvidence& frame : blind)
     for (ViewEvidence& view : frame.seen) view.outline = {};
   const std::vector<double> values = found(blind);
-  for (std::size_t i = 0; i < wrist_.size(); ++i)
-    EXPECT_NEAR(values[i], character_.rest_dofs[as_size(wrist_[i])], 1e-9);
+  for (std::size_t i = 0; i < wrist_.size(); ++i) EXPECT_NEAR(values[i], character_.rest_dofs[wrist_[i]], 1e-9);
 }
 
 }  // namespace

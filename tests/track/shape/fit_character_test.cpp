@@ -4,7 +4,6 @@
 
 #include <filesystem>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/rigging/body/body_shapes.h"
 #include "doppel/rigging/body/measures.h"
@@ -58,7 +57,7 @@ TEST_F(FilmedStranger, BecomesACharacterOfHisLengthsAndShape) {
   const FittedCharacter fitted = fit_character(family_, *footage(), few_frames());
   const std::vector<double> truth = random_measures(kPerson);
   for (const char* name : {"thigh_length", "shin_length", "upper_arm_length", "forearm_length", "shoulder_breadth"})
-    EXPECT_NEAR(fitted.parameters[as_size(measure_index(name))], truth[as_size(measure_index(name))], 0.03) << name;
+    EXPECT_NEAR(fitted.parameters[measure_index(name)], truth[measure_index(name)], 0.03) << name;
   RecordProperty("keypoint_error_px", std::to_string(fitted.poses.keypoint_error));
   RecordProperty("overlap_of_measures", std::to_string(fitted.measured_overlap));
   RecordProperty("overlap", std::to_string(fitted.poses.overlap));

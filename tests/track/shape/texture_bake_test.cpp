@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "support/message_of.h"
 #include "support/ring_of_cameras.h"
@@ -131,8 +130,8 @@ TEST_F(BakedCylinder, APartBehindAnotherIsHidden) {
   for (Eigen::Vector2d& uv : two.uvs) uv.x() *= 0.5;
   for (std::size_t f = mesh_.faces.size(); f < two.face_uvs.size(); ++f)
     for (int k = 0; k < 3; ++k) {
-      two.uvs.push_back(two.uvs[as_size(mesh_.face_uvs[f - mesh_.faces.size()][as_size(k)])] + Eigen::Vector2d(0.5, 0));
-      two.face_uvs[f][as_size(k)] = static_cast<int>(two.uvs.size()) - 1;
+      two.uvs.push_back(two.uvs[mesh_.face_uvs[f - mesh_.faces.size()][k]] + Eigen::Vector2d(0.5, 0));
+      two.face_uvs[f][k] = static_cast<int>(two.uvs.size()) - 1;
     }
   TextureBake alone(mesh_, kTexels), both(two, kTexels);
   alone.add(mesh_.vertices, cameras_[0], 0, photograph(cameras_[0], 1.0), {});

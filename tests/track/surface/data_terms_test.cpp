@@ -3,7 +3,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/surface/outline_term.h"
 #include "doppel/track/surface/photometric_term.h"
 #include "track/surface/surface_check.h"
@@ -37,7 +36,7 @@ struct Scene {
 
 struct Coloured : Scene {
   ColourPyramid pyramid{smooth_image(camera), {0, 0, camera.width, camera.height}, {15, 9, 3}};
-  std::vector<char> visible = std::vector<char>(as_size(count), 1);
+  std::vector<char> visible = std::vector<char>(count, 1);
   Eigen::Matrix3Xd colours = Eigen::Matrix3Xd::Zero(3, count);
   /// The colours that the vertices have where they are.
   Coloured() {
@@ -130,7 +129,7 @@ TEST(PhotometricTerm, DropsWhatIsHiddenAndWhatIsOfAnotherColour) {
 struct Outlined : Scene {
   cv::Mat mask = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
   OutlineField field;
-  std::vector<char> parts = std::vector<char>(as_size(count), 1);
+  std::vector<char> parts = std::vector<char>(count, 1);
   std::vector<Eigen::Vector3d> normals;
   PartMask part_mask;
   double own_distance = 0.0;  ///< of all vertices

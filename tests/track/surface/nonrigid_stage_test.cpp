@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "doppel/core/as_size.h"
 #include "doppel/track/surface/vertex_colours.h"
 #include "support/message_of.h"
 #include "track/energy/body_fixture.h"
@@ -40,7 +39,7 @@ struct Bulge {
     truth = posed.vertices;
     const Vector3d middle = truth.rowwise().mean();
     for (Eigen::Index i = 0; i < truth.cols(); ++i)
-      truth.col(i) += 0.03 * std::exp(-40.0 * std::pow(truth(1, i) - middle.y(), 2)) * posed.normals[as_size(i)];
+      truth.col(i) += 0.03 * std::exp(-40.0 * std::pow(truth(1, i) - middle.y(), 2)) * posed.normals[i];
     draw();
     outline = OutlineField(mask, 256);
   }
@@ -61,7 +60,7 @@ struct Bulge {
       for (const int vertex : *face) {
         const Eigen::Vector2d pixel = camera.project(truth.col(vertex));
         corners.emplace_back(cvRound(256.0 * (pixel.x() - 0.5)), cvRound(256.0 * (pixel.y() - 0.5)));
-        colour += 255.0 / 3.0 * character.mesh.colours[as_size(vertex)];
+        colour += 255.0 / 3.0 * character.mesh.colours[vertex];
       }
       cv::fillConvexPoly(mask, corners, cv::Scalar(255), cv::LINE_8, 8);
       cv::fillConvexPoly(image, corners, cv::Scalar(colour.z(), colour.y(), colour.x()), cv::LINE_8, 8);
@@ -73,9 +72,9 @@ struct Bulge {
     int count = 0;
     for (Eigen::Index i = 0; i < truth.cols(); ++i) {
       const Vector3d to_camera = (camera.centre() - truth.col(i)).normalized();
-      if (std::abs(to_camera.dot(posed.normals[as_size(i)])) > 0.25) continue;
+      if (std::abs(to_camera.dot(posed.normals[i])) > 0.25) continue;
       const Vector3d way = vertices.col(i) - truth.col(i);
-      sum += std::abs(way.dot(posed.normals[as_size(i)]));
+      sum += std::abs(way.dot(posed.normals[i]));
       ++count;
     }
     return sum / count;

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "doppel/core/as_size.h"
 #include "doppel/geometry/camera.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/track/surface/surface_term.h"
@@ -65,7 +64,7 @@ inline int check_surface_term(SurfaceTerm& term, const std::vector<Link>& edges,
     const PointRows rows = term.rows(element, vertices);
     active += rows.count > 0;
     for (int end = 0; end < (on_edges ? 2 : 1); ++end) {
-      const int vertex = on_edges ? edges[as_size(element)][as_size(end)] : element;
+      const int vertex = on_edges ? edges[element][end] : element;
       for (int axis = 0; axis < 3; ++axis) {
         const auto at = [&](double step) {
           Eigen::Matrix3Xd moved = vertices;

@@ -9,7 +9,6 @@
 #include <numeric>
 #include <set>
 
-#include "doppel/core/as_size.h"
 #include "doppel/core/path_pattern.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/detect/keypoints/frame_names.h"
@@ -179,8 +178,7 @@ CameraMatch match_groups(const std::vector<std::string>& paths, const std::vecto
 CameraMatch match_by_order(const std::vector<std::string>& paths, const std::vector<std::string>& cameras) {
   std::vector<int> order(cameras.size());
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return natural_less(cameras[as_size(a)], cameras[as_size(b)]); });
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return natural_less(cameras[a], cameras[b]); });
   std::vector<std::string> all(paths.size()), folders, names;
   for (const std::string& path : paths) {
     folders.push_back(folder_of(path));
@@ -244,7 +242,7 @@ std::string with_index(const std::string& path, int camera) {
 bool fits(const std::string& pattern, const std::map<int, std::string>& by_camera,
           const std::vector<std::string>& names) {
   return std::all_of(by_camera.begin(), by_camera.end(), [&](const auto& entry) {
-    return expand_camera(pattern, entry.first, names[as_size(entry.first)]) == entry.second;
+    return expand_camera(pattern, entry.first, names[entry.first]) == entry.second;
   });
 }
 
@@ -282,13 +280,13 @@ CameraPaths paths_of_cameras(const std::map<int, std::string>& by_camera, const 
   if (by_camera.size() == 1) return by_camera.begin()->second;
   // The camera whose index has most digits shows best whether numbers are padded; the first one shows it if all are.
   for (const auto& entry : {*by_camera.begin(), *by_camera.rbegin()}) {
-    const std::string by_name = with_name(entry.second, names[as_size(entry.first)]);
+    const std::string by_name = with_name(entry.second, names[entry.first]);
     const std::string by_index = with_index(entry.second, entry.first);
     for (const std::string& pattern : {by_name, by_index})
       if (fits(pattern, by_camera, names)) return pattern;
   }
   std::map<std::string, std::string> paths;
-  for (const auto& [camera, path] : by_camera) paths[names[as_size(camera)]] = path;
+  for (const auto& [camera, path] : by_camera) paths[names[camera]] = path;
   return CameraPaths(std::move(paths));
 }
 

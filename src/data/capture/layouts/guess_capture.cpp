@@ -7,7 +7,6 @@
 #include <optional>
 #include <regex>
 
-#include "doppel/core/as_size.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/layouts/name_words.h"
 #include "doppel/data/capture/layouts/sequence_files.h"
@@ -228,7 +227,7 @@ class Guesser {
     for (const auto& [camera, stream] : sequence.by_camera) first = std::max(first, stream.first_frame);
     if (first == 0) return;
     for (const auto& [camera, stream] : sequence.by_camera)
-      entry.frame_offset[names_[as_size(camera)]] = static_cast<double>(first);
+      entry.frame_offset[names_[camera]] = static_cast<double>(first);
     found("sequence {}: all cameras have images from number {} on, so `frame_offset` is {}", entry.name, first, first);
   }
 
@@ -246,7 +245,7 @@ class Guesser {
         unfilmed.push_back(names_[i]);
     }
     if (unfilmed.empty()) return;
-    for (const int camera : used_) guess_.capture.cameras.push_back(names_[as_size(camera)]);
+    for (const int camera : used_) guess_.capture.cameras.push_back(names_[camera]);
     found("cameras: {} of the calibration's {} are used; {} {} not filmed in every sequence", used_.size(),
           names_.size(), some_of(unfilmed), unfilmed.size() == 1 ? "is" : "are");
     if (used_.empty()) {
@@ -288,7 +287,7 @@ class Guesser {
       const auto& [fps, frames] = rate;
       const double drift = std::abs(fps / usual->first - 1.0) * static_cast<double>(frames);
       if (drift < kLargestDrift) continue;
-      const std::string& name = names_[as_size(camera)];
+      const std::string& name = names_[camera];
       guess_.capture.camera_fps[name] = fps;
       found("fps: the video of {} says {:.6g}, {:.1f} frames off at its end, so `camera_fps` names it", name, fps,
             drift);
@@ -313,7 +312,7 @@ class Guesser {
   void check_sizes() {
     for (const SequenceFiles& sequence : filmed_)
       each_footage(sequence, [&](int camera, const FileStream& stream, const FootageFacts& facts) {
-        check_size(calibration_->calibration.cameras[as_size(camera)], facts, stream.path);
+        check_size(calibration_->calibration.cameras[camera], facts, stream.path);
       });
   }
 

@@ -9,7 +9,7 @@ ArapTerm::ArapTerm(const GraphModel& model, double weight) : weight_(weight) {
   const Character& character = model.character();
   const std::vector<double> rigidity = node_rigidity(character.rigidity, character.graph);
   for (const auto& [k, l] : character.graph.edges) {
-    const double u = 0.5 * (rigidity[as_size(k)] + rigidity[as_size(l)]);
+    const double u = 0.5 * (rigidity[k] + rigidity[l]);
     edges_.push_back({k, l, u});
     edges_.push_back({l, k, u});
   }

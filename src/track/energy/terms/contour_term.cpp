@@ -1,7 +1,5 @@
 #include "doppel/track/energy/terms/contour_term.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 template <typename Model>
@@ -13,7 +11,7 @@ ContourTerm<Model>::ContourTerm(const std::vector<PinholeCamera>& cameras, const
     if (!frame[c].outline.empty()) views_[c].points = frame[c].outline.contour(most);
     views_[c].partner.resize(views_[c].points.size());
   }
-  for (const OutlineVertex& vertex : vertices) views_[as_size(vertex.camera)].vertices.push_back(vertex.vertex);
+  for (const OutlineVertex& vertex : vertices) views_[vertex.camera].vertices.push_back(vertex.vertex);
 }
 
 template <typename Model>

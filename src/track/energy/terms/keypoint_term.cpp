@@ -1,7 +1,5 @@
 #include "doppel/track/energy/terms/keypoint_term.h"
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 template <typename Model>
@@ -20,9 +18,9 @@ void KeypointTerm<Model>::evaluate(const Model& model, const typename Model::Sta
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const double scale = reference_pixels(cameras_[c]);
     for (int m = 0; m < model.num_landmarks(); ++m) {
-      const Keypoint& keypoint = frame_[c].keypoints[as_size(m)];
+      const Keypoint& keypoint = frame_[c].keypoints[m];
       if (!(keypoint.confidence >= kSeenConfidence)) continue;
-      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[as_size(m)];
+      const double share = landmark_weights_.empty() ? 1.0 : landmark_weights_[m];
       const Eigen::Index first = rows.add_group(weight_ * share * keypoint.confidence);
       const auto projected = project_with_jacobian(cameras_[c], model.landmark(body, m));
       if (!projected) {

@@ -2,14 +2,12 @@
 
 #include <cmath>
 
-#include "doppel/core/as_size.h"
-
 namespace doppel {
 
 void LevelTerm::weigh(const Residuals& rows) {
-  shares_.assign(as_size(rows.num_rows()), 0.0);
+  shares_.assign(rows.num_rows(), 0.0);
   double sum = 0.0;
-  for (Eigen::Index row = 0; row < rows.num_rows(); ++row) sum += shares_[as_size(row)] = std::pow(rows.factor(row), 2);
+  for (Eigen::Index row = 0; row < rows.num_rows(); ++row) sum += shares_[row] = std::pow(rows.factor(row), 2);
   if (sum > 0.0)
     for (double& share : shares_) share /= sum;
 }
@@ -18,8 +16,8 @@ void LevelTerm::level(Residuals& rows) const {
   double mean = 0.0;
   Eigen::RowVectorXd slope = Eigen::RowVectorXd::Zero(rows.has_jacobian() ? rows.num_unknowns() : 0);
   for (Eigen::Index row = 0; row < rows.num_rows(); ++row) {
-    mean += shares_[as_size(row)] * rows.value(row);
-    if (rows.has_jacobian()) slope += shares_[as_size(row)] * rows.jacobian(row);
+    mean += shares_[row] * rows.value(row);
+    if (rows.has_jacobian()) slope += shares_[row] * rows.jacobian(row);
   }
   for (Eigen::Index row = 0; row < rows.num_rows(); ++row) {
     rows.value(row) -= mean;

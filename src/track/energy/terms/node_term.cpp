@@ -9,7 +9,7 @@ namespace doppel {
 NodeTerm::NodeTerm(std::string name, const GraphModel& model, std::vector<double> centre, double weight)
     : name_(std::move(name)), centre_(std::move(centre)), weight_(weight / model.num_nodes()), metres_per_radian_(0.0) {
   const auto& edges = model.character().graph.edges;
-  for (const auto& [k, l] : edges) metres_per_radian_ += (model.nodes()[as_size(k)] - model.nodes()[as_size(l)]).norm();
+  for (const auto& [k, l] : edges) metres_per_radian_ += (model.nodes()[k] - model.nodes()[l]).norm();
   metres_per_radian_ /= static_cast<double>(std::max<std::size_t>(1, edges.size()));
 }
 

@@ -17,8 +17,8 @@ SilhouetteTerm<Model>::SilhouetteTerm(const std::vector<PinholeCamera>& cameras,
       inside_(std::sqrt(inside)),
       kernel_(kernel) {
   std::vector<double> count(cameras.size(), 0.0);
-  for (const OutlineVertex& vertex : vertices_) ++count[as_size(vertex.camera)];
-  for (const OutlineVertex& vertex : vertices_) weights_.push_back(weight / count[as_size(vertex.camera)]);
+  for (const OutlineVertex& vertex : vertices_) ++count[vertex.camera];
+  for (const OutlineVertex& vertex : vertices_) weights_.push_back(weight / count[vertex.camera]);
 }
 
 bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::Vector3d& normal,
@@ -29,7 +29,7 @@ bool belongs_to_opposite_outline(const ProjectedPoint& projected, const Eigen::V
 
 template <typename Model>
 bool SilhouetteTerm<Model>::has_field(std::size_t i) const {
-  return !frame_[as_size(vertices_[i].camera)].outline.empty();
+  return !frame_[vertices_[i].camera].outline.empty();
 }
 
 template <typename Model>
@@ -47,8 +47,7 @@ void SilhouetteTerm<Model>::choose_side(const Model& model, const Seen& seen, st
   targets_[i] = vertices_[i].distance;
   if (!seen.projected || !(seen.sample.distance < 0.0)) return;
   if (belongs_to_opposite_outline(*seen.projected, model.normal(seen.vertex), seen.sample))
-    targets_[i] =
-        2.0 * reference_pixels(cameras_[as_size(vertices_[i].camera)]) * seen.sample.distance - vertices_[i].distance;
+    targets_[i] = 2.0 * reference_pixels(cameras_[vertices_[i].camera]) * seen.sample.distance - vertices_[i].distance;
 }
 
 template <typename Model>
@@ -60,7 +59,7 @@ void SilhouetteTerm<Model>::add_row(const Model& model, const typename Model::St
     return;
   }
   const double share = seen.sample.distance < 0.0 ? inside_ : 1.0;
-  const double scale = share * reference_pixels(cameras_[as_size(vertices_[i].camera)]);
+  const double scale = share * reference_pixels(cameras_[vertices_[i].camera]);
   rows.value(row) = scale * seen.sample.distance - share * targets_[i];
   if (jacobian)
     model.add_vertex_jacobian(body, seen.vertex, scale * seen.projected->jacobian.transpose() * seen.sample.gradient,
