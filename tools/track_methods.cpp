@@ -6,7 +6,7 @@
 #include "doppel/character/motion.h"
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
-#include "doppel/data/capture/capture_layouts.h"
+#include "doppel/data/capture/find_capture.h"
 #include "doppel/track/track_results.h"
 #include "shared_work.h"
 

@@ -206,11 +206,12 @@ TEST(ProgramReference, HelpOfTrackingHasTheOptionsOfTheMethodAlone) {
 TEST(ProgramRejects, WordsOfTrackingInWrongPlaces) {
   const TemporaryFolder folder;
   const std::filesystem::path before = std::filesystem::current_path();
-  std::filesystem::create_directories(folder / "livecap");
+  for (const char* name : {"livecap", "capture"}) std::filesystem::create_directories(folder / name);
   std::filesystem::current_path(folder.path());
   // The word is a method, and the folder is one when it is written as a path.
   EXPECT_THAT(complaint_about("track livecap"), HasSubstr("capture is required"));
-  for (const char* line : {"track ./livecap", "track -- livecap", "track livecap livecap", "track --set a=1 capture"}) {
+  for (const char* line :
+       {"track ./livecap", "track -- livecap", "track livecap livecap", "track --set smoothing=0 capture"}) {
     const Outcome outcome = run(line);
     EXPECT_EQ(outcome.code, 1) << line << outcome.err;
     EXPECT_THAT(outcome.err, HasSubstr("capture.yaml")) << line;
