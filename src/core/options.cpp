@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "doppel/core/config.h"
@@ -28,18 +29,6 @@ KeyPlace place_of(const ConfigReader& reader, const std::string& path) {
   const std::size_t dot = path.find('.');
   if (dot == std::string::npos) return {reader, path};
   return place_of(part_of(reader, path.substr(0, dot)), path.substr(dot + 1));
-}
-
-template <typename T>
-void read_value(const ConfigReader& root, const std::string& path, T& option, const Range<T>& range = {}) {
-  const auto [reader, key] = place_of(root, path);
-  option = reader.get(key, option, range);
-}
-
-template <typename T>
-void read_list(const ConfigReader& root, const std::string& path, std::vector<T>& option) {
-  const auto [reader, key] = place_of(root, path);
-  option = reader.list(key, option);
 }
 
 /// A number in the unit of the configuration. Conversion there and back costs the last digit, which is not shown.
@@ -70,118 +59,134 @@ std::string shown_list(const std::vector<T>& list) {
   return fmt::format("`[{}]`", fmt::join(list, ", "));
 }
 
+/// Reads options from a configuration.
+class OptionReader : public OptionVisitor {
+ public:
+  explicit OptionReader(const ConfigReader& reader) : reader_(reader) {}
+
+  void visit(const std::string& path, double& option, const Range<double>& range, UnitConversion to_option,
+             const std::string&) override {
+    const auto [reader, key] = place_of(reader_, path);
+    const double written = reader.get(key, in_file_unit(option, to_option), range);
+    if (reader.has(key)) option = to_option(written);
+  }
+  void visit(const std::string& path, int& option, const Range<int>& range, const std::string&) override {
+    value(path, option, range);
+  }
+  void visit(const std::string& path, std::int64_t& option, const Range<std::int64_t>& range,
+             const std::string&) override {
+    value(path, option, range);
+  }
+  void visit(const std::string& path, bool& option, const std::string&) override { value(path, option, {}); }
+  void visit(const std::string& path, std::filesystem::path& option, const std::string&) override {
+    const auto [reader, key] = place_of(reader_, path);
+    if (reader.has(key)) option = reader.path(key);
+  }
+  void visit(const std::string& path, std::vector<std::string>& option, const std::string&) override {
+    list(path, option);
+  }
+  void visit(const std::string& path, std::vector<int>& option, const std::string&) override { list(path, option); }
+  void visit(const std::string& path, std::vector<std::int64_t>& option, const std::string&) override {
+    list(path, option);
+  }
+  void visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
+                  const std::string&) override {
+    const auto [reader, key] = place_of(reader_, path);
+    const std::string word = reader.choice(key, words, words[option]);
+    option = static_cast<int>(std::find(words.begin(), words.end(), word) - words.begin());
+  }
+  std::optional<std::size_t> visit_items(const std::string& path, const std::string&) override {
+    const auto [reader, key] = place_of(reader_, path);
+    const std::size_t count = reader.sections(key).size();
+    return count > 0 ? std::optional<std::size_t>(count) : std::nullopt;
+  }
+  void require(const std::string& path, bool met, const std::string& fault) override {
+    if (met) return;
+    const auto [reader, key] = place_of(reader_, path);
+    reader.fail_at_key(key, "{}", fault);
+  }
+  void forbid(const std::string& path, const std::string& reason) override {
+    const auto [reader, key] = place_of(reader_, path);
+    if (reader.has(key)) reader.fail_at_key(key, "{}", reason);
+  }
+
+ private:
+  template <typename T>
+  void value(const std::string& path, T& option, const Range<T>& range) {
+    const auto [reader, key] = place_of(reader_, path);
+    option = reader.get(key, option, range);
+  }
+  template <typename T>
+  void list(const std::string& path, std::vector<T>& option) {
+    const auto [reader, key] = place_of(reader_, path);
+    option = reader.list(key, option);
+  }
+
+  const ConfigReader& reader_;
+};
+
+/// Makes the rows of a table.
+class RowMaker : public OptionVisitor {
+ public:
+  void visit(const std::string& key, double& option, const Range<double>& range, UnitConversion to_option,
+             const std::string& meaning) override {
+    add(key, shown_number(in_file_unit(option, to_option)), shown_range(range), meaning);
+  }
+  void visit(const std::string& key, int& option, const Range<int>& range, const std::string& meaning) override {
+    add(key, shown_number(option), shown_range(range), meaning);
+  }
+  void visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
+             const std::string& meaning) override {
+    add(key, shown_number(option), shown_range(range), meaning);
+  }
+  void visit(const std::string& key, bool& option, const std::string& meaning) override {
+    add(key, option ? "true" : "false", "true, false", meaning);
+  }
+  void visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) override {
+    add(key, option.string(), "a path", meaning);
+  }
+  void visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) override {
+    add(key, shown_list(option), "a list of words", meaning);
+  }
+  void visit(const std::string& key, std::vector<int>& option, const std::string& meaning) override {
+    add(key, shown_list(option), "a list of integers", meaning);
+  }
+  void visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) override {
+    add(key, shown_list(option), "a list of integers", meaning);
+  }
+  void visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
+                  const std::string& meaning) override {
+    add(key, words[option], fmt::format("{}", fmt::join(words, ", ")), meaning);
+  }
+  /// One item stands for all.
+  std::optional<std::size_t> visit_items(const std::string& key, const std::string& meaning) override {
+    add(key, "", "a list of mappings", meaning);
+    return 1;
+  }
+  void require(const std::string&, bool, const std::string&) override {}
+  void forbid(const std::string&, const std::string&) override {}
+
+  std::vector<KeyRow> rows;
+
+ private:
+  void add(const std::string& key, const std::string& value, const std::string& allowed, const std::string& meaning) {
+    std::string shown = key;
+    for (std::size_t at = shown.find("[0]"); at != std::string::npos; at = shown.find("[0]")) shown.erase(at + 1, 1);
+    rows.push_back({shown, value, allowed, meaning});
+  }
+};
+
 }  // namespace
 
-void OptionReader::visit(const std::string& path, double& option, const Range<double>& range, UnitConversion to_option,
-                         const std::string&) {
-  const auto [reader, key] = place_of(*reader_, path);
-  const double written = reader.get(key, in_file_unit(option, to_option), range);
-  if (reader.has(key)) option = to_option(written);
+void visit_with_reader(const ConfigReader& reader, const std::function<void(const Keys&)>& describe) {
+  OptionReader visitor(reader);
+  describe(Keys(visitor));
 }
 
-void OptionReader::visit(const std::string& key, int& option, const Range<int>& range, const std::string&) {
-  read_value(*reader_, key, option, range);
-}
-
-void OptionReader::visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
-                         const std::string&) {
-  read_value(*reader_, key, option, range);
-}
-
-void OptionReader::visit(const std::string& key, bool& option, const std::string&) {
-  read_value(*reader_, key, option);
-}
-
-void OptionReader::visit(const std::string& path, std::filesystem::path& option, const std::string&) {
-  const auto [reader, key] = place_of(*reader_, path);
-  if (reader.has(key)) option = reader.path(key);
-}
-
-void OptionReader::visit(const std::string& key, std::vector<std::string>& option, const std::string&) {
-  read_list(*reader_, key, option);
-}
-
-void OptionReader::visit(const std::string& key, std::vector<int>& option, const std::string&) {
-  read_list(*reader_, key, option);
-}
-
-void OptionReader::visit(const std::string& key, std::vector<std::int64_t>& option, const std::string&) {
-  read_list(*reader_, key, option);
-}
-
-void OptionReader::visit_word(const std::string& path, int& option, const std::vector<std::string>& words,
-                              const std::string&) {
-  const auto [reader, key] = place_of(*reader_, path);
-  const std::string word = reader.choice(key, words, words[option]);
-  for (std::size_t i = 0; i < words.size(); ++i)
-    if (words[i] == word) option = static_cast<int>(i);
-}
-
-std::optional<std::size_t> OptionReader::visit_items(const std::string& path, const std::string&) {
-  const auto [reader, key] = place_of(*reader_, path);
-  const std::size_t count = reader.sections(key).size();
-  return count > 0 ? std::optional<std::size_t>(count) : std::nullopt;
-}
-
-void OptionReader::require(const std::string& path, bool met, const std::string& fault) {
-  if (met) return;
-  const auto [reader, key] = place_of(*reader_, path);
-  reader.fail_at_key(key, "{}", fault);
-}
-
-void OptionReader::forbid(const std::string& path, const std::string& reason) {
-  const auto [reader, key] = place_of(*reader_, path);
-  if (reader.has(key)) reader.fail_at_key(key, "{}", reason);
-}
-
-void KeyRows::add(const std::string& key, std::string value, std::string allowed, const std::string& meaning) {
-  std::string shown = key;
-  for (std::size_t at = shown.find("[0]"); at != std::string::npos; at = shown.find("[0]")) shown.erase(at + 1, 1);
-  rows.push_back({shown, std::move(value), std::move(allowed), meaning});
-}
-
-void KeyRows::visit(const std::string& key, double& option, const Range<double>& range, UnitConversion to_option,
-                    const std::string& meaning) {
-  add(key, shown_number(in_file_unit(option, to_option)), shown_range(range), meaning);
-}
-
-void KeyRows::visit(const std::string& key, int& option, const Range<int>& range, const std::string& meaning) {
-  add(key, fmt::format("{}", option), shown_range(range), meaning);
-}
-
-void KeyRows::visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
-                    const std::string& meaning) {
-  add(key, fmt::format("{}", option), shown_range(range), meaning);
-}
-
-void KeyRows::visit(const std::string& key, bool& option, const std::string& meaning) {
-  add(key, option ? "true" : "false", "true, false", meaning);
-}
-
-void KeyRows::visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) {
-  add(key, option.string(), "a path", meaning);
-}
-
-void KeyRows::visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) {
-  add(key, shown_list(option), "a list of words", meaning);
-}
-
-void KeyRows::visit(const std::string& key, std::vector<int>& option, const std::string& meaning) {
-  add(key, shown_list(option), "a list of integers", meaning);
-}
-
-void KeyRows::visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) {
-  add(key, shown_list(option), "a list of integers", meaning);
-}
-
-void KeyRows::visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
-                         const std::string& meaning) {
-  add(key, words[option], fmt::format("{}", fmt::join(words, ", ")), meaning);
-}
-
-std::optional<std::size_t> KeyRows::visit_items(const std::string& key, const std::string& meaning) {
-  add(key, "", "a list of mappings", meaning);
-  return 1;
+std::vector<KeyRow> rows_of(const std::function<void(const Keys&)>& describe) {
+  RowMaker visitor;
+  describe(Keys(visitor));
+  return visitor.rows;
 }
 
 std::string key_table(const std::vector<KeyRow>& rows) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -106,37 +107,14 @@ class Keys {
   std::string prefix_;
 };
 
-/// Reads options from a configuration. An option whose key is missing keeps its value.
-class OptionReader : public OptionVisitor {
- public:
-  /// @param reader must outlive this
-  explicit OptionReader(const ConfigReader& reader) : reader_(&reader) {}
+/// Visits keys with a reader of `reader`. @throws FileError at a key whose value is not allowed
+void visit_with_reader(const ConfigReader& reader, const std::function<void(const Keys&)>& describe);
 
-  void visit(const std::string& key, double& option, const Range<double>& range, UnitConversion to_option,
-             const std::string& meaning) override;
-  void visit(const std::string& key, int& option, const Range<int>& range, const std::string& meaning) override;
-  void visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
-             const std::string& meaning) override;
-  void visit(const std::string& key, bool& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<int>& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) override;
-  void visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
-                  const std::string& meaning) override;
-  std::optional<std::size_t> visit_items(const std::string& key, const std::string& meaning) override;
-  void require(const std::string& key, bool met, const std::string& fault) override;
-  void forbid(const std::string& key, const std::string& reason) override;
-
- private:
-  const ConfigReader* reader_;
-};
-
-/// Reads all options of `options`. @throws FileError at a key whose value is not allowed
+/// Reads all options. An option whose key is missing keeps its value.
+/// @throws FileError at a key whose value is not allowed
 template <typename T>
 void read_keys(const ConfigReader& reader, T& options) {
-  OptionReader visitor(reader);
-  describe_keys(Keys(visitor), options);
+  visit_with_reader(reader, [&](const Keys& keys) { describe_keys(keys, options); });
 }
 
 /// The options of a configuration. @param options the values of missing keys
@@ -146,43 +124,18 @@ T read_options(const ConfigReader& reader, T options = {}) {
   return options;
 }
 
-/// A key as the documentation shows it.
+/// A key as the documentation shows it. The items of a list of mappings have one row per key, `key[].x`.
 struct KeyRow {
   std::string key, value, allowed, meaning;
 };
 
-/// Makes the rows of a table, in the order of the list. The items of a list of mappings have one row per key,
-/// `key[].x`.
-class KeyRows : public OptionVisitor {
- public:
-  void visit(const std::string& key, double& option, const Range<double>& range, UnitConversion to_option,
-             const std::string& meaning) override;
-  void visit(const std::string& key, int& option, const Range<int>& range, const std::string& meaning) override;
-  void visit(const std::string& key, std::int64_t& option, const Range<std::int64_t>& range,
-             const std::string& meaning) override;
-  void visit(const std::string& key, bool& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::filesystem::path& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<std::string>& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<int>& option, const std::string& meaning) override;
-  void visit(const std::string& key, std::vector<std::int64_t>& option, const std::string& meaning) override;
-  void visit_word(const std::string& key, int& option, const std::vector<std::string>& words,
-                  const std::string& meaning) override;
-  std::optional<std::size_t> visit_items(const std::string& key, const std::string& meaning) override;
-  void require(const std::string&, bool, const std::string&) override {}
-  void forbid(const std::string&, const std::string&) override {}
-
-  std::vector<KeyRow> rows;
-
- private:
-  void add(const std::string& key, std::string value, std::string allowed, const std::string& meaning);
-};
+/// The rows of the keys that `describe` lists, in their order.
+std::vector<KeyRow> rows_of(const std::function<void(const Keys&)>& describe);
 
 /// The keys of T with its defaults.
 template <typename T>
 std::vector<KeyRow> key_rows(T options = {}) {
-  KeyRows visitor;
-  describe_keys(Keys(visitor), options);
-  return visitor.rows;
+  return rows_of([&](const Keys& keys) { describe_keys(keys, options); });
 }
 
 /// A table in Markdown.
