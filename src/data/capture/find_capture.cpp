@@ -1,7 +1,5 @@
 #include "doppel/data/capture/find_capture.h"
 
-#include <fmt/ranges.h>
-
 #include "doppel/core/error.h"
 #include "doppel/core/log.h"
 #include "doppel/data/capture/layouts/dataset_layout.h"
@@ -21,46 +19,34 @@ constexpr int kLabels = 1;
 const std::vector<FolderLayout>& folder_layouts() {
   static const std::vector<FolderLayout> layouts{
       studio_layout({"ASH/TriHuman",
-                     "training/videos/streamNNN.mp4 with training/foregroundSegmentation/",
                      "stream",
                      {{"videos", "foregroundSegmentation"},
                       {"images", "foregroundSegmentation"},
                       {"", "foregroundSegmentation"},
                       {"videos", "segmentation_videos"}}}),
-      studio_layout({"DynaCap",
-                     "training/img/c_<camera>.avi with training/fg/",
-                     "c_",
-                     {{"img", "fg"}},
-                     /*largest_component=*/true}),
+      studio_layout({"DynaCap", "c_", {{"img", "fg"}}, /*largest_component=*/true}),
       dataset_layout({"ZJU-MoCap",
-                      "annots.npy with <camera>/NNNNNN.jpg",
                       {R"(^annots\.npy$)", R"(^[^/]+/[^/]*[0-9]+\.jpg$)"},
                       {{R"(^annots\.npy$)"}, {R"(^[^/]+/[^/]+\.jpg$)"}, {"^mask_cihp/", "^mask/"}, kLabels}}),
       dataset_layout({"EasyMocap",
-                      "intri.yml and extri.yml with videos/ or images/",
                       {R"(^intri\.yml$)", R"(^extri\.yml$)", "^(images|videos)/"},
                       {{R"(^\.$)", R"(^intri\.yml$)", R"(^extri\.yml$)"},
                        {"^videos/", "^images/"},
                        {"^mask_cihp/", "^mask/"},
                        kLabels}}),
-      dataset_layout({"ActorsHQ",
-                      "calibration.csv with rgbs/",
-                      {R"(^calibration\.csv$)", "^rgbs/"},
-                      {{R"(^calibration\.csv$)"}, {"^rgbs/"}, {"^masks/"}}}),
+      dataset_layout(
+          {"ActorsHQ", {R"(^calibration\.csv$)", "^rgbs/"}, {{R"(^calibration\.csv$)"}, {"^rgbs/"}, {"^masks/"}}}),
       dataset_layout({"CMU Panoptic",
-                      "calibration_<sequence>.json with hdVideos/ or hdImgs/",
                       {R"(^calibration_[^/]*\.json$)", "^hd(Videos|Imgs)/"},
                       {{R"(^calibration_[^/]*\.json$)"}, {"^hdVideos/", "^hdImgs/"}, {}}}),
       dataset_layout({"Human3.6M",
-                      "Videos/<action>.<camera>.mp4 with the camera parameters",
                       {R"((^|/)Videos/[^/]+\.(54138969|55011271|58860488|60457274)\.mp4$)"},
                       {{}, {R"((^|/)Videos/[^/_]+\.[0-9]{8}\.mp4$)"}, {}}}),
       dataset_layout({"DeepCap",
-                      "images<k>.avi below the folder of monocularCalibration.calibration",
                       {R"(^images[0-9]*\.avi$)"},
                       {{"monocularCalibration"}, {R"(^images[0-9]*\.avi$)"}, {}},
                       "monocularCalibration.calibration"}),
-      dataset_layout({"", "a calibration and footage", {}, {}}),
+      dataset_layout({"", {}, {}}),
   };
   return layouts;
 }
@@ -94,11 +80,12 @@ std::optional<CaptureGuess> first_guess(const fs::path& folder, bool only_sure) 
   return std::nullopt;
 }
 
-std::vector<std::string> public_layouts() {
-  std::vector<std::string> layouts;
+/// For messages: "ASH/TriHuman, DynaCap, ...".
+std::string public_layouts() {
+  std::string names;
   for (const FolderLayout& layout : folder_layouts())
-    if (layout.sure) layouts.push_back(layout.name + ": " + layout.files);
-  return layouts;
+    if (layout.sure) names += (names.empty() ? "" : ", ") + layout.name;
+  return names;
 }
 
 }  // namespace
@@ -117,9 +104,9 @@ Capture find_capture(const fs::path& path) {
   std::optional<CaptureGuess> recognised = recognise_capture(path);
   if (!recognised)
     fail(
-        "{} has no capture.yaml and is not laid out like a public dataset ({}); let `doppel capture init {}` write a "
-        "capture.yaml, or write one as docs/capture.md shows",
-        path.string(), fmt::join(public_layouts(), "; "), path.string());
+        "{} has no capture.yaml and is not laid out like a public dataset that is known ({}); let `doppel capture init "
+        "{}` write a capture.yaml, or write one as docs/capture.md shows, with the folders of these datasets",
+        path.string(), public_layouts(), path.string());
   if (!recognised->layout.empty()) log::info("{}: recognised by its files", path.string());
   for (const std::string& sentence : recognised->found) log::info("  {}", sentence);
   for (const std::string& sentence : recognised->missing) log::info("  missing: {}", sentence);

@@ -33,7 +33,7 @@ CaptureGuess guess_dataset(const PublicDataset& dataset, const FolderListing& li
 }  // namespace
 
 FolderLayout dataset_layout(PublicDataset dataset) {
-  return {dataset.name, dataset.files, !dataset.signs.empty(),
+  return {dataset.name, !dataset.signs.empty(),
           [signs = dataset.signs](const FolderListing& listing) { return find_signs(signs, listing); },
           [dataset](const FolderListing& listing) { return guess_dataset(dataset, listing); }};
 }

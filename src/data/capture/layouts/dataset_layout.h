@@ -10,7 +10,7 @@ namespace doppel {
 
 /// A public dataset that `guess_capture` reads, once it is known which of the files are what.
 struct PublicDataset {
-  std::string name, files;         ///< as in `FolderLayout`
+  std::string name;
   std::vector<std::string> signs;  ///< regular expressions; the folder has a file that matches, for each of them
   GuessHints hints;
   std::string calibration_above = "";  ///< name of the calibration in the folder above, if it stands there; or empty

@@ -12,8 +12,7 @@ namespace doppel {
 /// A way in which the files of a capture may lie in a folder.
 struct FolderLayout {
   std::string name;
-  std::string files;  ///< what such a folder holds, for messages
-  bool sure = true;   ///< whether its sign leaves no doubt; otherwise a person has to confirm the guess
+  bool sure = true;  ///< whether its sign leaves no doubt; otherwise a person has to confirm the guess
   /// The files that show that a folder has this layout; nothing when it does not.
   std::function<std::optional<std::string>(const FolderListing&)> sign;
   /// The capture. @pre the folder has the sign

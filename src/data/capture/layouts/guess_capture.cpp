@@ -251,7 +251,6 @@ class Guesser {
     if (used_.empty()) {
       missing("no camera filmed all sequences; write a capture.yaml for each of them");
       guess_.capture.sequences.clear();
-      filmed_.clear();
     }
   }
 
@@ -296,7 +295,7 @@ class Guesser {
   }
 
   void tell_lengths() {
-    for (std::size_t i = 0; i < filmed_.size(); ++i) {
+    for (std::size_t i = 0; i < guess_.capture.sequences.size(); ++i) {
       std::set<long> lengths;
       each_footage(filmed_[i], [&](int, const FileStream&, const FootageFacts& facts) {
         if (facts.frames > 0) lengths.insert(facts.frames);

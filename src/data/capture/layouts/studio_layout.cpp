@@ -241,8 +241,7 @@ std::optional<std::string> find_sign(const StudioRelease& release, const FolderL
 }  // namespace
 
 FolderLayout studio_layout(StudioRelease release) {
-  return {release.name, release.files, true,
-          [release](const FolderListing& listing) { return find_sign(release, listing); },
+  return {release.name, true, [release](const FolderListing& listing) { return find_sign(release, listing); },
           [release](const FolderListing& listing) { return guess_studio(release, listing); }};
 }
 

@@ -10,8 +10,7 @@ namespace doppel {
 /// A public release of a studio: `training|testing/<videos>/<prefix>NNN.<ext>`, masks of the same cameras in
 /// `training|testing/<masks>/`, where NNN is the index of the camera in the calibration.
 struct StudioRelease {
-  std::string name, files;  ///< as in `FolderLayout`
-  std::string prefix;
+  std::string name, prefix;
   struct Folders {
     std::string videos, masks;  ///< `videos` is empty when they stand in the split's folder itself
   };
