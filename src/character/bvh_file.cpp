@@ -273,7 +273,7 @@ class BvhWriter {
     line(depth, "{");
     write_offset(depth + 1, joint.offset);
     std::string channels = fmt::format("CHANNELS {}", joint.channels.size());
-    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[channel];
+    for (const BvhChannel channel : joint.channels) channels += " " + kChannelNames[static_cast<int>(channel)];
     line(depth + 1, channels);
     order_.push_back(j);
     for (const std::size_t child : children_[j]) write_joint(child, depth + 1);

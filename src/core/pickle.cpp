@@ -717,7 +717,7 @@ class PickleNumbers {
 
 const char* PickleValue::kind_name() const {
   constexpr const char* kNames[] = {"None", "number", "text", "bytes", "list", "dict", "array", "dtype", "function"};
-  return kNames[kind_];
+  return kNames[static_cast<int>(kind_)];
 }
 
 std::string_view PickleValue::text() const {
