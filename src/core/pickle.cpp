@@ -16,9 +16,9 @@ namespace doppel {
 namespace {
 
 // A file of a few bytes for every value would otherwise take many times its size in memory.
-constexpr std::size_t kPickleMaxValues = 16'000'000;
 constexpr std::size_t kPickleMaxNodes = 4'000'000;
 constexpr std::size_t kPickleMaxMarks = 1000;
+constexpr std::size_t kPickleMaxName = 200;  // bytes of the module and name of a function
 constexpr std::size_t kPickleMaxAxes = 32;
 constexpr std::size_t kPickleMaxNumbers = 1 << 20;  // of one call of `numbers`
 constexpr int kPickleMaxDepth = 16;
@@ -37,24 +37,9 @@ constexpr const char* kPickleEncode = "_codecs.encode";
 constexpr std::size_t kPickleArrayShape = 1, kPickleArrayDtype = 2, kPickleArrayFortran = 3, kPickleArrayData = 4;
 constexpr std::size_t kPickleArrayParts = 5;
 
-/// What numpy 1 and numpy 2 name differently gets one name.
-std::string pickle_global(std::string_view module, std::string_view name) {
-  constexpr std::string_view kCore = "numpy._core.";
-  std::string dotted(module);
-  if (module.substr(0, kCore.size()) == kCore) dotted.replace(0, kCore.size(), "numpy.core.");
-  return dotted + "." + std::string(name);
-}
-
-bool is_allowed_pickle_global(const std::string& name) {
-  constexpr const char* kAllowed[] = {kPickleArray,  kPickleDtype,      kPickleReconstruct,
-                                      kPickleScalar, kPickleFromBuffer, kPickleEncode};
-  return std::find(std::begin(kAllowed), std::end(kAllowed), name) != std::end(kAllowed);
-}
-
 const char* refused_pickle_opcode(unsigned char opcode) {
   switch (opcode) {
     case 'P':
-    case 'Q':
       return "names an object outside of the file (PERSID)";
     case 'o':
       return "creates an object (OBJ)";
@@ -204,22 +189,90 @@ bool is_swapped_pickle_dtype(const PickleValue& dtype) {
   return state.size() > 1 && state[1].text() == ">";
 }
 
+/// What functions of numpy would return, and the state of arrays and dtypes.
+class NumpyPickleFunctions : public PickleFunctions {
+ public:
+  std::string_view advice() const override {
+    return "which is not allowed; allowed are arrays of numpy, dicts, lists, texts and numbers";
+  }
+  std::size_t max_values() const override { return 16'000'000; }
+
+  /// What numpy 1 and numpy 2 name differently gets one name.
+  std::string find(const std::string& name) override {
+    constexpr std::string_view kNewCore = "numpy._core.";
+    const bool is_new = name.starts_with(kNewCore);
+    const std::string old = is_new ? "numpy.core." + name.substr(kNewCore.size()) : name;
+    constexpr const char* kAllowed[] = {kPickleArray,  kPickleDtype,      kPickleReconstruct,
+                                        kPickleScalar, kPickleFromBuffer, kPickleEncode};
+    return std::find(std::begin(kAllowed), std::end(kAllowed), old) != std::end(kAllowed) ? old : "";
+  }
+
+  std::optional<PickleValue> call(const std::string& function, Items arguments, Pickle& pickle) override {
+    const auto is = [&](std::size_t i, PickleKind kind) { return i < arguments.size() && arguments[i].kind() == kind; };
+    if (function == kPickleReconstruct && is(0, PickleKind::global) && arguments[0].node()->text == kPickleArray)
+      return pickle.add(PickleKind::array);  // its state follows
+    if (function == kPickleDtype && !arguments.empty() && !arguments[0].text().empty())
+      return pickle.add(PickleKind::dtype, std::string(arguments[0].text().substr(0, 16)));
+    if (function == kPickleFromBuffer && arguments.size() == 4 && is(0, PickleKind::bytes)) {
+      const PickleValue fortran(arguments[3].text() == "F" ? 1 : 0);
+      return pickle.add(PickleKind::array, "", {PickleValue(1), arguments[2], arguments[1], fortran, arguments[0]});
+    }
+    if (function == kPickleScalar && is(0, PickleKind::dtype) && is(1, PickleKind::bytes))
+      return scalar(arguments[0], arguments[1].text(), pickle);
+    if (function == kPickleEncode && is(0, PickleKind::text) && is(1, PickleKind::text))
+      return encoded(arguments[0].text(), arguments[1].text(), pickle);
+    return std::nullopt;
+  }
+
+  /// `numbers` checks the state when it is used, because opcodes that follow can change its parts.
+  void set_state(const PickleValue& target, const PickleValue& state, Pickle& pickle) override {
+    const bool is_array = target.kind() == PickleKind::array;
+    if (!is_array && target.kind() != PickleKind::dtype)
+      pickle.refuse("it sets the state of a {}, allowed are arrays of numpy", target.kind_name());
+    if (state.kind() != PickleKind::list || state.items().size() > kPickleMaxAxes ||
+        (is_array && state.items().size() != kPickleArrayParts))
+      pickle.refuse("the state of an array of numpy has an unknown form");
+    target.node()->items.assign(state.items().begin(), state.items().end());
+  }
+
+ private:
+  static PickleValue scalar(const PickleValue& dtype, std::string_view data, const Pickle& pickle) {
+    const PickleElement* element = pickle_element_of(dtype.node()->text);
+    if (!element || data.size() != element->size)
+      pickle.refuse("it holds a scalar of type {} with {} bytes", excerpt(dtype.node()->text), data.size());
+    return PickleValue(element->read(data.data(), is_swapped_pickle_dtype(dtype)));
+  }
+
+  /// Protocols 0 to 2 write bytes as a text of Latin-1.
+  PickleValue encoded(std::string_view text, std::string_view encoding, Pickle& pickle) {
+    if (encoding != "latin1") pickle.refuse("it encodes a text as {}, allowed is latin1", excerpt(encoding));
+    // Each text of a file is encoded once; the limit is for files that encode one text again and again.
+    encoded_ += text.size();
+    if (encoded_ > 2 * pickle.bytes.size()) pickle.refuse("it encodes more text than it holds");
+    std::optional<std::string> bytes = pickle_latin1_bytes(text);
+    if (!bytes) pickle.refuse("a text that stands for bytes holds other characters");
+    return pickle.add(PickleKind::bytes, std::move(*bytes));
+  }
+
+  std::size_t encoded_ = 0;
+};
+
 /// Executes the opcodes. Values live on a stack; a mark is a place on the stack from which on values become the items
 /// of a list.
 class PickleMachine {
  public:
-  PickleMachine(std::string_view bytes, const FileLocation& where, Pickle& pickle)
-      : bytes_(bytes), where_(where), pickle_(pickle) {}
+  PickleMachine(Pickle& pickle, PickleFunctions& functions) : pickle_(pickle), functions_(functions) {}
 
   void run() {
     for (;;) {
       const auto opcode = static_cast<unsigned char>(take(1)[0]);
       if (opcode == '.') break;
       const bool known = run_frame(opcode) || run_number(opcode) || run_text(opcode) || run_container(opcode) ||
-                         run_filling(opcode) || run_stack(opcode) || run_memo(opcode) || run_global(opcode);
+                         run_stack(opcode) || run_memo(opcode) || run_global(opcode);
       if (known) continue;
-      if (const char* reason = refused_pickle_opcode(opcode)) refuse("it {}, which no file of numbers needs", reason);
-      refuse("found the unknown opcode 0x{:02x}", static_cast<unsigned>(opcode));
+      if (const char* reason = refused_pickle_opcode(opcode))
+        refuse("it {}, {} (opcode 0x{:02x})", reason, functions_.advice(), opcode);
+      refuse("found the unknown opcode 0x{:02x}", opcode);
     }
     pickle_.root = pop();
   }
@@ -227,22 +280,21 @@ class PickleMachine {
  private:
   template <typename... Args>
   [[noreturn]] void refuse(fmt::format_string<Args...> format, Args&&... args) const {
-    fail_at(where_, "reading a pickle: it cannot be read at byte {}: {}", position_,
-            fmt::format(format, std::forward<Args>(args)...));
+    pickle_.refuse(format, std::forward<Args>(args)...);
   }
 
   std::string_view take(std::uint64_t count) {
-    const std::size_t left = bytes_.size() - position_;
+    const std::size_t left = pickle_.bytes.size() - pickle_.position;
     if (count > left) refuse("{} bytes are needed, {} are left; is the file truncated?", count, left);
-    const std::string_view taken = bytes_.substr(position_, as_size(count));
-    position_ += as_size(count);
+    const std::string_view taken = pickle_.bytes.substr(pickle_.position, as_size(count));
+    pickle_.position += as_size(count);
     return taken;
   }
 
   std::string_view take_line() {
-    const std::size_t end = bytes_.find('\n', position_);
+    const std::size_t end = pickle_.bytes.find('\n', pickle_.position);
     if (end == std::string_view::npos) refuse("a line has no end; is the file truncated?");
-    const std::string_view line = take(end - position_);
+    const std::string_view line = take(end - pickle_.position);
     take(1);
     return line;
   }
@@ -274,28 +326,18 @@ class PickleMachine {
   }
 
   void push(PickleValue value) {
-    if (++pushed_ > kPickleMaxValues) refuse("it holds more than {} values", kPickleMaxValues);
+    if (++pushed_ > functions_.max_values()) refuse("it holds more than {} values", functions_.max_values());
+    if (pickle_.nodes.size() > kPickleMaxNodes) refuse("it holds more than {} lists and texts", kPickleMaxNodes);
     stack_.push_back(value);
   }
 
   void push_number(double number) { push(PickleValue(number)); }
 
-  PickleValue new_node(PickleKind kind) {
-    if (pickle_.nodes.size() >= kPickleMaxNodes) refuse("it holds more than {} lists and texts", kPickleMaxNodes);
-    return {kind, &pickle_.nodes.emplace_back()};
-  }
-
-  void push_node(PickleKind kind, std::string text) {
-    const PickleValue value = new_node(kind);
-    value.node()->text = std::move(text);
-    push(value);
-  }
+  void push_node(PickleKind kind, std::string_view text) { push(pickle_.add(kind, std::string(text))); }
 
   void push_list(PickleKind kind, std::vector<PickleValue> items) {
     if (kind == PickleKind::dictionary && items.size() % 2 != 0) refuse("a dict has a key without a value");
-    const PickleValue value = new_node(kind);
-    value.node()->items = std::move(items);
-    push(value);
+    push(pickle_.add(kind, "", std::move(items)));
   }
 
   std::size_t bottom() const { return marks_.empty() ? 0 : marks_.back(); }
@@ -340,35 +382,26 @@ class PickleMachine {
   bool run_number(unsigned char opcode) {
     switch (opcode) {
       case 'N':
-        push({});
-        return true;
+        return push({}), true;
       case 'F':
       case 'I':
       case 'L':
-        push_number(take_decimal(take_line()));
-        return true;
+        return push_number(take_decimal(take_line())), true;
       case 'J':
-        push_number(take_little_endian<std::int32_t>());
-        return true;
+        return push_number(take_little_endian<std::int32_t>()), true;
       case 'K':
-        push_number(take_little_endian<std::uint8_t>());
-        return true;
+        return push_number(take_little_endian<std::uint8_t>()), true;
       case 'M':
-        push_number(take_little_endian<std::uint16_t>());
-        return true;
+        return push_number(take_little_endian<std::uint16_t>()), true;
       case 'G':
-        push_number(pickle_element<double>(take(8).data(), true));
-        return true;
+        return push_number(pickle_element<double>(take(8).data(), true)), true;
       case 0x88:
       case 0x89:
-        push_number(opcode == 0x88 ? 1 : 0);
-        return true;
+        return push_number(opcode == 0x88 ? 1 : 0), true;
       case 0x8a:
-        push_number(take_long(take_little_endian<std::uint8_t>()));
-        return true;
+        return push_number(take_long(take_little_endian<std::uint8_t>())), true;
       case 0x8b:
-        push_number(take_long(take_little_endian<std::uint32_t>()));
-        return true;
+        return push_number(take_long(take_little_endian<std::uint32_t>())), true;
       default:
         return false;
     }
@@ -378,29 +411,22 @@ class PickleMachine {
     switch (opcode) {
       case 'S':
       case 'V':
-        push_escaped(opcode == 'S');
-        return true;
+        return push_escaped(opcode == 'S'), true;
       case 'U':
       case 'C':
-        push_node(PickleKind::bytes, std::string(take(take_little_endian<std::uint8_t>())));
-        return true;
+        return push_node(PickleKind::bytes, take(take_little_endian<std::uint8_t>())), true;
       case 'T':
       case 'B':
-        push_node(PickleKind::bytes, std::string(take(take_little_endian<std::uint32_t>())));
-        return true;
+        return push_node(PickleKind::bytes, take(take_little_endian<std::uint32_t>())), true;
       case 0x8e:
       case 0x96:
-        push_node(PickleKind::bytes, std::string(take(take_little_endian<std::uint64_t>())));
-        return true;
+        return push_node(PickleKind::bytes, take(take_little_endian<std::uint64_t>())), true;
       case 0x8c:
-        push_node(PickleKind::text, std::string(take(take_little_endian<std::uint8_t>())));
-        return true;
+        return push_node(PickleKind::text, take(take_little_endian<std::uint8_t>())), true;
       case 'X':
-        push_node(PickleKind::text, std::string(take(take_little_endian<std::uint32_t>())));
-        return true;
+        return push_node(PickleKind::text, take(take_little_endian<std::uint32_t>())), true;
       case 0x8d:
-        push_node(PickleKind::text, std::string(take(take_little_endian<std::uint64_t>())));
-        return true;
+        return push_node(PickleKind::text, take(take_little_endian<std::uint64_t>())), true;
       default:
         return false;
     }
@@ -410,49 +436,33 @@ class PickleMachine {
     const std::string_view line = take_line();
     std::optional<std::string> text = is_literal ? pickle_string_literal(line) : pickle_escaped_text(line);
     if (!text) refuse("the text \"{}\" is damaged", excerpt(line));
-    push_node(is_literal ? PickleKind::bytes : PickleKind::text, std::move(*text));
+    push_node(is_literal ? PickleKind::bytes : PickleKind::text, *text);
   }
 
   bool run_container(unsigned char opcode) {
     switch (opcode) {
       case ']':
       case ')':
-        push_list(PickleKind::list, {});
-        return true;
+        return push_list(PickleKind::list, {}), true;
       case '}':
-        push_list(PickleKind::dictionary, {});
-        return true;
+        return push_list(PickleKind::dictionary, {}), true;
       case 'l':
       case 't':
-        push_list(PickleKind::list, pop_to_mark());
-        return true;
+        return push_list(PickleKind::list, pop_to_mark()), true;
       case 'd':
-        push_list(PickleKind::dictionary, pop_to_mark());
-        return true;
+        return push_list(PickleKind::dictionary, pop_to_mark()), true;
       case 0x85:
       case 0x86:
       case 0x87:
-        push_list(PickleKind::list, pop_values(opcode - as_size(0x84)));
-        return true;
-      default:
-        return false;
-    }
-  }
-
-  bool run_filling(unsigned char opcode) {
-    switch (opcode) {
+        return push_list(PickleKind::list, pop_values(opcode - as_size(0x84))), true;
       case 'a':
-        fill(pop_values(1), PickleKind::list);
-        return true;
+        return fill(pop_values(1), PickleKind::list), true;
       case 'e':
-        fill(pop_to_mark(), PickleKind::list);
-        return true;
+        return fill(pop_to_mark(), PickleKind::list), true;
       case 's':
-        fill(pop_values(2), PickleKind::dictionary);
-        return true;
+        return fill(pop_values(2), PickleKind::dictionary), true;
       case 'u':
-        fill(pop_to_mark(), PickleKind::dictionary);
-        return true;
+        return fill(pop_to_mark(), PickleKind::dictionary), true;
       default:
         return false;
     }
@@ -472,14 +482,11 @@ class PickleMachine {
         marks_.push_back(stack_.size());
         return true;
       case '0':
-        pop();
-        return true;
+        return pop(), true;
       case '1':
-        pop_to_mark();
-        return true;
+        return pop_to_mark(), true;
       case '2':
-        push(top());
-        return true;
+        return push(top()), true;
       default:
         return false;
     }
@@ -488,26 +495,19 @@ class PickleMachine {
   bool run_memo(unsigned char opcode) {
     switch (opcode) {
       case 'p':
-        store(take_index());
-        return true;
+        return store(take_index()), true;
       case 'q':
-        store(take_little_endian<std::uint8_t>());
-        return true;
+        return store(take_little_endian<std::uint8_t>()), true;
       case 'r':
-        store(take_little_endian<std::uint32_t>());
-        return true;
+        return store(take_little_endian<std::uint32_t>()), true;
       case 0x94:
-        store(memo_.size());
-        return true;
+        return store(memo_.size()), true;
       case 'g':
-        recall(take_index());
-        return true;
+        return recall(take_index()), true;
       case 'h':
-        recall(take_little_endian<std::uint8_t>());
-        return true;
+        return recall(take_little_endian<std::uint8_t>()), true;
       case 'j':
-        recall(take_little_endian<std::uint32_t>());
-        return true;
+        return recall(take_little_endian<std::uint32_t>()), true;
       default:
         return false;
     }
@@ -536,96 +536,54 @@ class PickleMachine {
       case 'i': {
         const std::string_view module = take_line();
         push_global(module, take_line());
-        if (opcode == 'i') refuse("it creates an object of {} (INST)", top().text());
+        if (opcode == 'i') refuse("it creates an object of {} (INST), {}", excerpt(module), functions_.advice());
         return true;
       }
       case 0x93: {
         const PickleValue name = pop(), module = pop();
-        push_global(module.text(), name.text());
-        return true;
+        return push_global(module.text(), name.text()), true;
       }
-      case 'R': {
-        const PickleValue arguments = pop(), function = pop();
-        if (function.kind() != PickleKind::global) refuse("it calls a {}", function.kind_name());
-        push(called(function.node()->text, arguments.items()));
-        return true;
+      case 'R':
+        return call(), true;
+      case 'Q':
+        return load_persistent(), true;
+      case 'b': {
+        const PickleValue state = pop(), target = top();
+        return functions_.set_state(target, state, pickle_), true;
       }
-      case 'b':
-        build();
-        return true;
       default:
         return false;
     }
   }
 
   void push_global(std::string_view module, std::string_view name) {
-    const std::string dotted = pickle_global(module, name);
-    if (!is_allowed_pickle_global(dotted))
-      refuse("it names {}, which is not allowed; allowed are arrays of numpy, dicts, lists, texts and numbers",
-             excerpt(dotted));
-    push_node(PickleKind::global, dotted);
+    // A long text of the memo could be named again and again.
+    const bool is_short = module.size() + name.size() <= kPickleMaxName;
+    const std::string dotted = fmt::format("{}.{}", excerpt(module, kPickleMaxName), excerpt(name, kPickleMaxName));
+    const std::string found = is_short ? functions_.find(dotted) : "";
+    if (found.empty()) refuse("it names {}, {}", excerpt(dotted), functions_.advice());
+    push_node(PickleKind::global, found);
   }
 
-  /// What a function would return.
-  PickleValue called(const std::string& function, std::span<const PickleValue> arguments) {
-    const auto is = [&](std::size_t i, PickleKind kind) { return i < arguments.size() && arguments[i].kind() == kind; };
-    if (function == kPickleReconstruct && is(0, PickleKind::global) && arguments[0].node()->text == kPickleArray)
-      return new_node(PickleKind::array);  // its state follows
-    if (function == kPickleDtype && !arguments.empty() && !arguments[0].text().empty()) {
-      const PickleValue dtype = new_node(PickleKind::dtype);
-      dtype.node()->text = arguments[0].text().substr(0, 16);
-      return dtype;
-    }
-    if (function == kPickleFromBuffer && arguments.size() == 4 && is(0, PickleKind::bytes)) {
-      const PickleValue array = new_node(PickleKind::array);
-      const PickleValue fortran(arguments[3].text() == "F" ? 1 : 0);
-      array.node()->items = {PickleValue(1), arguments[2], arguments[1], fortran, arguments[0]};
-      return array;
-    }
-    if (function == kPickleScalar && is(0, PickleKind::dtype) && is(1, PickleKind::bytes))
-      return scalar(arguments[0], arguments[1].text());
-    if (function == kPickleEncode && is(0, PickleKind::text) && is(1, PickleKind::text))
-      return encoded(arguments[0].text(), arguments[1].text());
-    refuse("it calls {} with arguments that are not known", function);
+  void call() {
+    const PickleValue arguments = pop(), function = pop();
+    if (function.kind() != PickleKind::global) refuse("it calls a {}", function.kind_name());
+    const std::string& name = function.node()->text;
+    if (arguments.kind() != PickleKind::list) refuse("it calls {} with a {}", excerpt(name), arguments.kind_name());
+    const auto returned = functions_.call(name, arguments.items(), pickle_);
+    if (!returned) refuse("it calls {} with arguments that are not known, {}", excerpt(name), functions_.advice());
+    push(*returned);
   }
 
-  PickleValue scalar(const PickleValue& dtype, std::string_view data) const {
-    const PickleElement* element = pickle_element_of(dtype.node()->text);
-    if (!element || data.size() != element->size)
-      refuse("it holds a scalar of type {} with {} bytes", excerpt(dtype.node()->text), data.size());
-    return PickleValue(element->read(data.data(), is_swapped_pickle_dtype(dtype)));
+  void load_persistent() {
+    const auto loaded = functions_.persistent_load(pop(), pickle_);
+    if (!loaded) refuse("it names an object outside of the file (PERSID), {}", functions_.advice());
+    push(*loaded);
   }
 
-  /// Protocols 0 to 2 write bytes as a text of Latin-1.
-  PickleValue encoded(std::string_view text, std::string_view encoding) {
-    if (encoding != "latin1") refuse("it encodes a text as {}, allowed is latin1", excerpt(encoding));
-    // Each text of a file is encoded once; the limit is for files that encode one text again and again.
-    encoded_ += text.size();
-    if (encoded_ > 2 * bytes_.size()) refuse("it encodes more text than it holds");
-    std::optional<std::string> bytes = pickle_latin1_bytes(text);
-    if (!bytes) refuse("a text that stands for bytes holds other characters");
-    const PickleValue value = new_node(PickleKind::bytes);
-    value.node()->text = std::move(*bytes);
-    return value;
-  }
-
-  /// Gives an array or a dtype its state. `numbers` checks the state when it is used, because opcodes that follow
-  /// can change its parts.
-  void build() {
-    const PickleValue state = pop(), target = top();
-    const bool is_array = target.kind() == PickleKind::array;
-    if (!is_array && target.kind() != PickleKind::dtype)
-      refuse("it sets the state of a {}, allowed are arrays of numpy", target.kind_name());
-    if (state.kind() != PickleKind::list || state.items().size() > kPickleMaxAxes ||
-        (is_array && state.items().size() != kPickleArrayParts))
-      refuse("the state of an array of numpy has an unknown form");
-    target.node()->items.assign(state.items().begin(), state.items().end());
-  }
-
-  std::string_view bytes_;
-  FileLocation where_;
   Pickle& pickle_;
-  std::size_t position_ = 0, pushed_ = 0, encoded_ = 0;
+  PickleFunctions& functions_;
+  std::size_t pushed_ = 0;
   std::vector<PickleValue> stack_;
   std::vector<std::size_t> marks_;
   std::unordered_map<std::uint64_t, PickleValue> memo_;
@@ -716,7 +674,8 @@ class PickleNumbers {
 }  // namespace
 
 const char* PickleValue::kind_name() const {
-  constexpr const char* kNames[] = {"None", "number", "text", "bytes", "list", "dict", "array", "dtype", "function"};
+  constexpr const char* kNames[] = {"None", "number", "text",  "bytes",    "list",
+                                    "dict", "array",  "dtype", "function", "object"};
   return kNames[static_cast<int>(kind_)];
 }
 
@@ -756,10 +715,19 @@ std::optional<PickleValue> PickleValue::find(std::string_view key) const {
   return std::nullopt;
 }
 
-Pickle read_pickle(std::string_view bytes, const FileLocation& where) {
-  Pickle pickle;
-  PickleMachine(bytes, where, pickle).run();
+PickleValue Pickle::add(PickleKind kind, std::string text, std::vector<PickleValue> items) {
+  return {kind, &nodes.emplace_back(PickleNode{std::move(text), std::move(items)})};
+}
+
+Pickle read_pickle(std::string_view bytes, const FileLocation& where, PickleFunctions& functions) {
+  Pickle pickle{{}, {}, bytes, where, 0};
+  PickleMachine(pickle, functions).run();
   return pickle;
+}
+
+Pickle read_pickle(std::string_view bytes, const FileLocation& where) {
+  NumpyPickleFunctions functions;
+  return read_pickle(bytes, where, functions);
 }
 
 PickleValue entry(const PickleValue& dictionary, std::string_view key, const std::string& what,

@@ -28,6 +28,7 @@ class PickleValue {
     array,       ///< numpy.ndarray
     dtype,       ///< numpy.dtype
     global,      ///< a function or class that was named, but not called
+    object,      ///< what a function of other PickleFunctions than those of numpy returned
   };
 
   PickleValue() : number_(0) {}
@@ -59,23 +60,58 @@ class PickleValue {
 
 /// The part of a value that does not fit into a PickleValue.
 struct PickleNode {
-  std::string text;                ///< of a text, of bytes; type of a dtype ("f8"); dotted name of a global
-  std::vector<PickleValue> items;  ///< of a list; key, value, key, ... of a dict; state of an array or dtype
+  std::string text;  ///< of a text, of bytes; type of a dtype ("f8"); dotted name of a global; type of an object
+  std::vector<PickleValue> items;  ///< of a list; key, value, key, ... of a dict; state of an array, dtype or object
 };
 
 /// The content of a Python pickle.
 struct Pickle {
   PickleValue root;
   std::deque<PickleNode> nodes;  ///< owns the nodes of all values
+
+  // While the pickle is read:
+  std::string_view bytes;
+  FileLocation where;
+  std::size_t position = 0;  ///< of the next opcode
+
+  PickleValue add(PickleValue::Kind kind, std::string text = {}, std::vector<PickleValue> items = {});
+  /// @throws FileError with the position
+  template <typename... Args>
+  [[noreturn]] void refuse(fmt::format_string<Args...> format, Args&&... args) const {
+    fail_at(where, "reading a pickle: it cannot be read at byte {}: {}", position,
+            fmt::format(format, std::forward<Args>(args)...));
+  }
 };
 
-/// Reads a pickle of protocol 0 to 5 that holds dicts, lists, tuples, texts, bytes, numbers and numpy arrays. A pickle
-/// is a program that may name and call any function of Python. This reader calls nothing: it knows what
-/// numpy.ndarray, numpy.dtype, _reconstruct and scalar of numpy.core.multiarray (numpy._core.multiarray),
-/// _frombuffer of numpy.core.numeric and _codecs.encode would return, and refuses every other name. The memory it takes
-/// is limited by the size of the file and by constants, and nothing recurses.
+/// What a pickle may name and call. A pickle is a program that may name and call any function of Python. The reader
+/// calls nothing: it asks for what a function would return. An answer must not copy more than a bounded part of the
+/// arguments, because a pickle may name one argument a million times.
+class PickleFunctions {
+ public:
+  using Items = std::span<const PickleValue>;
+
+  virtual ~PickleFunctions() = default;
+
+  /// The end of a message that refuses something, after a comma.
+  virtual std::string_view advice() const = 0;
+  virtual std::size_t max_values() const = 0;
+  /// The name of a function or class that `call` uses; empty if a pickle may not name it. @param name "module.name"
+  virtual std::string find(const std::string& name) = 0;
+  /// Nothing if the call is not allowed.
+  virtual std::optional<PickleValue> call(const std::string& function, Items arguments, Pickle& pickle) = 0;
+  virtual void set_state(const PickleValue& target, const PickleValue& state, Pickle& pickle) = 0;
+  /// The object outside of the pickle that an ID names (persistent_load of Python). Nothing if that is not allowed.
+  virtual std::optional<PickleValue> persistent_load(const PickleValue& /*id*/, Pickle& /*pickle*/) { return {}; }
+};
+
+/// Reads a pickle of protocol 0 to 5 that holds dicts, lists, tuples, texts, bytes, numbers and what `functions`
+/// return. The memory it takes is limited by the size of the file and by constants, and nothing recurses.
 /// @param bytes the pickle, from its first opcode on @param where the file, for messages
 /// @throws FileError that names what is not allowed, or the byte where the pickle is damaged
+Pickle read_pickle(std::string_view bytes, const FileLocation& where, PickleFunctions& functions);
+
+/// Reads a pickle with numpy arrays. Allowed are numpy.ndarray, numpy.dtype, _reconstruct and scalar of
+/// numpy.core.multiarray (numpy._core.multiarray), _frombuffer of numpy.core.numeric and _codecs.encode.
 Pickle read_pickle(std::string_view bytes, const FileLocation& where);
 
 /// The value of a key of a dict. @throws FileError that names `what` and the key, when it is missing

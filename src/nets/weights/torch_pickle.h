@@ -1,8 +1,5 @@
 #pragma once
 
-/// The pickle inside of a `.pth` or a checkpoint is a program for a stack machine. This interpreter supports only the
-/// instructions and the four functions that mappings from names to tensors and texts need; everything else is an error.
-
 #include <cstdint>
 #include <map>
 #include <string>
@@ -30,10 +27,12 @@ struct PickledDictionary {
   std::vector<std::string> others;                        ///< names of values of other kinds, at most 5
 };
 
+/// Reads the pickle inside of a `.pth` or a checkpoint. It may call only the four functions that mappings from names to
+/// tensors and texts need (core/pickle.h).
 /// Memory and time are limited by the size of the pickle and by constants: at most two million values, a hundred
 /// thousand tensors of at most 16 axes, and 64 MB of text in all.
 /// @param where location of the pickle, for messages
-/// @throws FileError: truncated, too large, an unsupported instruction or function, a name that occurs twice, a
+/// @throws FileError: truncated, too large, a function that is not allowed, a name that occurs twice, a
 /// dictionary that occurs twice, or no mapping
 PickledDictionary read_torch_pickle(std::string_view bytes, const FileLocation& where);
 
