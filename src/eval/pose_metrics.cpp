@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cctype>
 
 #include "doppel/core/error.h"
@@ -18,6 +19,7 @@ namespace {
 constexpr double kPckMillimetres = 150.0, kAucStep = 5.0;
 constexpr double kRounding = 1e-6;  ///< millimetres, because the first threshold of the AUC is 0
 constexpr int kRoot = -1;
+constexpr int kCommonJoints = 14;
 
 struct CommonJoint {
   const char* name;
@@ -88,15 +90,6 @@ void align_frame(const Points& from, const Points& to, PointsOut out) {
 }
 
 }  // namespace
-
-const std::array<std::string, kCommonJoints>& common_joint_names() {
-  static const auto names = [] {
-    std::array<std::string, kCommonJoints> all;
-    for (int j = 0; j < kCommonJoints; ++j) all[j] = kJoints[j].name;
-    return all;
-  }();
-  return names;
-}
 
 bool has_common_joints(const std::vector<std::string>& landmark_names) {
   std::vector<std::string> plain;

@@ -4,26 +4,21 @@
 
 #include <torch/types.h>
 
-#include <array>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 namespace doppel {
 
-inline constexpr int kCommonJoints = 14;
-
-/// The 14 joints that most datasets share, in this order. The root is the midpoint of the hips.
-const std::array<std::string, kCommonJoints>& common_joint_names();
-
-/// The rows of these joints in a list of landmarks. Names may be spelled in different ways: "left_shoulder",
-/// "LShoulder". The nose may stand for the head.
+/// The rows in a list of landmarks of the 14 joints that most datasets share: head, neck, right shoulder, elbow, wrist,
+/// left shoulder, elbow, wrist, right hip, knee, ankle, left hip, knee, ankle. Names may be spelled in different ways:
+/// "left_shoulder", "LShoulder". The nose may stand for the head.
 /// @throws UsageError listing the missing joints
 std::vector<std::int64_t> common_joint_rows(const std::vector<std::string>& landmark_names);
 /// Whether a list of landmarks has all of these joints.
 bool has_common_joints(const std::vector<std::string>& landmark_names);
 
-/// The root of poses, the midpoint of the hips. @param joints [frames,14,3] @return [frames,1,3]
+/// The root of poses: the midpoint of the hips. @param joints [frames,14,3] @return [frames,1,3]
 torch::Tensor root_of_joints(const torch::Tensor& joints);
 
 struct PoseScores {
@@ -37,7 +32,7 @@ struct PoseScores {
   nlohmann::ordered_json to_json() const;
 };
 
-/// @param found, truth [frames,14,3] in the order of common_joint_names, world metres, any float type
+/// @param found, truth [frames,14,3] in the order of common_joint_rows, world metres, any float type
 /// @throws UsageError for another shape, no frames, or ground truth that is not finite
 PoseScores compare_poses(const torch::Tensor& found, const torch::Tensor& truth);
 

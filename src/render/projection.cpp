@@ -41,20 +41,6 @@ CameraPlacement camera_placement(const Tensor& projection) {
   return {centre.to(projection.scalar_type()), forward.to(projection.scalar_type())};
 }
 
-Tensor intrinsics_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype) {
-  Tensor out = torch::empty({static_cast<std::int64_t>(cameras.size()), 4}, torch::kFloat64);
-  double* data = out.data_ptr<double>();
-  for (const Camera& camera : cameras) {
-    if (camera.K(0, 1) != 0) {
-      fail<UsageError>(
-          "camera '{}' has a skew of {} pixels; intrinsics as fx fy cx cy cannot hold it, use its projection matrix",
-          camera.name, camera.K(0, 1));
-    }
-    for (const double value : {camera.K(0, 0), camera.K(1, 1), camera.K(0, 2), camera.K(1, 2)}) *data++ = value;
-  }
-  return out.to(dtype);
-}
-
 Tensor camera_from_world(const Tensor& points, const std::vector<PinholeCamera>& cameras) {
   check_shape("camera_from_world", "points", points, {-1, 3}, "[N,3]");
   std::vector<Tensor> out;

@@ -26,10 +26,6 @@ struct CameraPlacement {
 /// @param projection [...,3,4] pixels from world metres, of any scale; plain tensor operations
 CameraPlacement camera_placement(const torch::Tensor& projection);
 
-/// fx fy cx cy of each camera, in the form that Rasterizer takes. @return [C,4] of `dtype`
-/// @throws Error for a camera with skew
-torch::Tensor intrinsics_tensor(const std::vector<PinholeCamera>& cameras, torch::ScalarType dtype = torch::kFloat32);
-
 /// World points in the axes of each camera. @param points [N,3], world, metres @return [C,N,3] metres
 torch::Tensor camera_from_world(const torch::Tensor& points, const std::vector<PinholeCamera>& cameras);
 

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <opencv2/imgcodecs.hpp>
 
-#include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
 #include "doppel/core/error.h"
 #include "tensorboard.pb.h"
@@ -25,13 +24,6 @@ std::uint32_t masked_crc(const void* data, std::size_t size) {
 template <typename T>
 void append_little_endian(std::string& out, T value) {
   for (std::size_t i = 0; i < sizeof(T); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 255u));
-}
-
-template <typename T>
-T little_endian(const char* bytes) {
-  T value = 0;
-  for (std::size_t i = 0; i < sizeof(T); ++i) value |= static_cast<T>(static_cast<unsigned char>(bytes[i])) << (8 * i);
-  return value;
 }
 
 tensorboard::Event make_event(std::int64_t step) {
@@ -89,29 +81,6 @@ void TensorBoardWriter::add_image(std::int64_t step, const std::string& tag, con
   value->mutable_image()->set_colorspace(image.channels());
   value->mutable_image()->set_encoded_image_string(png.data(), png.size());
   write_record(event.SerializeAsString());
-}
-
-std::vector<std::string> read_event_records(const std::filesystem::path& path) {
-  constexpr std::size_t kHeader = 12, kFooter = 4;
-  const std::string bytes = read_file(path);
-  const FileLocation where{path.string(), 0};
-  std::vector<std::string> records;
-  for (std::size_t at = 0; at < bytes.size();) {
-    const std::size_t left = bytes.size() - at;
-    if (left < kHeader) fail_at(where, "record {} is cut short at byte {}", records.size(), at);
-    const char* header = bytes.data() + at;
-    const auto size = little_endian<std::uint64_t>(header);
-    if (little_endian<std::uint32_t>(header + 8) != masked_crc(header, 8))
-      fail_at(where, "the length of record {} (byte {}) does not match its checksum", records.size(), at);
-    if (size > left - kHeader || left - kHeader - size < kFooter)
-      fail_at(where, "record {} is cut short at byte {}", records.size(), at);
-    const char* content = header + kHeader;
-    if (little_endian<std::uint32_t>(content + size) != masked_crc(content, size))
-      fail_at(where, "record {} (byte {}) does not match its checksum", records.size(), at);
-    records.emplace_back(content, size);
-    at += kHeader + size + kFooter;
-  }
-  return records;
 }
 
 }  // namespace doppel

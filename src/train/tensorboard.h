@@ -29,8 +29,4 @@ class TensorBoardWriter {
   AppendedFile file_;
 };
 
-/// The records of an event file: payloads whose length and content checksums were verified.
-/// @throws FileError at the first record that is cut short or damaged
-std::vector<std::string> read_event_records(const std::filesystem::path& path);
-
 }  // namespace doppel

@@ -2,12 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
+#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 
 #include "doppel/core/atomic_file.h"
 #include "doppel/core/crc32c.h"
-#include "doppel/core/error.h"
 #include "support/temporary_folder.h"
 
 namespace doppel::tensorboard_test {
@@ -84,6 +83,30 @@ const Field* find(const std::vector<Field>& all, unsigned number) {
   return nullptr;
 }
 
+template <typename T>
+T number_at(const std::string& bytes, std::size_t at) {
+  T value{};
+  if (at + sizeof(T) <= bytes.size()) std::memcpy(&value, bytes.data() + at, sizeof(T));
+  return value;
+}
+
+/// Records as TensorFlow lays them out: length, its checksum, content, its checksum.
+std::vector<std::string> records_of(const std::string& bytes) {
+  const auto masked = [](const std::string& data) {
+    const std::uint32_t crc = crc32c(data.data(), data.size());
+    return (crc >> 15 | crc << 17) + 0xa282ead8u;
+  };
+  std::vector<std::string> records;
+  for (std::size_t at = 0; at < bytes.size();) {
+    const auto size = number_at<std::uint64_t>(bytes, at);
+    EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 8), masked(bytes.substr(at, 8)));
+    records.push_back(bytes.substr(at + 12, size));
+    EXPECT_EQ(number_at<std::uint32_t>(bytes, at + 12 + size), masked(records.back()));
+    at += 16 + size;
+  }
+  return records;
+}
+
 TEST(TensorBoardReference, RecordsParseBackAsTensorFlowLaysThemOut) {
   const TemporaryFolder folder;
   std::filesystem::path path;
@@ -94,7 +117,7 @@ TEST(TensorBoardReference, RecordsParseBackAsTensorFlowLaysThemOut) {
     writer.add_image(60, "overlay", cv::Mat(4, 6, CV_8UC3, cv::Scalar(10, 20, 30)));
   }
   EXPECT_EQ(path.filename().string().rfind("events.out.tfevents.", 0), 0u);
-  const auto records = read_event_records(path);
+  const auto records = records_of(read_file(path));
   ASSERT_EQ(records.size(), 4u);
 
   const auto version = fields(records[0]);
@@ -122,27 +145,6 @@ TEST(TensorBoardReference, RecordsParseBackAsTensorFlowLaysThemOut) {
   const std::string& png = find(content, 4)->bytes;
   const cv::Mat decoded = cv::imdecode(std::vector<unsigned char>(png.begin(), png.end()), cv::IMREAD_COLOR);
   EXPECT_EQ(decoded.at<cv::Vec3b>(2, 3), cv::Vec3b(10, 20, 30));
-}
-
-TEST(TensorBoardRejects, CutAndDamagedRecords) {
-  const TemporaryFolder folder;
-  std::filesystem::path path;
-  {
-    TensorBoardWriter writer(folder.path(), 0);
-    path = writer.path();
-    writer.add_scalars(1, {{"loss", 1.0}});
-  }
-  const std::string good = read_file(path);
-  const auto rejects = [&](const std::string& bytes) {
-    std::ofstream(folder / "bad", std::ios::binary) << bytes;
-    EXPECT_THROW(read_event_records(folder / "bad"), FileError);
-  };
-  for (std::size_t cut = 1; cut < 20; ++cut) rejects(good.substr(0, good.size() - cut));
-  for (std::size_t at = 0; at < good.size(); ++at) {
-    std::string bad = good;
-    bad[at] = static_cast<char>(bad[at] ^ 64);
-    rejects(bad);
-  }
 }
 
 }  // namespace

@@ -35,7 +35,6 @@ class OnnxOperation {
 
   std::size_t size() const { return arguments_.size(); }
   bool is_none(std::size_t i) const;
-  bool is_constant(std::size_t i) const { return arguments_.at(i).constant; }
 
   // Constants. @throws Error when the argument depends on the inputs
   const torch::jit::IValue& constant(std::size_t i) const;

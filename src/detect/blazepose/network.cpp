@@ -260,8 +260,6 @@ Network::~Network() = default;
 Network::Network(Network&&) noexcept = default;
 Network& Network::operator=(Network&&) noexcept = default;
 
-const TensorShape& Network::input_shape() const { return impl_->shapes[0]; }
-std::size_t Network::num_outputs() const { return impl_->shapes.size() - 1; }
 const TensorShape& Network::output_shape(std::size_t index) const { return impl_->shapes.at(index + 1); }
 
 std::span<float> Network::input() { return {impl_->buffers[0].data(), as_size(num_elements(impl_->shapes[0]))}; }

@@ -34,8 +34,6 @@ class Network {
   Network(Network&&) noexcept;
   Network& operator=(Network&&) noexcept;
 
-  const TensorShape& input_shape() const;
-  std::size_t num_outputs() const;
   const TensorShape& output_shape(std::size_t index) const;
 
   /// The input, [1, height, width, channels]: fill it before `run`.

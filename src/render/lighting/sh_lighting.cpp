@@ -26,7 +26,4 @@ Tensor identity_lighting() {
   return lighting;
 }
 
-Tensor to_orthonormal(const Tensor& lighting) { return lighting / sh_constants().to(lighting.options()); }
-Tensor from_orthonormal(const Tensor& lighting) { return lighting * sh_constants().to(lighting.options()); }
-
 }  // namespace doppel

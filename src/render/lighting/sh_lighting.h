@@ -13,15 +13,11 @@ constexpr int kShBasis = 9;
 /// Equation: 6.12
 torch::Tensor sh_basis(const torch::Tensor& normals);
 
-/// The factors that make the basis orthonormal on the sphere, in the same order. @return float64 [9]
+/// The factors that make the basis orthonormal on the sphere, in the same order: ours = constant * orthonormal.
+/// @return float64 [9]
 torch::Tensor sh_constants();
 
 /// Lighting that leaves the albedo unchanged: 1 for the constant of each channel, 0 otherwise. @return float32 [3,9]
 torch::Tensor identity_lighting();
-
-/// Converts coefficients to those of the orthonormal basis, and back: ours = constant * orthonormal.
-/// @param lighting [...,9]
-torch::Tensor to_orthonormal(const torch::Tensor& lighting);
-torch::Tensor from_orthonormal(const torch::Tensor& lighting);
 
 }  // namespace doppel

@@ -61,13 +61,6 @@ Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const sh
 
 }  // namespace
 
-RenderMode render_mode_from(const std::string& name) {
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (name == kNames[i]) return static_cast<RenderMode>(i);
-  }
-  fail<UsageError>("render mode '{}' is unknown; choose one of {}", name, fmt::join(kNames, ", "));
-}
-
 const char* name_of(RenderMode mode) { return kNames[mode]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,

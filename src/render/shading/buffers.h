@@ -21,8 +21,6 @@ enum class RenderMode {
   position,  ///< 3: world, metres
 };
 
-/// @throws Error for another name; the message lists the names
-RenderMode render_mode_from(const std::string& name);
 const char* name_of(RenderMode mode);
 
 /// The inputs of a drawing. `texture` and `lighting` are needed by some modes only, as in `shade`.

@@ -522,12 +522,6 @@ std::string counted(int count, const char* one, const char* many) {
 
 }  // namespace
 
-bool RepairReport::anything() const {
-  return lost_vertices + lost_faces + welded_vertices + degenerate_faces + duplicate_faces + non_manifold_edges +
-             split_vertices + turned_faces + specks + floor_faces + holes >
-         0;
-}
-
 std::vector<std::string> RepairReport::sentences() const {
   std::vector<std::string> out;
   if (lost_vertices > 0) {

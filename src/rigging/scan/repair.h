@@ -36,7 +36,6 @@ struct RepairReport {
   int open_borders = 0;             ///< closed border lines that stay
   int components = 0;               ///< of the mesh that results
   int unused_vertices = 0;          ///< removed
-  bool anything() const;
   /// Plain sentences, the most important first; empty when nothing was mended.
   std::vector<std::string> sentences() const;
 };

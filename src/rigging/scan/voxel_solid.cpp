@@ -251,15 +251,6 @@ Cell VoxelSolid::cell_of(int index) const {
   return {index % dims_[0], index / dims_[0] % dims_[1], index / (dims_[0] * dims_[1])};
 }
 
-bool VoxelSolid::in_grid(const Cell& c) const {
-  return c[0] >= 0 && c[1] >= 0 && c[2] >= 0 && c[0] < dims_[0] && c[1] < dims_[1] && c[2] < dims_[2];
-}
-
-Cell VoxelSolid::cell_at(const Vector3d& point) const {
-  const Vector3d place = ((point - origin_) / cell_).array().floor().max(-1e9).min(1e9);
-  return {static_cast<int>(place.x()), static_cast<int>(place.y()), static_cast<int>(place.z())};
-}
-
 Vector3d VoxelSolid::centre(int index) const {
   const Cell c = cell_of(index);
   return origin_ + cell_ * Vector3d(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5);
@@ -293,39 +284,6 @@ double VoxelSolid::depth(const Vector3d& point) const {
     sum += weight * cell_depth(index(cell));
   }
   return sum - (point - clamped).norm();
-}
-
-Vector3d VoxelSolid::depth_gradient(const Vector3d& point) const {
-  Vector3d gradient;
-  for (int k = 0; k < 3; ++k) {
-    const Vector3d step = 0.5 * cell_ * Vector3d::Unit(k);
-    gradient[k] = (depth(point + step) - depth(point - step)) / cell_;
-  }
-  return gradient;
-}
-
-int VoxelSolid::nearest_inside_cell(const Vector3d& point, double farthest) const {
-  const Cell start = cell_at(point);
-  const int reach = static_cast<int>(std::min(1e6, std::ceil(farthest / cell_))) + 1;
-  double best = farthest * farthest;
-  int found = -1;
-  const auto visit = [&](const Cell& c) {
-    if (!in_grid(c) || !inside_cell(index(c))) return;
-    const double distance = (centre(index(c)) - point).squaredNorm();
-    if (distance > best || (distance == best && found >= 0)) return;
-    best = distance;
-    found = index(c);
-  };
-  for (int ring = 0; ring <= reach; ++ring) {
-    if (found >= 0 && std::pow((ring - 1) * cell_, 2) > best) break;
-    for (int z = -ring; z <= ring; ++z)
-      for (int y = -ring; y <= ring; ++y) {
-        const bool whole_row = std::abs(z) == ring || std::abs(y) == ring;
-        for (int x = -ring; x <= ring; x += whole_row || ring == 0 ? 1 : 2 * ring)
-          visit({start[0] + x, start[1] + y, start[2] + z});
-      }
-  }
-  return found;
 }
 
 double VoxelSolid::volume() const { return static_cast<double>(inside_cells_.size()) * std::pow(cell_, 3); }

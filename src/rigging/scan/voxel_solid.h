@@ -39,9 +39,6 @@ class VoxelSolid {
   /// Cells are numbered with x fastest.
   int index(const Cell& c) const { return (c[2] * dims_[1] + c[1]) * dims_[0] + c[0]; }
   Cell cell_of(int index) const;
-  bool in_grid(const Cell& c) const;
-  /// The cell that holds a point; it may be out of the grid.
-  Cell cell_at(const Eigen::Vector3d& point) const;
   Eigen::Vector3d centre(int index) const;
 
   bool inside_cell(int index) const { return inside_[static_cast<std::size_t>(index)] != 0; }
@@ -57,10 +54,6 @@ class VoxelSolid {
   /// Distance to the surface, negative outside, interpolated between cells. Beyond the grid: the depth at the grid's
   /// border less the distance to it.
   double depth(const Eigen::Vector3d& point) const;
-  /// The direction in which the depth grows, by central differences; not of unit length where the depth has a ridge.
-  Eigen::Vector3d depth_gradient(const Eigen::Vector3d& point) const;
-  /// The inside cell whose centre is nearest to a point, at most `farthest` away; -1 if there is none.
-  int nearest_inside_cell(const Eigen::Vector3d& point, double farthest) const;
 
   double volume() const;  ///< of the inside cells
 

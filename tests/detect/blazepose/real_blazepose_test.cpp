@@ -117,7 +117,7 @@ TEST_F(RealBlazePoseNetworks, TheNumberOfThreadsDoesNotChangeTheResult) {
     fill_with_sines(network->input(), kRoiPixels, 1, 0);
     network->run();
   }
-  for (std::size_t i = 0; i < one.num_outputs(); ++i)
+  for (std::size_t i = 0; i < model.outputs.size(); ++i)
     EXPECT_TRUE(std::equal(one.output(i).begin(), one.output(i).end(), three.output(i).begin())) << "output " << i;
 }
 

@@ -56,7 +56,6 @@ TEST(VoxelSolid, DepthOfACubeIsTheDistanceToItsSides) {
     EXPECT_NEAR(solid.depth(point), truth, 0.03) << point.transpose();
     EXPECT_EQ(solid.inside(point), truth > 0.0);
   }
-  EXPECT_GT(solid.depth_gradient({0.4, 0.5, 0.0}).dot(-Vector3d::UnitX()), 0.95);
   EXPECT_LT(solid.depth({5.0, 0.5, 0.0}), -4.4);
 }
 
@@ -107,22 +106,13 @@ TEST(VoxelSolid, ANarrowGapDoesNotFill) {
 
 TEST(VoxelSolid, CellsAndNeighboursAreNumberedXFirst) {
   const VoxelSolid solid(make_box({0, 0, 0}, {1, 1, 1}), cells_of(0.1));
-  const int cell = solid.index(solid.cell_at({0.55, 0.45, 0.65}));
-  EXPECT_LT((solid.centre(cell) - Vector3d(0.55, 0.45, 0.65)).cwiseAbs().maxCoeff(), 0.05 + 1e-12);
+  const int cell = solid.index({5, 4, 6});
   const auto around = solid.neighbours(cell);
   for (int k = 0; k < 6; ++k) {
     const Vector3d step = (k % 2 == 0 ? -0.1 : 0.1) * Vector3d::Unit(k / 2);
     EXPECT_LT((solid.centre(around[k]) - solid.centre(cell) - step).norm(), 1e-12);
   }
   EXPECT_EQ(solid.neighbours(0)[0], -1);
-  const int nearest = solid.nearest_inside_cell({1.15, 0.5, 0.5}, 0.3);
-  ASSERT_GE(nearest, 0);
-  EXPECT_TRUE(solid.inside_cell(nearest));
-  double best = 1e9;
-  for (const int other : solid.inside_cells())
-    best = std::min(best, (solid.centre(other) - Vector3d(1.15, 0.5, 0.5)).norm());
-  EXPECT_DOUBLE_EQ((solid.centre(nearest) - Vector3d(1.15, 0.5, 0.5)).norm(), best);
-  EXPECT_EQ(solid.nearest_inside_cell({3.0, 0.5, 0.5}, 0.3), -1);
 }
 
 TEST(VoxelSolid, RefusesAGridThatIsTooLargeWithACellThatFits) {
