@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/video/background_segm.hpp>
 #include <vector>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/detect/masks/components.h"
-#include "doppel/detect/masks/tiled_mixtures.h"
 
 namespace doppel {
 
@@ -19,6 +20,10 @@ constexpr int kFewest = 20;  ///< images that the model needs: fewer are repeate
 constexpr double kSmallestShare = 5e-4;      ///< of the image: the smallest person
 constexpr double kHoleShare = 2e-3;          ///< of the person: the smallest hole; smaller ones are gaps
 constexpr double kSizeOfGaps = 1.0 / 140.0;  ///< of the image's longer side
+constexpr int kHistory = 500;                // images
+constexpr int kTile = 64;                    // pixels
+constexpr double kRounding = 0.9;            // of the mean colour to 8 bits, in three channels
+constexpr int kMedian = 3;                   // side of the window in which a single pixel counts as noise
 constexpr std::uint64_t kSeed = 20210917;
 
 // ---- exposure ----
@@ -138,6 +143,87 @@ cv::Mat refine(const cv::Mat& image, const cv::Mat& person, const cv::Mat& chang
 
 }  // namespace
 
+/// A mixture of Gaussians for each pixel of the empty scene (MOG2), in tiles. A tile is asked only where the image
+/// differs from the empty scene. A pixel that is as near to the mean of its learnt colours as the smallest variance
+/// allows matches the scene in any case, and single pixels beyond are the sensor's noise.
+class TiledMixtures {
+ public:
+  TiledMixtures() = default;
+  /// @param threshold, shadow as in BackgroundOptions
+  TiledMixtures(double threshold, double shadow, cv::Size size);
+
+  /// @param image 8-bit BGR @param rate share of the image in the model, 0..1
+  void learn(const cv::Mat& image, double rate);
+  /// The mean of the learnt colours, 8-bit BGR.
+  cv::Mat empty_scene() const;
+  /// 0 background, 127 shadow, 255 person, without learning. @param empty `empty_scene`
+  cv::Mat classes(const cv::Mat& image, const cv::Mat& empty) const;
+
+ private:
+  struct Tile {
+    cv::Rect box;
+    cv::Ptr<cv::BackgroundSubtractorMOG2> model;
+  };
+  cv::Mat far_from(const cv::Mat& image, const cv::Mat& empty) const;
+
+  cv::Size size_;
+  std::vector<Tile> tiles_;
+  int sure_ = 0;  ///< squared distance of a colour that surely matches
+};
+
+TiledMixtures::TiledMixtures(double threshold, double shadow, cv::Size size) : size_(size) {
+  for (int row = 0; row < size.height; row += kTile)
+    for (int column = 0; column < size.width; column += kTile) {
+      tiles_.push_back({cv::Rect(column, row, kTile, kTile) & cv::Rect({}, size),
+                        cv::createBackgroundSubtractorMOG2(kHistory, threshold * threshold, shadow < 1.0)});
+      tiles_.back().model->setShadowThreshold(shadow);
+    }
+  const double nearest = threshold * std::sqrt(tiles_.front().model->getVarMin()) - kRounding;
+  sure_ = static_cast<int>(std::pow(std::max(0.0, nearest), 2));
+}
+
+void TiledMixtures::learn(const cv::Mat& image, double rate) {
+  cv::Mat ignored;
+  for (const Tile& tile : tiles_) tile.model->apply(image(tile.box), ignored, rate);
+}
+
+cv::Mat TiledMixtures::empty_scene() const {
+  cv::Mat scene(size_, CV_8UC3), part;
+  for (const Tile& tile : tiles_) {
+    tile.model->getBackgroundImage(part);
+    part.copyTo(scene(tile.box));
+  }
+  return scene;
+}
+
+cv::Mat TiledMixtures::classes(const cv::Mat& image, const cv::Mat& empty) const {
+  const cv::Mat far = far_from(image, empty);
+  cv::Mat found = cv::Mat::zeros(size_, CV_8U), part;
+  for (const Tile& tile : tiles_) {
+    // One pixel more than the tile: a median at its edge sees them too.
+    const cv::Rect around(tile.box.x - 1, tile.box.y - 1, tile.box.width + 2, tile.box.height + 2);
+    if (cv::countNonZero(far(around & cv::Rect({}, size_))) == 0) continue;
+    tile.model->apply(image(tile.box), part, 0.0);
+    part.copyTo(found(tile.box));
+  }
+  return found;
+}
+
+/// Pixels that may not match the scene, without single ones.
+cv::Mat TiledMixtures::far_from(const cv::Mat& image, const cv::Mat& empty) const {
+  cv::Mat far(size_, CV_8U);
+  for (int row = 0; row < image.rows; ++row) {
+    const std::uint8_t *a = image.ptr(row), *b = empty.ptr(row);
+    std::uint8_t* out = far.ptr(row);
+    for (int i = 0; i < image.cols; ++i) {
+      const int x = a[3 * i] - b[3 * i], y = a[3 * i + 1] - b[3 * i + 1], z = a[3 * i + 2] - b[3 * i + 2];
+      out[i] = x * x + y * y + z * z > sure_ ? 255 : 0;
+    }
+  }
+  cv::medianBlur(far, far, kMedian);
+  return far;
+}
+
 struct BackgroundModel::Impl {
   BackgroundOptions options;
   TiledMixtures model;
@@ -185,8 +271,6 @@ void BackgroundModel::learn(const cv::Mat& image) {
   impl_->show(image);
   if (impl_->few.size() < kFewest) impl_->few.push_back(image.clone());
 }
-
-int BackgroundModel::num_learnt() const { return impl_->learnt; }
 
 cv::Mat BackgroundModel::mask(const cv::Mat& image) {
   if (impl_->learnt == 0) fail<UsageError>("background subtraction has seen no empty image yet");

@@ -38,7 +38,6 @@ class BackgroundModel {
   /// or more also show the noise of the sensor.
   /// @throws UsageError after the first mask; Error when the size or the type differs from the images before
   void learn(const cv::Mat& image);
-  int num_learnt() const;
 
   /// The mask of the person in an image: 255 on the person, 0 elsewhere. Only the largest connected part is kept. The
   /// mask is empty when this part is too small to be a person.

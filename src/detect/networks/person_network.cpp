@@ -1,11 +1,13 @@
 #include "doppel/detect/networks/person_network.h"
 
 #include <algorithm>
+#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "doppel/core/error.h"
-#include "doppel/detect/networks/network_stage.h"
+#include "doppel/detect/networks/image_network.h"
+#include "doppel/detect/networks/output_choice.h"
 
 namespace doppel {
 
@@ -38,6 +40,31 @@ std::optional<PersonBox> box_of_mask(const cv::Mat& mask) {
 }
 
 }  // namespace
+
+/// A network with the adapter of its outputs, which is chosen when the network first runs.
+class NetworkStage {
+ public:
+  /// @throws as ImageNetwork
+  NetworkStage(const NetworkOptions& options, const Wanted& wanted) : network_(options), wanted_(wanted) {}
+
+  const NetworkOptions& options() const { return network_.options(); }
+
+  /// @throws as ImageNetwork::run; Error naming the file when the outputs do not have the form wanted
+  NetworkResult run(const cv::Mat& image, const NetworkView& view) {
+    const std::vector<NetworkOutput> outputs = network_.run(network_input(image, view, options()));
+    try {
+      if (!adapter_) adapter_ = choose_adapter(options(), wanted_, outputs, view.input);
+      return adapter_->read(outputs, view.input);
+    } catch (const Error& e) {
+      fail("{}: {}", network_.files(), e.what());
+    }
+  }
+
+ private:
+  ImageNetwork network_;
+  Wanted wanted_;
+  std::unique_ptr<OutputAdapter> adapter_;
+};
 
 std::optional<PersonBox> box_of_points(const std::vector<NetworkPoint>& points) {
   PersonBox box;

@@ -12,7 +12,7 @@ struct TrackConfig {
   MultiviewOptions fit;
   DofChoice dofs;
   SurfaceOptions surface;
-  std::vector<std::string> shared_dofs;  ///< names of the DoFs that are fitted first (`shared_dofs.h`)
+  std::vector<std::string> shared_dofs;  ///< names of the DoFs that are fitted first (`SharedDofs`)
   int shared_frames = 10;                ///< frames of each sequence that they are fitted to
   int template_frames = 0;               ///< frames of each sequence for the template fit; 0: no template fit
   double smoothing = 2.0;                ///< sigma of the Gaussian of `smooth_poses` with degree 2, frames; 0: none

@@ -40,7 +40,23 @@ void check(const MultiviewOptions& options) {
     fail("the number of outline rounds of the fit is {}; it must be 0 or more", options.outline_rounds);
 }
 
+/// The weight of the prior on each DoF, [D], per squared radian: for shared DoFs the larger of both weights. Empty when
+/// all weights are 0.
+std::vector<double> prior_weights(const MultiviewOptions& options, std::size_t num_dofs) {
+  std::vector<double> weights(num_dofs, options.prior_weight);
+  for (const int dof : options.shared_dofs.dofs) {
+    double& weight = weights[dof];
+    weight = std::max(weight, options.shared_dofs.weight);
+  }
+  const bool held = std::any_of(weights.begin(), weights.end(), [](double weight) { return weight > 0.0; });
+  return held ? weights : std::vector<double>();
+}
+
 }  // namespace
+
+void SharedDofs::put_into(std::vector<double>& pose) const {
+  for (std::size_t i = 0; i < dofs.size(); ++i) pose[dofs[i]] = values[i];
+}
 
 /// A fit from one start.
 struct MultiviewTracker::Fit {
@@ -148,7 +164,7 @@ Terms MultiviewTracker::terms(const FrameEvidence& frame, const std::vector<Outl
   Terms result = image_terms<PoseModel>(cameras_, frame, outline, options_);
   const MultiviewOptions& o = options_;
   if (o.limit_weight > 0.0) result.push_back(std::make_unique<LimitTerm>(o.limit_weight));
-  if (const auto weights = prior_weights(o.shared_dofs, o.prior_weight, shared_.size()); !weights.empty())
+  if (const auto weights = prior_weights(o, shared_.size()); !weights.empty())
     result.push_back(std::make_unique<PriorTerm>("prior", shared_, weights));
   if (expected && o.steady_weight > 0.0)
     result.push_back(std::make_unique<PriorTerm>("steady", *expected, o.steady_weight));

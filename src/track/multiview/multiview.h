@@ -21,9 +21,20 @@
 #include "doppel/track/fit/pose_fit_options.h"
 #include "doppel/track/fit/pose_history.h"
 #include "doppel/track/fit/tracked_frame.h"
-#include "doppel/track/multiview/shared_dofs.h"
 
 namespace doppel {
+
+/// DoFs of parts without landmarks, for example wrists and fingers, with values that replace those of the rest pose.
+/// The outlines of a single frame hardly determine such a DoF. All frames together determine it well, when its value is
+/// the same in each.
+struct SharedDofs {
+  std::vector<int> dofs;       ///< indices
+  std::vector<double> values;  ///< [dofs]
+  double weight = 100.0;       ///< of the prior on those that a fit has as unknowns, per squared radian
+
+  /// Replaces these DoFs of a pose. @param pose [D]
+  void put_into(std::vector<double>& pose) const;
+};
 
 /// Options of the multi-view fit. Pixels are reference pixels, as in `PoseFitOptions`. The weights of silhouette and
 /// contour hold for each camera: its outline vertices or contour points share them equally. The temporal term pulls
@@ -36,7 +47,7 @@ struct MultiviewOptions : PoseFitOptions {
   /// Largest distance of a landmark from its triangulated position, metres. When a landmark that was triangulated from
   /// three or more views is farther off, the fit is also started from the triangulated landmarks.
   double max_landmark_distance = 0.15;
-  SharedDofs shared_dofs;  ///< values that replace those of the rest pose; empty: none
+  SharedDofs shared_dofs;
 };
 
 /// The image terms of a frame: keypoints; with outline vertices also the silhouette, and the contour if its weight is
