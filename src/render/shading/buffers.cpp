@@ -1,6 +1,5 @@
 #include "doppel/render/shading/buffers.h"
 
-#include <fmt/ranges.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
@@ -61,7 +60,7 @@ Tensor surface_values(const RenderScene& scene, const RenderMesh& mesh, const sh
 
 }  // namespace
 
-const char* name_of(RenderMode mode) { return kNames[mode]; }
+const char* name_of(RenderMode mode) { return kNames[static_cast<int>(mode)]; }
 
 Tensor render_mode(const RenderScene& scene, const RenderMesh& mesh, std::int64_t height, std::int64_t width,
                    RenderMode mode, const ShadingOptions& options) {
