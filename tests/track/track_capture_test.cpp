@@ -113,17 +113,15 @@ TEST_F(TrackCapture, SaysWhatIsWrong) {
     return read_track_config(ConfigDocument::parse(text, "fit.yaml"));
   };
   EXPECT_EQ(config_of("silhouette: {weight: 0}").fit.silhouette_weight, 0.0);
-  for (const std::string section : {"shared_dofs", "usual"}) {  // the second is the name it had before
-    const TrackConfig shared = config_of(section + ": {dofs: ['lean_*'], frames: 3, weight: 7}");
-    EXPECT_EQ(shared.shared_dofs, std::vector<std::string>{"lean_*"});
-    EXPECT_EQ(shared.shared_frames, 3);
-    EXPECT_EQ(shared.fit.shared_dofs.weight, 7.0);
-  }
-  const TrackConfig old = config_of("trust: {pixels: 7, share: 0.25, keypoints: 5, distance: 0.5}");
-  EXPECT_EQ(old.fit.inlier_threshold, 7.0);
-  EXPECT_EQ(old.fit.min_inlier_ratio, 0.25);
-  EXPECT_EQ(old.fit.min_keypoints, 5);
-  EXPECT_EQ(old.fit.max_landmark_distance, 0.5);
+  const TrackConfig shared = config_of("shared_dofs: {dofs: ['lean_*'], frames: 3, weight: 7}");
+  EXPECT_EQ(shared.shared_dofs, std::vector<std::string>{"lean_*"});
+  EXPECT_EQ(shared.shared_frames, 3);
+  EXPECT_EQ(shared.fit.shared_dofs.weight, 7.0);
+  const TrackConfig strict = config_of("inliers: {threshold: 7, min_ratio: 0.25, min_keypoints: 5, max_distance: 0.5}");
+  EXPECT_EQ(strict.fit.inlier_threshold, 7.0);
+  EXPECT_EQ(strict.fit.min_inlier_ratio, 0.25);
+  EXPECT_EQ(strict.fit.min_keypoints, 5);
+  EXPECT_EQ(strict.fit.max_landmark_distance, 0.5);
   EXPECT_THAT(message_of<Error>([&] { config_of("silhouete: {weight: 0}"); }), HasSubstr("silhouette"));
   EXPECT_THAT(message_of<Error>([&] { config_of("inliers: {min_ratio: 2}"); }), HasSubstr("inliers.min_ratio"));
   EXPECT_THAT(message_of<UsageError>([&] {
