@@ -9,6 +9,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/render/projection.h"
 
@@ -108,7 +109,7 @@ Eigen::VectorXd solve_gains(int count, const std::map<std::pair<int, int>, Commo
     right[a] += common.weight * ratio;
     right[b] -= common.weight * ratio;
   }
-  Eigen::VectorXd gains = matrix.ldlt().solve(right);
+  Eigen::VectorXd gains = solve_symmetric(matrix, right);
   gains.array() -= gains.mean();
   return gains;
 }
