@@ -1,10 +1,10 @@
 #include "doppel/character/pose_solver.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
 #include "doppel/core/as_size.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/solver/least_squares.h"
 
 namespace doppel {
@@ -78,7 +78,7 @@ class PoseGoalProblem : public LeastSquaresProblem {
         system(d, d) *= 1.0 + damping;
       }
     }
-    step = system.ldlt().solve(right);
+    step = solve_symmetric(system, right);
     return true;
   }
 

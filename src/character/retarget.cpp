@@ -167,8 +167,7 @@ class RestPoses {
       to.rightCols(1) = parent.rest_turn * theirs.normalized() * ours.norm();
     }
     if (from.cols() == 0) return usual;
-    if (from.cols() == 1)
-      return Eigen::Quaterniond::FromTwoVectors(usual * from.col(0), to.col(0)).toRotationMatrix() * usual;
+    if (from.cols() == 1) return rotation_between(usual * from.col(0), to.col(0)).toRotationMatrix() * usual;
     return best_rotation(from, to);
   }
 
@@ -219,8 +218,7 @@ std::vector<PoseGoal> goals_of(const std::vector<Node>& nodes, const std::vector
       const Vector3d now = source.translation() - frame[parent.source].translation();
       // A source bone without length has no direction: the joint follows its parent.
       const bool rides = now.norm() < kNoLength || theirs.norm() < kNoLength;
-      goal.position =
-          above.position + (rides ? ours : Vector3d(Eigen::Quaterniond::FromTwoVectors(theirs, now) * ours));
+      goal.position = above.position + (rides ? ours : Vector3d(rotation_between(theirs, now) * ours));
     }
     goals.push_back(goal);
   }

@@ -3,12 +3,13 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cctype>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 
@@ -80,12 +81,12 @@ void align_frame(const Points& from, const Points& to, PointsOut out) {
   const Eigen::RowVector3d from_mean = from.colwise().mean(), to_mean = to.colwise().mean();
   const Eigen::MatrixX3d centred = from.rowwise() - from_mean;
   const Eigen::Matrix3d covariance = centred.transpose() * (to.rowwise() - to_mean);
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const auto [U, values, V] = svd(covariance);
   Eigen::Vector3d sign(1.0, 1.0, 1.0);
-  if ((svd.matrixU() * svd.matrixV()).determinant() < 0.0) sign.z() = -1.0;  // a rotation, not a reflection
-  const Eigen::Matrix3d rotation = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  if ((U * V).determinant() < 0.0) sign.z() = -1.0;  // a rotation, not a reflection
+  const Eigen::Matrix3d rotation = U * sign.asDiagonal() * V.transpose();
   const double spread = centred.squaredNorm();
-  const double scale = spread > 0.0 ? svd.singularValues().dot(sign) / spread : 0.0;
+  const double scale = spread > 0.0 ? values.dot(sign) / spread : 0.0;
   out = ((scale * centred * rotation).rowwise() + to_mean).eval();
 }
 

@@ -3,12 +3,14 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "doppel/geometry/best_rotation.h"
+
 namespace doppel {
 
 Eigen::Matrix3d y_up_from_axis(const Eigen::Vector3d& up) {
   // A half turn has no smallest rotation: about x, as for z.
   if (up.y() < -0.999) return Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()).toRotationMatrix();
-  return Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return rotation_between(up, Eigen::Vector3d::UnitY()).toRotationMatrix();
 }
 
 NearestAxis nearest_axis(const Eigen::Vector3d& direction) {

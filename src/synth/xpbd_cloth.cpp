@@ -1,6 +1,6 @@
 #include "doppel/synth/xpbd_cloth.h"
 
-#include <Eigen/SVD>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -8,6 +8,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/process.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/synth/posed_body.h"
 
@@ -200,10 +201,10 @@ Vector3d Lining::carried(const Rider& rider, const Points& surface) const {
   Matrix3d spread = Matrix3d::Zero();
   for (std::size_t k = 0; k < rider.carriers.size(); ++k)
     spread += rider.weights[k] * (surface[rider.carriers[k]] - to) * (rest_[rider.carriers[k]] - from).transpose();
-  const Eigen::JacobiSVD<Matrix3d> svd(spread, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const bool mirrors = svd.matrixU().determinant() * svd.matrixV().determinant() < 0;
+  const auto [U, values, V] = svd(spread);
+  const bool mirrors = U.determinant() * V.determinant() < 0;
   const Vector3d sign(1, 1, mirrors ? -1 : 1);
-  const Matrix3d turn = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  const Matrix3d turn = U * sign.asDiagonal() * V.transpose();
   return to + turn * (rest_[rider.vertex] - from);
 }
 

@@ -1,10 +1,9 @@
 #include "doppel/calibration/estimation/align_cameras.h"
 
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <cmath>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/best_rotation.h"
 
 namespace doppel {
 
@@ -34,11 +33,8 @@ Similarity align_cameras(const std::vector<Camera>& from, const std::vector<Came
   // The turn with the largest trace of its product with the sum (Procrustes); lengths in units of the spreads.
   Matrix3d sum = axes / count;
   if (spread) sum += centres / std::sqrt(spread_from * spread_to);
-  const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Vector3d signs = Vector3d::Ones();
-  signs.z() = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
   Similarity world;
-  world.rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  world.rotation = nearest_rotation(sum);
   if (spread) world.scale = (world.rotation.transpose() * centres).trace() / spread_from;
   if (!(world.scale > 0.0)) world.scale = 1.0;
   world.shift = middle_to - world.scale * world.rotation * middle_from;

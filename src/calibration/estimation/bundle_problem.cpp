@@ -1,6 +1,5 @@
 #include "doppel/calibration/estimation/bundle_problem.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -10,6 +9,7 @@
 #include "doppel/calibration/estimation/camera_jacobian.h"
 #include "doppel/calibration/estimation/reprojection.h"
 #include "doppel/core/as_size.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -233,7 +233,7 @@ Eigen::MatrixXd BundleProblem::covariance() {
     reduced(i, i) = reduced(i, i) > 0.0 ? reduced(i, i) * (1.0 + 1e-9) : 1.0;
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(reduced.rows(), reduced.cols());
   const Eigen::MatrixXd constrained = unit - gauge * gauge.transpose();
-  const Eigen::MatrixXd inverse = constrained * reduced.ldlt().solve(unit) * constrained;
+  const Eigen::MatrixXd inverse = constrained * solve_symmetric(reduced, unit) * constrained;
 
   const Eigen::MatrixXd independent = residual_variance() * inverse;
 

@@ -14,6 +14,7 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
+#include "doppel/geometry/best_rotation.h"
 #include "doppel/solver/block_system.h"
 #include "doppel/solver/least_squares.h"
 
@@ -391,7 +392,7 @@ class BoardRig {
       for (const Camera& camera : cameras_) up -= camera.R.row(1).transpose();
       if (!(up.norm() > 1e-6)) up = -cameras_[0].R.row(1).transpose();
     }
-    const Matrix3d turn = Eigen::Quaterniond::FromTwoVectors(up.normalized(), Vector3d::UnitY()).toRotationMatrix();
+    const Matrix3d turn = rotation_between(up.normalized(), Vector3d::UnitY()).toRotationMatrix();
     Vector3d origin = Vector3d::Zero();
     for (const Camera& camera : cameras_) origin += turn * camera.centre() / static_cast<double>(cameras_.size());
     origin.y() = floor ? (turn * boards_[instants_.at(*floor)].t).y() : lowest_corner(turn);

@@ -1,6 +1,5 @@
 #include "doppel/calibration/estimation/offset_problem.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -9,6 +8,7 @@
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/statistics.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -217,9 +217,9 @@ bool OffsetProblem::solve(double damping, Eigen::VectorXd& step) {
   Eigen::MatrixXd damped = hessian_;
   for (Eigen::Index i = 0; i < damped.rows(); ++i)
     damped(i, i) = damped(i, i) > 0.0 ? damped(i, i) * (1.0 + damping) : 1.0;
-  const Eigen::LLT<Eigen::MatrixXd> factor(damped);
-  if (factor.info() != Eigen::Success) return false;
-  step = factor.solve(-gradient_);
+  const auto solution = solve_positive_definite(damped, Eigen::VectorXd(-gradient_));
+  if (!solution) return false;
+  step = *solution;
   return step.allFinite();
 }
 
@@ -257,10 +257,11 @@ Eigen::MatrixXd OffsetProblem::covariance(const Eigen::VectorXd& state) {
   Eigen::MatrixXd regular = curvature(state);
   for (Eigen::Index i = 0; i < regular.rows(); ++i)  // an unknown without rows
     if (regular(i, i) == 0.0) regular(i, i) = 1e-12;
-  const Eigen::LLT<Eigen::MatrixXd> factor(regular);
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(regular.rows(), regular.cols());
+  const auto inverted = solve_positive_definite(regular, unit);
   const double infinite = std::numeric_limits<double>::infinity();
-  if (factor.info() != Eigen::Success) return Eigen::MatrixXd::Constant(regular.rows(), regular.cols(), infinite);
-  const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(regular.rows(), regular.cols()));
+  if (!inverted) return Eigen::MatrixXd::Constant(regular.rows(), regular.cols(), infinite);
+  const Eigen::MatrixXd& inverse = *inverted;
   linearise(state);
   double count = 0.0;
   Eigen::MatrixXd spread = Eigen::MatrixXd::Zero(regular.rows(), regular.cols());

@@ -1,6 +1,5 @@
 #include "doppel/calibration/estimation/world_by_person.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -11,6 +10,8 @@
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/statistics.h"
+#include "doppel/geometry/best_rotation.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/solver/residuals.h"
 
 namespace doppel {
@@ -150,7 +151,7 @@ Floor next_floor(const std::vector<Vector3d>& prints, const Vector3d& upright, c
   }
   hessian(0, 0) += 1.0 / (kLeaning * kLeaning);
   hessian(1, 1) += 1.0 / (kLeaning * kLeaning);
-  const Vector3d found = hessian.ldlt().solve(right);
+  const Vector3d found = solve_symmetric(hessian, right);
   const Vector3d normal = upright + found[0] * a + found[1] * b;
   return {normal.normalized(), found[2] / normal.norm(), std::sqrt(squares / std::max(weights, 1e-12))};
 }
@@ -211,7 +212,7 @@ WorldByPerson world_by_person(const std::vector<Camera>& cameras, const PointTra
   found.stature = found.scaled ? options.stature.value_or(kUsualStature) : old_stature;
   const double metres = found.stature / stature;  // per unit of the room
   found.world.scale = room.scale * metres;
-  found.world.rotation = Eigen::Quaterniond::FromTwoVectors(floor.up, Vector3d::UnitY()).toRotationMatrix();
+  found.world.rotation = rotation_between(floor.up, Vector3d::UnitY()).toRotationMatrix();
   Vector3d middle;
   for (int axis = 0; axis < 3; ++axis)
     middle[axis] =

@@ -1,13 +1,13 @@
 #include "doppel/calibration/formats/camera_parts.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "doppel/core/atomic_file.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -126,8 +126,8 @@ Eigen::Matrix3d rotation_from_quaternion(double w, double x, double y, double z,
 Eigen::Matrix3d repaired_rotation(const Eigen::Matrix3d& matrix) {
   const double deviation = (matrix * matrix.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(deviation <= kMendableRotation)) return matrix;
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  return svd.matrixU() * svd.matrixV().transpose();
+  const auto [U, values, V] = svd(matrix);
+  return U * V.transpose();
 }
 
 Eigen::Matrix3d matrix_from_rows(std::span<const double> row_major) {

@@ -1,11 +1,12 @@
 #include "doppel/calibration/formats/inverse_lens.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
+
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -93,7 +94,8 @@ LensVector fit_lens(const std::vector<LensPair>& pairs, int count, const Camera&
     normal.diagonal().array() += kFitRidge;
     normal.diagonal() *= 1.0 + damping;
     LensVector next = lens;
-    next.head(count) -= normal.ldlt().solve(jacobian.transpose() * residuals + kFitRidge * lens.head(count));
+    const Eigen::VectorXd gradient = jacobian.transpose() * residuals + kFitRidge * lens.head(count);
+    next.head(count) -= solve_symmetric(normal, gradient);
     const Eigen::VectorXd next_residuals = lens_residuals(pairs, next, camera);
     const double before = cost(residuals, lens), after = cost(next_residuals, next);
     damping *= after < before ? 0.1 : 10.0;

@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "doppel/core/statistics.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -44,11 +44,10 @@ std::optional<CommonView> common_view(const std::vector<Camera>& cameras) {
     weighted += across * (camera.centre() - mean);
   }
   if (!sum.allFinite() || !weighted.allFinite()) return std::nullopt;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(sum);
-  if (!(solver.eigenvalues()[0] > kParallel)) return std::nullopt;
+  const auto [values, vectors] = symmetric_eigen(sum);
+  if (!(values[0] > kParallel)) return std::nullopt;
   CommonView view;
-  view.point = mean + solver.eigenvectors() * (solver.eigenvalues().cwiseInverse().asDiagonal() *
-                                               (solver.eigenvectors().transpose() * weighted));
+  view.point = mean + vectors * (values.cwiseInverse().asDiagonal() * (vectors.transpose() * weighted));
   std::vector<double> distances, depths;
   for (const Camera& camera : cameras) {
     const Eigen::Vector3d to_point = view.point - camera.centre();

@@ -1,9 +1,9 @@
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "doppel/geometry/decompositions.h"
 #include "doppel/io/figure_export/figure_clip.h"
 
 namespace doppel {
@@ -30,7 +30,8 @@ Eigen::VectorXf unposed_displacements(const Figure& figure, const std::vector<Ei
     const Eigen::Matrix3d M = blended[v].linear();
     const Eigen::Vector3d residual = vertex_of(vertices, v) - blended[v] * figure.rest_vertices[v];
     const Eigen::Matrix3d normal = M.transpose() * M + kDamping * Eigen::Matrix3d::Identity();
-    result.segment<3>(3 * static_cast<Eigen::Index>(v)) = normal.ldlt().solve(M.transpose() * residual).cast<float>();
+    const Eigen::Vector3d right = M.transpose() * residual;
+    result.segment<3>(3 * static_cast<Eigen::Index>(v)) = solve_symmetric(normal, right).cast<float>();
   }
   return result;
 }
@@ -64,7 +65,7 @@ Eigen::VectorXd frame_weights(const Figure& figure, const std::vector<Eigen::Aff
   }
   Eigen::MatrixXd normal = moved.transpose() * moved;
   normal.diagonal().array() += 1e-9;
-  return normal.ldlt().solve(moved.transpose() * residual);
+  return solve_symmetric(normal, Eigen::VectorXd(moved.transpose() * residual));
 }
 
 /// The displacements of the frames [first, last): mean + components * weights.

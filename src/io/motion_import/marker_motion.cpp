@@ -276,7 +276,7 @@ Matrix3d PointFigure::rotation(std::size_t index, const std::vector<Vector3d>& p
   }
   if (from.cols() == 0) return above;
   if (from.cols() > 1) return best_rotation(from, to);
-  const Matrix3d swing = Eigen::Quaterniond::FromTwoVectors(above * from.col(0), to.col(0)).toRotationMatrix() * above;
+  const Matrix3d swing = rotation_between(above * from.col(0), to.col(0)).toRotationMatrix() * above;
   const std::vector<int>& next = joints_[below].children;
   const bool thigh = joints_[below].name.ends_with("_knee");
   const bool limb = thigh || joints_[below].name.ends_with("_elbow");

@@ -1,12 +1,12 @@
 #include "doppel/io/rig_import/rig_plan.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 
@@ -278,7 +278,7 @@ void Planner::check_rest() {
     if (!(std::abs(plan_.bind[j].linear().determinant()) > 1e-30))
       fail("joint '{}' has the scale 0 in its bind pose; give it a scale of 1", name);
     const Eigen::Matrix3d change = (rest_[node] * plan_.bind[j].inverse()).linear();
-    const Eigen::Vector3d stretch = Eigen::JacobiSVD<Eigen::Matrix3d>(change).singularValues();
+    const Eigen::Vector3d stretch = svd(change).values;
     if (change.determinant() < 0)
       fail(
           "joint '{}' is mirrored (negative scale) against its bind pose; apply the scale in the program that made "
@@ -311,12 +311,11 @@ int RigPlan::joint_of_node(int node) const {
 RigPlan plan_rig(const Scene& scene) { return Planner(scene).plan(); }
 
 JointPose joint_pose(const Affine& motion, const Eigen::Vector3d& centre) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(motion.linear(), Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
+  Svd3 parts = svd(motion.linear());
+  Eigen::Matrix3d turn = parts.U * parts.V.transpose();
   if (turn.determinant() < 0) {
-    Eigen::Matrix3d u = svd.matrixU();
-    u.col(2) *= -1;
-    turn = u * svd.matrixV().transpose();
+    parts.U.col(2) *= -1;
+    turn = parts.U * parts.V.transpose();
   }
   return {Eigen::Quaterniond(turn), motion * centre};
 }

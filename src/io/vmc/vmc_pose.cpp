@@ -6,6 +6,7 @@
 #include <set>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/best_rotation.h"
 
 namespace doppel {
 namespace {
@@ -19,10 +20,6 @@ const std::set<std::string> kHumanBones{
 std::string capitalised(std::string name) {
   name[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(name[0])));
   return name;
-}
-
-Eigen::Matrix3d smallest_turn(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
 }
 
 /// The rotation of a transform without scale.
@@ -92,7 +89,7 @@ void VmcAvatar::turn_to_t_pose() {
   for (const Limb& limb : limbs) {
     const int bone = part_named(limb.bone), end = part_named(limb.end);
     if (bone < 0 || end < 0) continue;
-    parts_[bone].t_pose = smallest_turn(rest_place(end) - rest_place(bone), limb.direction);
+    parts_[bone].t_pose = rotation_between(rest_place(end) - rest_place(bone), limb.direction).toRotationMatrix();
   }
   for (Part& part : parts_) {
     if (part.parent < 0) continue;

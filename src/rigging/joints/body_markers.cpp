@@ -1,7 +1,7 @@
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "doppel/geometry/decompositions.h"
 #include "doppel/rigging/joints/body_skeleton.h"
 #include "doppel/rigging/joints/head_measures.h"
 
@@ -102,9 +102,9 @@ Vector3d thumb_direction(const MarkerBuilder& b, const Side& side, const Vector3
     const Vector3d d = p - sum / static_cast<double>(across.size());
     spread += d * d.transpose();
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
-  if (axes.eigenvalues()[2] < 2.5 * axes.eigenvalues()[1]) return ahead;
-  const Vector3d wide = axes.eigenvectors().col(2);
+  const auto [spreads, axes] = symmetric_eigen(spread);
+  if (spreads[2] < 2.5 * spreads[1]) return ahead;
+  const Vector3d wide = axes.col(2);
   return wide.dot(ahead) < 0 ? Vector3d(-wide) : wide;
 }
 

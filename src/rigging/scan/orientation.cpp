@@ -1,6 +1,5 @@
 #include "doppel/rigging/scan/orientation.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <array>
 #include <charconv>
@@ -8,6 +7,7 @@
 #include <limits>
 
 #include "doppel/core/error.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/rigging/scan/body_shape.h"
 #include "doppel/rigging/scan/scan_parts.h"
 
@@ -81,7 +81,7 @@ void refuse_flat(const TriangleMesh& mesh) {
   const Vector3d centre = sum / std::max(count, 1.0);
   Matrix3d spread = Matrix3d::Zero();
   each_corner([&](const Vector3d& x) { spread += (x - centre) * (x - centre).transpose(); });
-  const Vector3d spreads = Eigen::SelfAdjointEigenSolver<Matrix3d>(spread).eigenvalues();
+  const Vector3d spreads = symmetric_eigen(spread).values;
   if (count > 0 && std::isfinite(spreads[2]) && spreads[0] <= kFlat * kFlat * spreads[2])
     fail<UsageError>(
         "finding the orientation of the scan: all triangles lie in one plane, so there is no body; a scan of the "
@@ -115,10 +115,9 @@ class OrientationFinder {
     centre_ = centre / static_cast<double>(body_.cells.size());
     Matrix3d spread = Matrix3d::Zero();
     for (const Vector3d& cell : body_.cells) spread += (cell - centre_) * (cell - centre_).transpose();
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(spread / static_cast<double>(body_.cells.size()));
-    longest_ = solver.eigenvectors().col(2);
+    const auto [spreads, axes] = symmetric_eigen(spread / static_cast<double>(body_.cells.size()));
+    longest_ = axes.col(2);
     // The share of the spread along the longest axis that the next one does not have.
-    const Vector3d spreads = solver.eigenvalues();
     elongation_ = spreads[2] > 0.0 ? 1.0 - spreads[1] / spreads[2] : 0.0;
     out_.floor = body_.floor_direction >= 0;
     out_.shape.largest_share = body_.largest_share;

@@ -1,6 +1,7 @@
 #include "doppel/track/energy/alignment.h"
 
-#include <Eigen/SVD>
+#include "doppel/geometry/best_rotation.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -53,7 +54,7 @@ std::optional<std::vector<double>> align_root(const PoseModel& model, const std:
   each([&](double weight, const Vector3d& from, const Vector3d& to) {
     covariance += weight / sum * (to - to_mean) * (from - from_mean).transpose();
   });
-  const Vector3d spread = Eigen::JacobiSVD<Matrix3d>(covariance).singularValues();
+  const Vector3d spread = svd(covariance).values;
   if (spread[1] < 1e-3 * spread[0] || spread[0] < 1e-6) return std::nullopt;
   const Matrix3d turn = nearest_rotation(covariance);
   const RootRotation& root = *model.root();

@@ -1,6 +1,6 @@
 #include "doppel/track/energy/root_rotation.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -54,13 +54,6 @@ Eigen::Matrix3d step_derivative(const Eigen::Vector3d& turn) {
   const double square =
       angle < kSmall ? 1.0 / 12.0 : 1.0 / (angle * angle) - (1.0 + std::cos(angle)) / (2.0 * angle * std::sin(angle));
   return Eigen::Matrix3d::Identity() - 0.5 * cross + square * cross * cross;
-}
-
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  signs.z() = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
-  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
 
 std::optional<RootRotation> RootRotation::of(const Skeleton& skeleton) {

@@ -42,7 +42,5 @@ Eigen::Vector3d vector_of_rotation(const Eigen::Matrix3d& rotation);
 /// omega after it,
 ///   1 - [t]/2 + (1/|t|^2 - (1 + cos|t|) / (2 |t| sin|t|)) [t]^2.
 Eigen::Matrix3d step_derivative(const Eigen::Vector3d& turn);
-/// The rotation nearest to a sum of rotations (least squares of the entries).
-Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
 
 }  // namespace doppel

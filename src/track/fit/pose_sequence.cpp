@@ -5,6 +5,8 @@
 #include <cstdlib>
 
 #include "doppel/core/as_size.h"
+#include "doppel/geometry/best_rotation.h"
+#include "doppel/geometry/decompositions.h"
 
 namespace doppel {
 namespace {
@@ -69,7 +71,7 @@ Eigen::VectorXd smoothing_weights(long first, long last, double sigma, int degre
   }
   const Eigen::MatrixXd weighted = gaussian.asDiagonal() * basis;
   const Eigen::MatrixXd moments = basis.transpose() * weighted;
-  return weighted * moments.ldlt().solve(Eigen::VectorXd::Unit(terms, 0));
+  return weighted * solve_symmetric(moments, Eigen::VectorXd(Eigen::VectorXd::Unit(terms, 0)));
 }
 
 std::vector<double> averaged(const Poses& poses, const Segment& segment, std::size_t frame,

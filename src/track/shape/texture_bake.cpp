@@ -9,6 +9,7 @@
 
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/image_tensor.h"
+#include "doppel/geometry/decompositions.h"
 #include "doppel/geometry/topology.h"
 #include "doppel/render/projection.h"
 
@@ -104,7 +105,7 @@ Eigen::VectorXd solve_gains(int count, const std::map<std::pair<int, int>, Commo
     right[a] += common.weight * ratio;
     right[b] -= common.weight * ratio;
   }
-  Eigen::VectorXd gains = matrix.ldlt().solve(right);
+  Eigen::VectorXd gains = solve_symmetric(matrix, right);
   gains.array() -= gains.mean();
   return gains;
 }
