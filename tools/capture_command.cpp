@@ -7,7 +7,6 @@
 
 #include "command.h"
 #include "doppel/core/error.h"
-#include "doppel/core/log.h"
 #include "doppel/data/capture/capture_cameras.h"
 #include "doppel/data/capture/find_capture.h"
 

@@ -43,6 +43,7 @@ CaptureGuess recognised(const fs::path& folder, const std::string& layout) {
   const auto found = recognise_capture(folder);
   if (!found) throw std::runtime_error("not recognised: " + layout);
   EXPECT_EQ(found->layout, layout);
+  EXPECT_THAT(found->found.at(0), HasSubstr("layout of " + layout + " ("));
   // What was recognised can be written and read, and names cameras of the calibration.
   const support::TemporaryFolder out;
   write_capture(out / "capture.yaml", found->capture);
@@ -172,6 +173,9 @@ TEST(DatasetLayouts, SignsWithoutFootageAreNoDataset) {
   write_atomically(folder / "calibration.csv", "broken");
   write_atomically(folder / "rgbs/x.txt", "x");
   EXPECT_FALSE(recognise_capture(folder.path()).has_value());
+  const CaptureGuess guess = guess_folder(folder.path());
+  EXPECT_FALSE(guess.complete);
+  EXPECT_THAT(guess.found.at(0), HasSubstr("looks like ActorsHQ (calibration.csv, rgbs/x.txt), but"));
 }
 
 class RealDatasetLayouts : public support::SharedFolderTest {};
