@@ -1,5 +1,6 @@
 #include "doppel/nets/egnet.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/layers/embedded_deformation/embedded_deformation.h"
@@ -75,7 +76,7 @@ EgNetImpl::EgNetImpl(const Character& character, const EgNetConfig& config, std:
   plan.inputs = flat ? character.num_dofs() * (config.past_frames + 1) : config.num_inputs();
   plan.outputs = kEgNetOutputs;
   network_ = make_network(plan, MeshTopology(character.num_nodes(), character.graph.edges), std::move(generator));
-  register_module(network_kind_words()[config.network], network_);
+  register_module(network_kind_words()[as_size(config.network)], network_);
   const int64_t rows = flat ? 1 : num_nodes_;
   input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
   input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));

@@ -1,5 +1,6 @@
 #include "doppel/nets/motion_graph_net.h"
 
+#include "doppel/core/as_size.h"
 #include "doppel/core/error.h"
 #include "doppel/core/tensor/checks.h"
 #include "doppel/layers/transform_math.h"
@@ -49,7 +50,7 @@ MotionGraphNetImpl::MotionGraphNetImpl(const std::string& name, const Character&
   plan.inputs = (flat ? character.num_dofs() : 3) * (config.past_frames + 1);
   plan.outputs = outputs;
   network_ = make_network(plan, MeshTopology(character.mesh), std::move(generator));
-  register_module(network_kind_words()[config.network], network_);
+  register_module(network_kind_words()[as_size(config.network)], network_);
   const int64_t rows = flat ? 1 : num_vertices_;
   input_mean_ = register_buffer("input_mean", torch::zeros({rows, plan.inputs}));
   input_std_ = register_buffer("input_std", torch::ones({rows, plan.inputs}));
