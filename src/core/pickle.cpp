@@ -559,7 +559,7 @@ class PickleMachine {
   void push_global(std::string_view module, std::string_view name) {
     // A long text of the memo could be named again and again.
     const bool is_short = module.size() + name.size() <= kPickleMaxName;
-    const std::string dotted = fmt::format("{}.{}", excerpt(module, kPickleMaxName), excerpt(name, kPickleMaxName));
+    const std::string dotted = fmt::format("{}.{}", module.substr(0, kPickleMaxName), name.substr(0, kPickleMaxName));
     const std::string found = is_short ? functions_.find(dotted) : "";
     if (found.empty()) refuse("it names {}, {}", excerpt(dotted), functions_.advice());
     push_node(PickleKind::global, found);
