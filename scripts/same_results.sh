@@ -31,8 +31,12 @@ results() {
   "$program" train configs/quickstart/egnet.yaml --set capture=prepared --set train.iterations=100 --out quickstart
   "$program" train configs/tiny/ddc.yaml --set capture=prepared --out ddc
   "$program" train configs/tiny/hybrid.yaml --set capture=prepared --set ddc=ddc --out hybrid
-  "$program" train configs/tiny/posenet.yaml --set capture=prepared --out posenet
-  "$program" train configs/tiny/defnet.yaml --set capture=prepared --set posenet.run=posenet --out deepcap
+  if [ -f configs/tiny/deepcap.yaml ]; then
+    "$program" train configs/tiny/deepcap.yaml --set capture=prepared --out deepcap
+  else
+    "$program" train configs/tiny/posenet.yaml --set capture=prepared --out posenet
+    "$program" train configs/tiny/defnet.yaml --set capture=prepared --set posenet.run=posenet --out deepcap
+  fi
   for run in quickstart ddc hybrid deepcap; do
     "$program" evaluate --run $run --split test --json >$run.evaluation.json
   done
