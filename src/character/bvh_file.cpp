@@ -203,7 +203,7 @@ double guess_unit(const BvhClip& clip, const std::filesystem::path& path) {
   }
   fail_at({path.string(), 0},
           "the skeleton is {:.4g} units across; a person is 0.5 to 3 m, so the unit is neither metres, centimetres nor "
-          "millimetres. Give the metres per unit (doppel animate: --bvh-unit, 0.0254 for inches)",
+          "millimetres. Give the metres per unit (doppel animate: --unit, 0.0254 for inches)",
           size);
 }
 

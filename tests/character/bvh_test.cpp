@@ -222,7 +222,7 @@ TEST(BvhRejects, FaultsWithTheirLine) {
 TEST(BvhRejects, ASizeThatNoUnitExplains) {
   BvhFile file;
   EXPECT_THAT(file.complaint(with("OFFSET 0 -80 0", "OFFSET 0 -30 0")),
-              AllOf(HasSubstr("35"), HasSubstr("--bvh-unit"), HasSubstr("0.0254")));
+              AllOf(HasSubstr("35"), HasSubstr("--unit"), HasSubstr("0.0254")));
 }
 
 TEST(BvhRejects, ClipsThatCannotBeWritten) {
