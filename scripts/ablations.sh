@@ -31,13 +31,10 @@ deepcap() {
 }
 deepcaps() { for seed in "${seeds[@]}"; do side_by_side deepcap "$1" "$seed" "${@:2}"; done; }
 
-# first NAME METHOD METRIC SEED: from camera 0. mean: the mean over the cameras from which a run captures
-first() { figure "deepcap-$1-$4.0.json" "$2" "$3" 6; }
-mean() { for camera in 0 1 2 3 4 5 6 7; do figure "deepcap-$1-$4.$camera.json" "$2" "$3" 6; echo; done | awk '{ s += $1 } END { printf "%.6f", s / NR }'; }
-# line TITLE NAME METHOD: a row of Table 5.3
+# line TITLE NAME METHOD: a row of Table 5.3: from camera 0, and the mean over the cameras from which a run captures
 line() {
-  echo "| $1 | $(over_seeds 1 first "$2" "$3" 3DPCK) | $(over_seeds 4 first "$2" "$3" AMVIoU)" \
-    "| $(over_seeds 1 mean "$2" "$3" 3DPCK) | $(over_seeds 4 mean "$2" "$3" AMVIoU) |"
+  local all="deepcap-$2-@.[0,1,2,3,4,5,6,7].json"
+  echo "| $1 | {deepcap-$2-@.0.json $3 3DPCK 1} | {deepcap-$2-@.0.json $3 AMVIoU 4} | {$all $3 3DPCK 1} | {$all $3 AMVIoU 4} |"
 }
 
 table_5_3() {
@@ -58,8 +55,7 @@ table_5_3() {
     line "half of the frames (60)" half defnet
     line "PoseNet only" ours posenet
     line "ours (8 cameras, 120 frames)" ours defnet
-    provenance "scripts/ablations.sh ablations 5.3"
-  } | tee "$folder/tables_5.3.md"
+  } | write_table tables_5.3 "scripts/ablations.sh ablations 5.3"
 }
 
 # ---- Tables 6.4 and 6.5 ----
@@ -93,10 +89,8 @@ ddc() {
 }
 ddcs() { for seed in "${seeds[@]}"; do side_by_side ddc "$1" "$seed" "${@:2}"; done; }
 
-overlap() { figure "$1-$3.all.json" "$2" AMVIoU 6; }
-error() { figure "$1-$3.held.json" "$2" MSE 6; }
-amviou() { over_seeds 4 overlap "$@"; }
-mse() { over_seeds 1 error "$@"; }
+amviou() { echo "{$1-@.all.json $2 AMVIoU 4}"; }
+mse() { echo "{$1-@.held.json $2 MSE 1}"; }
 
 table_6_4() {
   local all n run
@@ -134,8 +128,7 @@ table_6_4() {
     echo "|---|---:|---:|"
     echo "| without | $(amviou no-chroma deltanet) | $(mse no-chroma lit) |"
     echo "| with | $(amviou ours deltanet) | $(mse ours lit) |"
-    provenance "scripts/ablations.sh ablations 6.4"
-  } | tee "$folder/tables_6.4.md"
+  } | write_table tables_6.4 "scripts/ablations.sh ablations 6.4"
 }
 
 for table in "${tables[@]}"; do

@@ -26,17 +26,11 @@ for seed in "${seeds[@]}"; do
 done
 all_done
 
-# held NAME SEED WHEN: the held-out part of adapt.json before or after
-held() {
-  tr -d ' \n' <"$folder/$1-$2/adapt.json" | grep -o "\"heldout,$3\":{.*" | sed 's/"tunedon.*//' >"$folder/$1-$2-$3.json"
-  echo "$1-$2-$3.json"
-}
-# of_seed NAME WHEN METHOD METRIC SEED; cell NAME WHEN METHOD METRIC DIGITS: mean and spread over the seeds
-of_seed() { figure "$(held "$1" "$5" "$2")" "$3" "$4" 6; }
-cell() { over_seeds "$5" of_seed "${@:1:4}"; }
+# row TITLE NAME WHEN: the held-out frames before or after
 row() {
-  echo "| $1 | $(cell "$2" "$3" posenet keypoint_error_px 1) | $(cell "$2" "$3" defnet keypoint_error_px 1)" \
-    "| $(cell "$2" "$3" posenet AMVIoU 4) | $(cell "$2" "$3" defnet AMVIoU 4) |"
+  local part="$2-@/adapt.json 'held out, $3'"
+  echo "| $1 | {$part posenet keypoint_error_px 1} | {$part defnet keypoint_error_px 1}" \
+    "| {$part posenet AMVIoU 4} | {$part defnet AMVIoU 4} |"
 }
 {
   echo "| held-out frames | PoseNet, pixels | with DefNet, pixels | PoseNet, IoU | with DefNet, IoU |"
@@ -44,5 +38,4 @@ row() {
   row "the networks of the studio" small before
   row "\`configs/paper/adapt.yaml\`, batches of ${BATCH:-90} and ${BATCH_DEFNET:-50}" paper after
   row "\`configs/small/adapt.yaml\`" small after
-  provenance "scripts/adaptation.sh RUN CLIP"
-} | tee "$folder/adaptation.md"
+} | write_table adaptation "scripts/adaptation.sh RUN CLIP"

@@ -32,26 +32,23 @@ candidate() {
 
 for take in 0 1; do side_by_side stages base $take egnet,lighting egnet.train.iterations=2000; done
 all_done
-# both NAME METHOD METRIC DIGITS: the mean over the two takes
-both() { for take in 0 1; do figure "$1-$take.json" "$2" "$3" 6; echo; done | awk -v d="$4" '{ s += $1 } END { printf "%.*f", d, s / NR }'; }
 
 # The chroma weight without inset, then the inset with the better weight.
 for chroma in "${chromas[@]}"; do
   for take in 0 1; do side_by_side candidate 0 "$chroma" $take; done
 done
 all_done
-best=$(for chroma in "${chromas[@]}"; do echo "$(both "inset0-chroma$chroma" lit MSE 6) $chroma"; done | sort -n | head -1 | cut -d' ' -f2)
+best=$(for chroma in "${chromas[@]}"; do echo "$(figure "inset0-chroma$chroma-[0,1].json" lit MSE 6) $chroma"; done | sort -n | head -1 | cut -d' ' -f2)
 for inset in "${insets[@]}"; do
   for take in 0 1; do side_by_side candidate "$inset" "$best" $take; done
 done
 all_done
 
-# row INSET CHROMA
-row() { echo "| $1 | $2 | $(both "inset$1-chroma$2" deltanet AMVIoU 4) | $(both "inset$1-chroma$2" lit MSE 1) |"; }
+# row INSET CHROMA: the means over the two takes
+row() { echo "| $1 | $2 | {inset$1-chroma$2-[0,1].json deltanet AMVIoU 4} | {inset$1-chroma$2-[0,1].json lit MSE 1} |"; }
 {
   echo "| \`inset\` | \`chroma\` | AMVIoU | masked MSE, static texture under learnt lighting |"
   echo "|---:|---:|---:|---:|"
   for chroma in "${chromas[@]}"; do row 0 "$chroma"; done
   for inset in "${insets[@]}"; do row "$inset" "$best"; done
-  provenance "scripts/choose_surface.sh CAPTURE"
-} | tee "$folder/surface.md"
+} | write_table surface "scripts/choose_surface.sh CAPTURE"

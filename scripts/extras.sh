@@ -31,8 +31,7 @@ variant() {
 }
 
 # row TITLE NAME METHOD METRIC DIGITS: a line of a table
-row() { echo "| $1 | $(over_seeds "$5" of_seed "${@:2:3}") |"; }
-of_seed() { figure "$1-$4.json" "$2" "$3" 6; }
+row() { echo "| $1 | {$2-@.json $3 $4 $5} |"; }
 
 pass=  # of geometry_variant and its like: `train` starts the trainings, `row` prints the row
 
@@ -143,8 +142,8 @@ hybrid_variant() {
     for seed in "${seeds[@]}"; do side_by_side hybrid_run "$2" "$seed" "${@:3}"; done
     return
   fi
-  echo "| $1 | $(over_seeds 2 of_seed "$2" radiance PSNR) | $(over_seeds 4 of_seed "$2" radiance SSIM) |" \
-    "$(over_seeds 4 of_seed "$2" refined AMVIoU) | $(over_seeds 2 of_seed "$2" refined surface_distance_mm) |"
+  echo "| $1 | {$2-@.json radiance PSNR 2} | {$2-@.json radiance SSIM 4} |" \
+    "{$2-@.json refined AMVIoU 4} | {$2-@.json refined surface_distance_mm 2} |"
 }
 
 none=(radiance.loss.anchor=0 radiance.model.field.place_octaves=0 radiance.model.field.view_dependent=true)
@@ -166,7 +165,7 @@ hybrid() {
 }
 
 for group in "${groups[@]}"; do
-  { "$group"; provenance "scripts/extras.sh CAPTURE"; } >"$folder/$group.md.part"
-  mv "$folder/$group.md.part" "$folder/$group.md"
-  cat "$folder/$group.md"
+  "$group" >"$folder/$group.md.part"
+  write_table "$group" "scripts/extras.sh CAPTURE" <"$folder/$group.md.part"
+  rm "$folder/$group.md.part"
 done

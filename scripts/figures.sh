@@ -5,38 +5,15 @@ read -ra seeds <<<"${SEEDS:-1 2 3}"
 doppel="${DOPPEL:-build/release/tools/doppel}"
 [ -x "$doppel" ] || { scripts/install_dependencies.sh; cmake --preset release >/dev/null; cmake --build --preset release --target doppel; }
 
-# provenance COMMAND: the lines below a table that say how it was made
-provenance() {
-  echo
-  echo "\`$1\`, commit $(git rev-parse --short HEAD)$(git diff --quiet HEAD || echo ' with changes'), $(nproc --all) cores of $(grep -m1 'model name' /proc/cpuinfo | sed 's/.*: //'), $(date -u +%F)"
+# write_table NAME COMMAND: fills figures into the table on standard input (scripts/tables.py), adds how it was made, prints
+# it and writes it to NAME.md
+write_table() {
+  { scripts/tables.py "$folder" "${seeds[@]}" &&
+    printf '\n`%s`, %s cores of %s\n' "$2" "$(nproc --all)" "$(grep -m1 'model name' /proc/cpuinfo | sed 's/.*: //')"; } |
+    tee "$folder/$1.md"
 }
-
-# figure FILE METHOD METRIC DIGITS: a metric of a method in the JSON of `doppel evaluate`, over the evaluated cameras
-figure() {
-  sed 's/"cameras":{[^}]*},*//g' "$folder/$1" | grep -o "\"$2\":{[^{}]*" | head -1 | grep -o "\"$3\":[0-9.e-]*" | head -1 |
-    cut -d: -f2 | xargs -r printf "%.$4f"
-}
-
-# spread DIGITS: mean and largest distance from the mean of the numbers on standard input, one a line; one number alone
-# is printed as such
-spread() {
-  awk -v digits="$1" '
-    NF == 0 { missing = 1 }
-    { x[NR] = $1; sum += $1 }
-    END {
-      if (missing || NR == 0) { printf "missing"; exit }
-      mean = sum / NR
-      if (NR == 1) { printf "%.*f", digits, mean; exit }
-      for (i in x) { e = x[i] - mean; if (e < 0) e = -e; if (e > widest) widest = e }
-      printf "%.*f ± %.*f", digits, mean, digits, widest
-    }'
-}
-
-# over_seeds DIGITS COMMAND [argument ...]: mean and spread of what a command prints; its last argument is the seed
-over_seeds() {
-  local seed
-  for seed in "${seeds[@]}"; do "${@:2}" "$seed"; echo; done | spread "$1"
-}
+# figure FILE KEY ... DIGITS: one figure, by the rules of scripts/tables.py
+figure() { echo "{$*}" | scripts/tables.py "$folder" "${seeds[@]}"; }
 
 # train RUN CONFIG [option ...]: trains a run, or what is missing of it. Its messages go to RUN.log.
 train() {

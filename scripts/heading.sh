@@ -36,17 +36,14 @@ all_done
 for seed in "${seeds[@]}"; do for heading in kept removed; do side_by_side hybrid $heading "$seed"; done; done
 all_done
 
-# of_seed HEADING FRAMES METRIC SEED; cell HEADING FRAMES METRIC DIGITS: mean and spread over the seeds
-of_seed() { figure "$1-$4.$2.json" radiance "$3" 6; }
-cell() { over_seeds "$4" of_seed "${@:1:3}"; }
 # row TITLE HEADING
 row() {
-  echo "| $1 | $(cell "$2" trained PSNR 2) | $(cell "$2" trained SSIM 4) | $(cell "$2" between PSNR 2) | $(cell "$2" between SSIM 4) |"
+  echo "| $1 | {$2-@.trained.json radiance PSNR 2} | {$2-@.trained.json radiance SSIM 4}" \
+    "| {$2-@.between.json radiance PSNR 2} | {$2-@.between.json radiance SSIM 4} |"
 }
 {
   echo "| heading | PSNR, trained frames | SSIM | PSNR, frames between them | SSIM |"
   echo "|---|---:|---:|---:|---:|"
   row "kept (thesis)" kept
   row "removed" removed
-  provenance "scripts/heading.sh"
-} | tee "$folder/heading.md"
+} | write_table heading "scripts/heading.sh"

@@ -18,9 +18,6 @@ else
   [ -f "$capture/capture.yaml" ] || "$doppel" synth --preset small --cameras 1 --frames 4 --test-frames 80 --out "$capture"
 fi
 
-# number NAME KEY DIGITS: a number from the variant's track.json, or nothing if the key is missing
-number() { grep -o "\"$2\": [0-9.e-]*" "$folder/$1/track.json" | head -1 | cut -d' ' -f2 | xargs -r printf "%.$3f"; }
-
 # run_variant NAME [key=value ...]: tracks once
 run_variant() {
   local name=$1 sets=() change
@@ -32,30 +29,28 @@ run_variant() {
 
 # variant NAME DESCRIPTION [key=value ...]: a row of the table
 variant() {
-  local name=$1 lost
-  run_variant "$name" "${@:3}"
-  lost=$(grep -c '"state": "lost"' "$folder/$name/track.json" || true)
-  echo "| $2 | $(number "$name" IoU_pose 4) | $(number "$name" IoU 4) | $(number "$name" keypoint_error_px 2)" \
-    "| $(number "$name" landmarks_mm 1) | $(number "$name" vertex_error_mm 1) | $lost |"
+  local file=$1/track.json
+  run_variant "$1" "${@:3}"
+  echo "| $2 | {$file IoU_pose 4} | {$file IoU 4} | {$file keypoint_error_px 2} | {$file landmarks_mm 1}" \
+    "| {$file vertex_error_mm 1} | {$file lost_frames 0} |"
 }
 
 # bar TITLE NAME KEY [key=value ...]: a bar of Fig. 4.16, the mean distance of vertices from the true surface
 bar() {
   run_variant "$2" "${@:4}"
-  echo "| $1 | $(number "$2" "$3" 1) |"
+  echo "| $1 | {$2/track.json $3 1} |"
 }
 
 # Fig. 4.16 needs the true surface.
 run_variant full
-[ -z "$(number full vertex_error_mm 1)" ] || {
+[ -z "$(figure full/track.json vertex_error_mm 1)" ] || {
   echo "| Fig. 4.16 | vertex error, mm |"
   echo "|---|---:|"
   bar "E_2D without faces + E_3D" bar-no-faces vertex_error_pose_mm keypoints.faces=false silhouette.weight=0 surface.enabled=false
   bar "E_2D + E_3D" keypoints-only vertex_error_pose_mm silhouette.weight=0 surface.enabled=false
   bar "E_pose" pose-only vertex_error_pose_mm surface.enabled=false
   bar "E_pose + E_non-rigid" full vertex_error_mm
-  provenance "scripts/livecap_ablations.sh"
-} | tee "$folder/fig-4.16.md"
+} | write_table fig-4.16 "scripts/livecap_ablations.sh"
 
 {
   echo "| without | IoU, pose | IoU, surface | keypoints, pixels | joints, mm | vertices, mm | lost |"
@@ -84,5 +79,4 @@ run_variant full
   variant no-clamp "clamp of isolated vertices" surface.max_isolated_motion=0
   variant soft "materials: 2 everywhere" surface.materials=false surface.rigidity=2
   variant stiff "materials: 50 everywhere" surface.materials=false surface.rigidity=50
-  provenance "scripts/livecap_ablations.sh"
-} | tee "$folder/table.md"
+} | write_table table "scripts/livecap_ablations.sh"

@@ -25,12 +25,9 @@ variant() {
   evaluate "$1" "$1" --split train --frames $frame --cameras $held_out
 }
 
-geometry() { echo "$(figure "$1.json" "$2" seen_distance_mm 2) | $(figure "$1.json" "$2" surface_distance_mm 2) | $(figure "$1.json" "$2" Hausdorff_mm 1) | $(figure "$1.json" "$2" AMVIoU 4)"; }
-cloud() {
-  local metric
-  for metric in surface_distance_mm median_mm noise_mm p99_mm points; do echo -n " $(figure "$1.json" cloud $metric 2) |"; done
-}
-pictures() { echo "$(figure three.json "$1" PSNR 2) | $(figure three.json "$1" SSIM 4) | $(figure three.json "$1" seconds 2)"; }
+geometry() { echo "{$1.json $2 seen_distance_mm 2} | {$1.json $2 surface_distance_mm 2} | {$1.json $2 Hausdorff_mm 1} | {$1.json $2 AMVIoU 4}"; }
+cloud() { printf ' {%s.json cloud %s 2} |' "$1" surface_distance_mm "$1" median_mm "$1" noise_mm "$1" p99_mm "$1" points; }
+pictures() { echo "{three.json $1 PSNR 2} | {three.json $1 SSIM 4} | {three.json $1 seconds 2}"; }
 
 # round FIELD REFINE VARIANCE: a round
 round() { echo "{field: $(steps "$1"), refine: $(steps "$2"), variance: $3}"; }
@@ -61,5 +58,4 @@ all_done
   echo "| dynamic texture | $(pictures texnet) |"
   echo "| field without a mesh | $(pictures nerf) |"
   echo "| field around the mesh | $(pictures radiance) |"
-  provenance "scripts/refinement.sh ablations"
-} | tee "$folder/refinement.md"
+} | write_table refinement "scripts/refinement.sh ablations"

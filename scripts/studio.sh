@@ -32,29 +32,25 @@ all_done
   --sequences "$sequence" --sheet-frames 0 --out "$folder/fit" >/dev/null
 [ -f "$folder/fit.json" ] || "$doppel" evaluate --tracked "$folder/fit" --capture "$folder/prepared" --every 2 --json >"$folder/fit.json"
 
-# of_seed FILE METHOD METRIC SEED; cell FILE METHOD METRIC DIGITS: mean and spread over the seeds; FILE is what follows
-# `ddc-SEED.`
-of_seed() { figure "ddc-$4.$1.json" "$2" "$3" 6; }
-cell() { over_seeds "$4" of_seed "${@:1:3}"; }
 {
   echo "| Table 6.2 | AMVIoU |"
   echo "|---|---:|"
-  echo "| multi-view fit | $(figure fit.json surface AMVIoU 4) |"
-  echo "| skinning | $(cell geometry skinning AMVIoU 4) |"
-  echo "| EGNet | $(cell geometry egnet AMVIoU 4) |"
-  echo "| DeltaNet | $(cell geometry deltanet AMVIoU 4) |"
-  echo "| DeltaNet, training frames | $(cell train deltanet AMVIoU 4) |"
+  echo "| multi-view fit | {fit.json surface AMVIoU 4} |"
+  echo "| skinning | {ddc-@.geometry.json skinning AMVIoU 4} |"
+  echo "| EGNet | {ddc-@.geometry.json egnet AMVIoU 4} |"
+  echo "| DeltaNet | {ddc-@.geometry.json deltanet AMVIoU 4} |"
+  echo "| DeltaNet, training frames | {ddc-@.train.json deltanet AMVIoU 4} |"
   echo
   echo "| test movement, cameras $trained | masked MSE |"
   echo "|---|---:|"
-  for method in static lit texnet; do echo "| \`$method\` | $(cell test.$trained $method MSE 1) |"; done
+  for method in static lit texnet; do echo "| \`$method\` | {ddc-@.test.$trained.json $method MSE 1} |"; done
   echo
   echo "| motion | cameras | MSE | SSIM |"
   echo "|---|---|---:|---:|"
   for split in train test; do
     for cameras in $trained $new; do
-      echo "| $split | $cameras | $(cell $split.$cameras texnet MSE 1) | $(cell $split.$cameras texnet SSIM 4) |"
+      file=ddc-@.$split.$cameras.json
+      echo "| $split | $cameras | {$file texnet MSE 1} | {$file texnet SSIM 4} |"
     done
   done
-  provenance "scripts/studio.sh CAPTURE SEQUENCE"
-} | tee "$folder/studio.md"
+} | write_table studio "scripts/studio.sh CAPTURE SEQUENCE"

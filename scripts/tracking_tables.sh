@@ -31,15 +31,15 @@ measure() {
 
 # rows TITLE NAME INPUT SURFACE: lines of both tables; SURFACE is the row of the evaluation with the surface
 rows() {
-  local smoothing label
+  local smoothing label file
   for smoothing in 0 1; do
     label=$([ $smoothing = 0 ] && echo "$1" || echo "$1, smoothed")
     measure "$2" "$3" $smoothing "$poses" "$2-$smoothing-poses"
     measure "$2" "$3" $smoothing "$surfaces" "$2-$smoothing-surfaces"
-    echo "| $label | $(figure "$2-$smoothing-poses.json" pose GLE_mm 1) | $(figure "$2-$smoothing-poses.json" pose 3DPCK 1)" \
-      "| $(figure "$2-$smoothing-poses.json" pose AUC 1) | $(figure "$2-$smoothing-poses.json" pose MPJPE_mm 1) |" >>"$folder/5.1.md"
-    echo "| $label | $(figure "$2-$smoothing-surfaces.json" "$4" AMVIoU 4) | $(figure "$2-$smoothing-surfaces.json" "$4" RVIoU 4)" \
-      "| $(figure "$2-$smoothing-surfaces.json" "$4" SVIoU 4) |" >>"$folder/5.2.md"
+    file="$2-$smoothing-poses.json pose"
+    echo "| $label | {$file GLE_mm 1} | {$file 3DPCK 1} | {$file AUC 1} | {$file MPJPE_mm 1} |" >>"$folder/5.1.md"
+    file="$2-$smoothing-surfaces.json $4"
+    echo "| $label | {$file AMVIoU 4} | {$file RVIoU 4} | {$file SVIoU 4} |" >>"$folder/5.2.md"
   done
 }
 
@@ -59,5 +59,5 @@ rows "skinning in the pose of DeepCap" deepcap "$camera" pose
 rows "DeepCap" deepcap "$camera" surface
 rows "multi-view fit" multiview "" surface
 for table in 5.1 5.2; do
-  { cat "$folder/$table.md" && provenance "scripts/tracking_tables.sh CAPTURE RUN SEQUENCE"; } | tee "$folder/table-$table.md"
+  write_table "table-$table" "scripts/tracking_tables.sh CAPTURE RUN SEQUENCE" <"$folder/$table.md"
 done

@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 
 constexpr char kTrainExample[] =
     "Example:\n"
-    "  doppel train configs/small/egnet.yaml --set capture=prepared/anna --out runs/anna\n"
-    "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna-ddc --stages deltanet,texnet\n"
+    "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna\n"
+    "  doppel train configs/small/ddc.yaml --set capture=prepared/anna --out runs/anna --stages deltanet,texnet\n"
     "The same command resumes a stopped or killed run. docs/training.md lists the keys of CONFIG.";
 
 struct TrainArguments {
@@ -111,7 +111,7 @@ Command add_train(CLI::App& program) {
   CLI::App* app = program.add_subcommand("train", "Train an actor, stage by stage, on a prepared capture");
   app->footer(kTrainExample);
   auto arguments = std::make_shared<TrainArguments>();
-  app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/egnet.yaml")->required();
+  app->add_option("config", arguments->config, "YAML configuration, for instance configs/small/ddc.yaml")->required();
   app->add_option("--set", arguments->overrides, "Override a key: a.b=c (may be repeated)")->allow_extra_args(false);
   app->add_option("--out", arguments->out, "Folder of the run (default: runs/ and the name of the stage or chain)");
   app->add_option("--stages", arguments->stages,

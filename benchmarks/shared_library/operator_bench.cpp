@@ -1,4 +1,4 @@
-/// Each operator called from Python (libdoppel_ops.so, package python/doppel) against the function called from C++, on
+/// Each operator called from Python (libdoppel.so, package python/doppel) against the function called from C++, on
 /// the same inputs. Both take turns within one run; the ratio is C++ time : Python time, so 1 says that a call from
 /// Python costs nothing.
 ///   operator_bench [threads=2]

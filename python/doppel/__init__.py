@@ -22,14 +22,14 @@ from torch import Tensor
 
 
 def _library() -> str:
-    """The path of libdoppel_ops.so."""
-    here, name = Path(__file__).resolve().parent, "libdoppel_ops.so"
+    """The path of libdoppel.so."""
+    here, name = Path(__file__).resolve().parent, "libdoppel.so"
     tried = [Path(os.environ["DOPPEL_LIBRARY"])] if "DOPPEL_LIBRARY" in os.environ else []
     tried += [here / name, here.parent.parent / "build/release/shared_library" / name]
     for path in tried:
         if path.is_file():
             return str(path)
-    found = ctypes.util.find_library("doppel_ops")
+    found = ctypes.util.find_library("doppel")
     if found:
         return found
     raise ImportError(

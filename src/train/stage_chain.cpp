@@ -62,7 +62,8 @@ void StageChain::read_sections(const ConfigReader& root) {
                        meant ? "did you mean " + *meant + "?" : fmt::format("known are {}", fmt::join(known, ", ")));
     }
   if (!has(first))
-    root.fail_at_key(first, "a chain begins with this stage; add its section, or take another run's: --set {}.run=RUN",
+    root.fail_at_key(first,
+                     "a chain begins with this stage; add its section, or take another run's: --set '{}={{run: RUN}}'",
                      first);
 }
 
@@ -121,8 +122,8 @@ std::vector<StageSummary> train_stages(const StageChain& chain, const fs::path& 
     if (!wanted || chain.borrowed(entry.name)) continue;
     for (const std::string& earlier : entry.after)
       if (CheckpointFolder(RunFolder(stage_folder(out, earlier)).checkpoints()).steps().empty())
-        fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set {}.run=RUN", out.string(),
-             earlier, earlier);
+        fail("{} has no checkpoint of {} yet; train it first, or take another run's: --set '{}={{run: RUN}}'",
+             out.string(), earlier, earlier);
     const RunFolder folder(chain.single() ? out : out / entry.name);
     if (!chain.single()) log::info("stage {}", entry.name);
     const ConfigDocument document = chain.stage(entry.name);

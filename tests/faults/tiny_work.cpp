@@ -33,7 +33,12 @@ Words Recipe::with_out(const fs::path& out) const {
 TinyWork::TinyWork() {
   make(synth(at("capture")));
   make(prepare(at("prepared")));
-  fs::copy_file(DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml", at("egnet.yaml"));
+  write_atomically(at("egnet.yaml"),
+                   "stage: egnet\n"
+                   "data: {batch_size: 4, cameras_per_sample: 2, pose_noise: 0.2, input_noise: 0.05}\n"
+                   "model: {preset: paper, features: 8, residual_blocks: 2, rings: 2}\n"
+                   "loss: {silhouette: 100, arap: 100}\n"
+                   "train: {learning_rate: 2e-3, schedule: cosine}\n");
   make(train(at("run"), 4, 1));
   make_broken_run();
   for (const std::string part : {"0", "1"}) make(joined(prepare(at("parts/" + part)), {"--shard", part + "/2"}));

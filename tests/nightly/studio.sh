@@ -14,8 +14,8 @@ mkdir -p "$work"
 cd "$work"
 "$doppel" prepare "$capture" --mask-size 700 --out prepared >/dev/null
 
-# value FILE METHOD KEY: a number of the method's row in the JSON of `doppel evaluate`.
-value() { grep -o "\"$2\":{.*" "$1" | grep -o "\"$3\":[-0-9.e]*" | head -1 | cut -d: -f2; }
+# value FILE KEY ...: a number of the JSON of `doppel evaluate` or `track`
+value() { echo "{$* 6}" | "$source/scripts/tables.py" .; }
 # expect NAME VALUE THRESHOLD
 expect() {
   echo "$1: $2, at least $3 expected"
@@ -46,7 +46,7 @@ sequences:
     first_frame: 20
 YAML
     "$doppel" track livecap clip --vertices --sheet-frames 0 --out tracked >/dev/null
-    expect "IoU of the surface" "$(grep -o '"IoU": [0-9.]*' tracked/track.json | head -1 | cut -d' ' -f2)" 0.948
+    expect "IoU of the surface" "$(value tracked/track.json livecap IoU)" 0.948
     ;;
   egnet)
     train ddc "${chain[@]}" --stages egnet --out ddc

@@ -153,9 +153,9 @@ TEST(ProgramReference, FisheyeFootageIsTrackedPreparedAndTrained) {
     EXPECT_LT(found["against_given_motion"]["landmarks_mm"].get<double>(), 10.0) << sequence;
   }
   report_of("prepare " + at("tracked") + " --out " + at("prepared"));
-  const Outcome trained = run(
-      "train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set train.iterations=5 --set capture=" + at("prepared") +
-      " --out " + at("run"));
+  const Outcome trained = run("train " DOPPEL_SOURCE_DIR
+                              "/configs/tiny/ddc.yaml --stages egnet --set egnet.train.iterations=5 --set capture=" +
+                              at("prepared") + " --out " + at("run"));
   EXPECT_EQ(trained.code, 0) << trained.err;
 }
 
@@ -266,7 +266,8 @@ class ProgramRecovers : public ::testing::Test {
     folder_ = new TemporaryFolder;
     step("synth --preset tiny --out " + at("capture"));
     step("prepare " + at("capture") + " --out " + at("prepared"));
-    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set capture=" + at("prepared") + " --out " + at("run"));
+    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/ddc.yaml --stages egnet --set capture=" + at("prepared") +
+         " --out " + at("run"));
     step("export --run " + at("run") + " --out " + at("run/actor.pt"));
   }
   static void TearDownTestSuite() {
@@ -281,10 +282,8 @@ class ProgramRecovers : public ::testing::Test {
   /// A run of deepcap in "defnet", trained once.
   static void train_pose_run() {
     if (std::filesystem::exists(at("defnet"))) return;
-    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/posenet.yaml --set capture=" + at("prepared") + " --out " +
-         at("posenet"));
-    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/defnet.yaml --set capture=" + at("prepared") +
-         " --set posenet.run=" + at("posenet") + " --out " + at("defnet"));
+    step("train " DOPPEL_SOURCE_DIR "/configs/tiny/deepcap.yaml --set capture=" + at("prepared") + " --out " +
+         at("defnet"));
   }
 
   static TemporaryFolder* folder_;
@@ -304,10 +303,11 @@ TEST_F(ProgramRecovers, TheModelFitsUnseenMotionBetterThanSkinning) {
 }
 
 TEST_F(ProgramRecovers, TheRunFolderHoldsWhatItPromises) {
-  for (const char* name : {"config.yaml", "metrics.jsonl", "report.html", "checkpoints/latest", "actor.pt"})
+  for (const char* name : {"config.yaml", "report.html", "actor.pt", "egnet/config.yaml", "egnet/metrics.jsonl",
+                           "egnet/checkpoints/latest"})
     EXPECT_TRUE(std::filesystem::exists(at(std::string("run/") + name))) << name;
   bool events = false;
-  for (const auto& entry : std::filesystem::directory_iterator(at("run")))
+  for (const auto& entry : std::filesystem::directory_iterator(at("run/egnet")))
     events |= entry.path().filename().string().rfind("events.out.tfevents.", 0) == 0;
   EXPECT_TRUE(events);
 }
@@ -579,8 +579,8 @@ TEST_F(ProgramRecovers, WhatCapturesAPersonIsExported) {
 }
 
 TEST_F(ProgramRecovers, AMistypedKeyIsNamedWithItsNeighbour) {
-  const Outcome outcome = run("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set capture=" + at("prepared") +
-                              " --set data.batch_sise=2 --out " + at("other"));
+  const Outcome outcome = run("train " DOPPEL_SOURCE_DIR "/configs/tiny/ddc.yaml --set capture=" + at("prepared") +
+                              " --set egnet.data.batch_sise=2 --out " + at("other"));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.err.find("batch_size"), std::string::npos) << outcome.err;
 }

@@ -145,7 +145,8 @@ TEST_F(Shards, OfTracksBecomeTheSameBytes) {
 }
 
 TEST_F(Shards, OfAnEvaluationBecomeThatOfTheRun) {
-  step("train " DOPPEL_SOURCE_DIR "/configs/tiny/egnet.yaml --set train.iterations=3 --set capture=" +
+  step("train " DOPPEL_SOURCE_DIR
+       "/configs/tiny/ddc.yaml --stages egnet --set egnet.train.iterations=3 --set capture=" +
        in_common("prepared") + " --out " + at("run"));
   const std::string evaluate = "evaluate --every 4 --split all --run " + at("run");
   const Files found = merged(evaluate, 2);

@@ -91,12 +91,10 @@ std::map<std::string, std::string> preset_values(const std::string& name, const 
   if (name == "livecap" || name == "adapt") return document.values();
   std::map<std::string, std::string> values;
   for (const StageEntry& entry : stage_table()) {
-    const bool alone = entry.name == document.root().get("stage", "egnet");
-    if (!alone && !document.root().has(entry.name)) continue;
-    const ConfigDocument stage = alone ? document : document.part(entry.name, {"capture", "seed", "character"});
-    if (!alone && stage.root().has("run")) continue;
+    if (!document.root().has(entry.name)) continue;
+    const ConfigDocument stage = document.part(entry.name, {"capture", "seed", "character"});
     entry.check_options(stage);
-    for (const auto& [key, value] : stage.values()) values[alone ? key : entry.name + "." + key] = value;
+    for (const auto& [key, value] : stage.values()) values[entry.name + "." + key] = value;
   }
   return values;
 }

@@ -8,6 +8,7 @@
 #include "doppel/core/error.h"
 #include "doppel/data/dataset/batch_builder.h"
 #include "doppel/render/mesh/face_tensor.h"
+#include "doppel/train/stage_chain.h"
 #include "support/message_of.h"
 #include "support/small_capture.h"
 #include "support/temporary_folder.h"
@@ -224,14 +225,15 @@ TEST_F(EgNetStageRejects, LoadingWhatIsNotARun) {
 }
 
 TEST(EgNetConfigReference, ShippedConfigurationsAreRead) {
-  for (const std::string size : {"tiny", "quickstart", "small", "paper"}) {
-    const auto path = std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs" / size / "egnet.yaml";
-    const auto config = EgNetRunConfig::read(ConfigDocument::load(path, {"capture=/somewhere"}));
-    EXPECT_EQ(config.subject.capture, "/somewhere");
-    EXPECT_EQ(config.silhouette_weight, 100.0) << size;
-  }
-  const auto paper = EgNetRunConfig::read(ConfigDocument::load(
-      std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs/paper/egnet.yaml", {"capture=/somewhere"}));
+  const std::filesystem::path configs = std::filesystem::path(DOPPEL_SOURCE_DIR) / "configs";
+  const auto quickstart =
+      EgNetRunConfig::read(ConfigDocument::load(configs / "quickstart/egnet.yaml", {"capture=/somewhere"}));
+  EXPECT_EQ(quickstart.subject.capture, "/somewhere");
+  EXPECT_EQ(quickstart.silhouette_weight, 100.0);
+  const auto chain = StageChain::read(ConfigDocument::load(configs / "paper/ddc.yaml", {"capture=/somewhere"}));
+  const auto paper = EgNetRunConfig::read(chain.stage("egnet"));
+  EXPECT_EQ(paper.subject.capture, "/somewhere");
+  EXPECT_EQ(paper.silhouette_weight, 100.0);
   EXPECT_EQ(paper.arap_weight, 1500.0);
   EXPECT_EQ(paper.trainer.iterations, 360000);
   EXPECT_EQ(paper.loader.batch_size, 40);

@@ -53,22 +53,24 @@ TEST(PosePhases, AreReadFromTheConfiguration) {
 
 TEST(PoseConfigurations, ThatComeAlongAreReadable) {
   for (const std::string size : {"tiny", "small", "paper"}) {
-    const fs::path folder = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size;
-    const StageChain pose = StageChain::read(ConfigDocument::load(folder / "posenet.yaml", {"capture=/somewhere"}));
-    EXPECT_TRUE(pose.single());
-    const StageChain both = StageChain::read(
-        ConfigDocument::load(folder / "defnet.yaml", {"capture=/somewhere", "posenet.run=/elsewhere"}));
-    EXPECT_TRUE(both.borrowed("posenet"));
-    EXPECT_TRUE(both.has("defnet"));
-    EXPECT_FALSE(both.has("egnet"));
+    const fs::path path = fs::path(DOPPEL_SOURCE_DIR) / "configs" / size / "deepcap.yaml";
+    const StageChain chain = StageChain::read(ConfigDocument::load(path, {"capture=/somewhere"}));
+    EXPECT_TRUE(chain.has("posenet") && !chain.borrowed("posenet"));
+    EXPECT_TRUE(chain.has("defnet"));
+    EXPECT_FALSE(chain.has("egnet"));
+    const StageChain second =
+        StageChain::read(ConfigDocument::load(path, {"capture=/somewhere", "posenet={run: /elsewhere}"}));
+    EXPECT_TRUE(second.borrowed("posenet"));
+    EXPECT_FALSE(second.borrowed("defnet"));
   }
   const StageChain ablation = StageChain::read(
       ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/ablation/deepcap.yaml",
                            {"capture=/somewhere", "posenet.data.frames=[0,4,8]", "defnet.data.cameras=[0,2]"}));
   EXPECT_EQ(PoseNetRunConfig::read(ablation.stage("posenet")).loader.frames, (std::vector<long>{0, 4, 8}));
   EXPECT_EQ(DefNetRunConfig::read(ablation.stage("defnet")).loader.cameras.size(), 2u);
-  const PoseNetRunConfig paper = PoseNetRunConfig::read(
-      ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/posenet.yaml", {"capture=/somewhere"}));
+  const StageChain thesis_chain = StageChain::read(
+      ConfigDocument::load(fs::path(DOPPEL_SOURCE_DIR) / "configs/paper/deepcap.yaml", {"capture=/somewhere"}));
+  const PoseNetRunConfig paper = PoseNetRunConfig::read(thesis_chain.stage("posenet"));
   EXPECT_EQ(paper.loader.batch_size, 90);
   const PosePhases thesis;
   EXPECT_EQ(paper.trainer.iterations, thesis.iterations());
@@ -84,7 +86,7 @@ TEST(PoseConfigurations, MistakesAreNamed) {
   const auto complaint = [](const std::string& text) {
     return message_of([&] { StageChain::read(ConfigDocument::parse("capture: x\n" + text, "c.yaml")); });
   };
-  EXPECT_THAT(complaint("stage: deepcap\ndefnet: {}\n"), HasSubstr("--set posenet.run=RUN"));
+  EXPECT_THAT(complaint("stage: deepcap\ndefnet: {}\n"), HasSubstr("--set 'posenet={run: RUN}'"));
   EXPECT_THAT(complaint("stage: posenet\ntrain: {iterations: 3}\n"), HasSubstr("phases"));
   EXPECT_THAT(complaint("stage: posenet\nmodel: {backbon: resnet18}\n"), HasSubstr("backbone"));
   EXPECT_THAT(complaint("stage: deepcap\nposenet: {}\negnet: {}\n"), HasSubstr("unknown key"));
