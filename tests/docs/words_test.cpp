@@ -60,9 +60,9 @@ TEST(Words, IdentifiersAreSplit) {
 
 TEST(Words, AreFoundInIdentifiersAndProse) {
   Tree tree("| place, places | position | |\n| kMost | `kMax` | |\n");
-  tree.add(
-      "src/a.h",
-      "int emplace;\nint rest_place;\nint SamePlaces();\n// At this PLACE.\nconst int kMostTurns = f(k) * most;\n");
+  tree.add("src/a.h",
+           "int emplace;\nint rest_place;\nint SamePlaces();\n// At this PLACE.\nconst int kMostTurns = 3;\nint n = k "
+           "* most;\n");
   tree.add("docs/b.md", "Replaces the placement.\nTwo places.\n");
   tree.add("README.md", "A place.\n");
   EXPECT_THAT(
